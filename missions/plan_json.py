@@ -66,16 +66,9 @@ class VehiclePart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DayVehiclePart:
-    """A vehicle of days."""
+class DayVehiclePart(VehiclePart):
+    """A vehicle of days: its start is its pad at its base, its budget what a sortie may use of a full pack."""
 
-    name: Name
-    start: Pair
-    """Its pad at its base: metres east and north of the depot."""
-    budget_pct: Figure
-    """What a sortie may use, in percent of a full pack."""
-    consumption: Above0 = 1.0
-    autopilot: Annotated[str, one_of(one.name for one in AUTOPILOTS)] | None = None
     base: Text
     """Where it stands in the morning of the first day."""
     lands: tuple[Text, ...]
@@ -158,7 +151,7 @@ class _Document(BaseModel):
     """WGS 84; the local metres of this file begin there."""
     bases: Annotated[tuple[BasePlace, ...], Field(min_length=1)]
     """Where vehicles take off and land; the depot alone in a single flight."""
-    vehicles: tuple[VehiclePart | DayVehiclePart, ...]
+    vehicles: tuple[VehiclePart, ...]
     routes: tuple[RoutePart, ...]
     """Of a single flight one for each vehicle, in their order; of days each vehicle's sorties in the order of time."""
     uncovered: tuple[Id, ...]
@@ -326,7 +319,7 @@ def read_any_plan(path: Path | str) -> PlanFile | DayPlanFile:
     path = Path(path)
     text = upgrade_plan(read_text(path, "plan file", PlanFileError), str(path))
     try:
-        if _names_days(text):
+        if _is_of_days(text):
             return _read_days(DayPlanDocument.model_validate_json(text), str(path))
         return _read_flight(PlanDocument.model_validate_json(text), str(path))
     except ValidationError as error:
@@ -366,12 +359,12 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
 def is_day_plan(path: Path | str) -> bool:
     """Return whether a file is a plan of days."""
     try:
-        return _names_days(Path(path).read_text(encoding="utf-8-sig"))
+        return _is_of_days(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError):
         return False  # whoever reads it says why
 
 
-def _names_days(text: str) -> bool:
+def _is_of_days(text: str) -> bool:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):

@@ -87,7 +87,7 @@ def one_of(names: Iterable[str]) -> GetPydanticSchema:
     return GetPydanticSchema(lambda *_: core_schema.literal_schema(list(names)))
 
 
-def described_by(model: type[BaseModel]) -> GetPydanticSchema:
+def document_of(model: type[BaseModel]) -> GetPydanticSchema:
     """Return that an object is what a model has written and checked already: in schemas it is the model's."""
     return GetPydanticSchema(
         lambda _kind, _handler: core_schema.dict_schema(),

@@ -400,7 +400,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/day_problem.py",
         "executor/site/tables/day_tables.py",
         "missions/day_plan.py",
-        "missions/sortie_pricing.py",
     ),
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",

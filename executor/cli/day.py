@@ -230,6 +230,18 @@ def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) 
     return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
 
 
+def print_loss_windows(content: DayPlanFile, seed: int, *, as_json: bool) -> None:
+    """Search anew for the time from which on each vehicle of days may be lost, and print it."""
+    console = TerminalConsole(quiet=as_json, yes=True)
+    found = add_loss_windows(replace(content, windows=()), console, seed)
+    console.show_progress("")
+    if as_json:
+        print(json_text({"windows": build_plan_document(found)["windows"]}))
+        return
+    for line in list(describe_loss_windows(found)) or ["no window: segments are left over, or nothing is flown"]:
+        print(line)
+
+
 def _evaluate_spares(
     content: DayPlanFile, console: TerminalConsole, asked: DayOptions, fly: CampaignRunner, mtbf_h: float, share: float
 ) -> list[SparesEstimate]:

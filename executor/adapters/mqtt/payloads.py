@@ -18,7 +18,7 @@ from executor.core.interface.intents import IntentReason
 from executor.core.state.fleet_state import CheckLine, Question
 from executor.core.state.vehicle_state import FaultCode
 from missions.plan_json import PlanDocument
-from missions.validation import described_by
+from missions.validation import document_of
 
 VERSION = "1.6.0"
 
@@ -141,7 +141,7 @@ class PlanMessage(MqttPayload):
     """The plan in force; retained."""
 
     revision: int
-    plan: Annotated[dict[str, Any], described_by(PlanDocument)]
+    plan: Annotated[dict[str, Any], document_of(PlanDocument)]
     """As a plan file has it (faultline-plan/2)."""
 
 

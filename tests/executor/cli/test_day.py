@@ -82,6 +82,32 @@ def test_a_day_as_json_is_the_file_with_what_it_needs(place: Place) -> None:
     assert sorted(visited) == sorted(one["id"] for one in kept["segments"])
 
 
+def test_every_command_takes_a_day_or_says_in_one_line_that_it_takes_a_flight(place: Place) -> None:
+    place.plan("-o", "day.json")
+    kept = json.loads((place.folder / "day.json").read_text())
+    assert kept["format"] == "faultline-plan/2"
+    assert [one["autopilot"] for one in kept["vehicles"]] == ["px4", "ardupilot"]
+    code, out, _ = place.call("window", "day.json", "--json")
+    assert (code, json.loads(out)) == (0, {"windows": kept["windows"]})
+    code, out, _ = place.call("window", "day.json")
+    assert (code, out.count("may be lost")) == (0, 2)
+    for command in (
+        ("window", "day.json", "--picture", "day.png"),
+        ("replan", "day.json", "--lost", "uav1", "--at", 60),
+        ("export", "day.json", "-o", "out"),
+        ("risk", "day.json", "--mtbf", 5),
+    ):
+        code, _, err = place.call(*command)
+        assert (code, err.count("\n")) == (2, 1), command
+        assert "of days" in err
+
+
+def test_a_day_with_something_left_over_has_no_window(place: Place) -> None:
+    place.write(NETWORK, DAY.replace("11:00", "08:30"), NORTH.replace("packs = 9", "packs = 1"), SOUTH, VEHICLES)
+    place.plan("-o", "day.json")
+    assert place.call("window", "day.json")[:2] == (0, "no window: segments are left over, or nothing is flown\n")
+
+
 def spoilt(document: dict[str, Any], key: str, value: object) -> str:
     document["routes"][0][key] = value
     return json.dumps(document)
@@ -97,7 +123,12 @@ def spoilt(document: dict[str, Any], key: str, value: object) -> str:
         ("base", "east", 2, "routes[0].base: expected one of north, south, got east"),
         ("vehicle", "uav9", 2, "routes[0].vehicle: expected one of uav1, uav2, got uav9"),
         ("visits", [], 2, "routes[0].visits"),
-        ("visits", [{"segment": 5000, "reversed": False}], 2, "routes[0].visits[0].segment: expected the id of a segment, got 5000"),
+        (
+            "visits",
+            [{"segment": 5000, "reversed": False}],
+            2,
+            "visits[0].segment: expected the id of a segment, got 5000",
+        ),
     ],
 )
 def test_a_day_plan_that_does_not_hold(place: Place, key: str, value: object, code: int, expected: str) -> None:
