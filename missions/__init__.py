@@ -34,7 +34,6 @@ from missions.clearance import (
     min_height_over_tops_m,
 )
 from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
-from missions.day_plan_json import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -65,7 +64,7 @@ from missions.plan_file import (
     check_plan,
     make_plan_file,
 )
-from missions.plan_json import build_plan_document, read_plan, write_plan
+from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
 from missions.pricing import PricedMoves, Pricing, build_priced_instance, build_priced_sorties
 from missions.qgc import QgcPlan, format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
@@ -157,7 +156,6 @@ __all__ = [
     "Window",
     "Words",
     "apply_tunings",
-    "build_day_plan_document",
     "build_flight_path",
     "build_network_document",
     "build_open_task",
@@ -200,6 +198,7 @@ __all__ = [
     "place_pads",
     "plan_flight_setup",
     "plan_layers",
+    "read_any_plan",
     "read_day_plan",
     "read_network",
     "read_plan",
@@ -207,6 +206,5 @@ __all__ = [
     "read_text",
     "tracks_m",
     "with_heights",
-    "write_day_plan",
     "write_plan",
 ]

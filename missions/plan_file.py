@@ -19,7 +19,7 @@ from missions.pricing import DEPOT_M, Pricing, build_priced_instance
 from missions.setup import Inspection
 from missions.shortest_ways import graph_of, obstacle_of
 from missions.tasks import Task
-from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
+from missions.validation import Above0, Figure, Id, Known, Pair, Place, Text
 from planner import (
     Cost,
     Instance,
@@ -50,7 +50,7 @@ class PlanSegment:
 
     id: Id
     """The network's number of it; a plan over a part of a network skips some."""
-    name: Annotated[Text | None, Field(exclude_if=is_none)] = None
+    name: Text | None = None
     """What its network's file calls it."""
     a_enu_m: Annotated[Place, Field(alias="a")]
     """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
@@ -89,7 +89,7 @@ class Window:
     """Of the longest route."""
     earliest_s: Figure
     longest_route_s: Figure
-    breaking: Annotated[BreakingLoss | None, Field(exclude_if=is_none)] = None
+    breaking: BreakingLoss | None = None
     """The loss just before it that has no re-plan."""
 
 
@@ -117,7 +117,7 @@ class PlanTerrain:
     """Nine of ten heights are nearer than this to the truth."""
     margin_m: Figure
     """That every leg keeps over the ground beside that."""
-    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    line_margin_m: Figure | None = None
     """That every leg keeps over the tops of lines; without it a share of the inspection height."""
 
 
@@ -125,18 +125,35 @@ class PlanTerrain:
 class PlanFence:
     """What the site says of the fences of its vehicles, which other ground stations are given too."""
 
-    margin_m: Annotated[Figure, Field(gt=0)]
+    margin_m: Above0
     """How far a fence is at least from its vehicle's ways."""
     rally: Literal["pad", "keep"]
     """Where its own RTL may end: at its pad, or as the vehicle has it."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanFile:
-    """A plan file's content."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanContent:
+    """What plans of single flights and of days have in common."""
 
     frame: LocalFrame
     segments: tuple[PlanSegment, ...]
+    pricing: Pricing | None = field(default=None, compare=False)
+    """From which times and energies follow; without it from ``travel``, the paper's model."""
+    solved: SolverRecord
+    unreachable: tuple[Unreachable, ...] = ()
+    """What was asked for as well, and no flight can inspect, by the network's numbers."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
+    autopilots: Mapping[str, str] = field(default_factory=dict)
+    """Of each vehicle by its name, where it is known: in whose dialect its missions are."""
+    source: str = field(default="plan", compare=False)
+    """Where it was read, for messages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFile(PlanContent):
+    """What the plan of a single flight says."""
+
     vehicles: tuple[Vehicle, ...]
     travel: Travel
     plan: Plan
@@ -147,28 +164,15 @@ class PlanFile:
     """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
     cost_value: float
     """In percent of a full battery; of a window, its ``earliest_s``."""
-    solved: SolverRecord
     window: Window | None = None
     inspection: Inspection | None = None
     """How to fly it; without it the file can be checked but not exported."""
-    pricing: Pricing | None = field(default=None, compare=False)
-    """From which times and energies follow; without it from ``travel``, the paper's model."""
     fly_again: bool = True
     """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
-    unreachable: tuple[Unreachable, ...] = ()
-    """What was asked for as well, and no flight can inspect, by the network's numbers."""
-    unreachable_names: tuple[str, ...] = ()
-    """What their network's file calls them."""
-    terrain: PlanTerrain | None = None
-    """The ground, where a raster knows it."""
-    autopilots: Mapping[str, str] = field(default_factory=dict)
-    """Of each vehicle by its name, where it is known: in whose dialect its mission is."""
     fence: PlanFence | None = None
     """What its vehicles are given as fences; None: none, or nobody knows."""
     says_distances: bool = True
     """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
-    source: str = field(default="plan", compare=False)
-    """Where it was read, for messages."""
 
     def with_site_of(self, other: PlanFile) -> PlanFile:
         """Return this plan with what another one says of their site."""
@@ -295,7 +299,6 @@ def make_plan_file(
         inspection=inspection,
         pricing=task.pricing,
         unreachable=task.unreachable,
-        unreachable_names=tuple(network.segment_name(one.segment) for one in task.unreachable),
     )
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arri
 from missions.geo import FloatArray
 from missions.relief import FEW_PIECES, Relief, price_uneven_ways
 from missions.shortest_ways import Obstacle, obstacle_of
+from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from missions.vertical_legs import NEVER, BoolArray, VerticalLegs
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
@@ -145,34 +147,34 @@ class VehicleMoves:
 class Pricing:
     """From which the time and the energy of every move of a fleet are made."""
 
-    tracks_m: FloatArray
-    """(n, 2, 3) float64: the two ends of every segment's inspection leg."""
+    tracks_m: Annotated[FloatArray, array_of(tuple[tuple[Place, Place], ...])]
+    """(n, 2, 3) float64: the two ends of every segment's inspection leg, in the lowest layer."""
     bases: Mapping[str, Base]
     """By the vehicle's name."""
     models: Mapping[str, FlightModel]
-    pads_m: tuple[tuple[float, float], ...] = ()
+    pads_m: tuple[Pair, ...] = ()
     """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
-    column_m: float = 0.0
+    column_m: From0 = 0.0
     """Radius of these columns; 0 where every way is straight."""
-    answer_s: float = 0.0
+    answer_s: From0 = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
     kept_out: tuple[AreaRestriction, ...] = ()
     """Areas that ways lead around, however many segments there are."""
     relief: Relief | None = None
     """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
-    barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    barred: Mapping[str, IdSet] = field(default_factory=dict)
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
-    besides_s: Mapping[int, float] = field(default_factory=dict)
+    besides_s: Mapping[int, Figure] = field(default_factory=dict)
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
-    in_layer_s: Mapping[int, float] = field(default_factory=dict)
+    in_layer_s: Mapping[int, Figure] = field(default_factory=dict)
     """The same of viewpoints below the surface, for who looks at them from its layer."""
-    deep_m: Mapping[int, float] = field(default_factory=dict)
+    deep_m: Mapping[int, Figure] = field(default_factory=dict)
     """How far below the surface the lowest of these viewpoints lies, by segment."""
-    steps_m: Mapping[str, float] = field(default_factory=dict)
+    steps_m: Mapping[str, From0] = field(default_factory=dict)
     """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
-    layered: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    layered: Mapping[str, IdSet] = field(default_factory=dict)
     """By the vehicle's name: segments that it inspects in its layer, where others could meet it."""
-    low_starts: frozenset[str] = frozenset()
+    low_starts: NameSet = frozenset()
     """Vehicles in the air whose start is below their layer."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from missions.areas import Area, AreaRestriction, NamedPlace, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
@@ -20,10 +22,12 @@ from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
 from missions.shortest_ways import Obstacle, graph_of, obstacle_of
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
+from missions.validation import Flag
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
 """Metres, or metres a second: a figure beyond is a mistake."""
+Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
 
@@ -32,21 +36,21 @@ LOWEST_FLIGHT_M = 5.0
 class Inspection:
     """How segments are flown; the same figures as the site file's section of this name."""
 
-    height_m: float = 15.0
+    height_m: Size = 15.0
     """The lowest layer's, over the pylon tops if their heights are known, else over the depot's ground."""
-    standoff_m: float = 5.0
+    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)] = 5.0
     """Of the flight track from the line, to the right of a segment's direction from a to b."""
-    speed_m_s: float = 3.0
-    transit_speed_m_s: float = 8.0
-    layer_m: float = 5.0
+    speed_m_s: Size = 3.0
+    transit_speed_m_s: Size = 8.0
+    layer_m: Size = 5.0
     """The distance that any two vehicles must keep."""
-    flat: bool = False
+    flat: Flag = False
     """Whether the ground is claimed to be as high as the depot's everywhere."""
-    ceiling_m: float = 120.0
+    ceiling_m: Size = 120.0
     """No mission goes higher than this over the ground."""
-    return_ceiling_m: float | None = None
+    return_ceiling_m: Size | None = None
     """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
-    same_distance: bool = False
+    same_distance: Flag = False
     """Whether every vehicle inspects at ``height_m``, and not in its layer, wherever no other can meet it there."""
 
     def __post_init__(self) -> None:

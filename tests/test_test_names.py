@@ -327,7 +327,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/autopilots/ardupilot.py",
         "missions/autopilots/px4.py",
     ),
-    "tests/missions/test_plan_file.py": ("missions/plan_json.py",),
+    "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("planner/road_graph.py",),
@@ -399,7 +399,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/day_summary.py",
         "executor/site/tables/day_tables.py",
         "missions/day_plan.py",
-        "missions/day_plan_json.py",
     ),
     "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
     "tests/benchmarks/test_day.py": (

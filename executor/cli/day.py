@@ -20,13 +20,14 @@ from executor.site.day_summary import (
     compute_base_needs,
     compute_rule_packs,
     describe_day,
+    describe_loss_windows,
     describe_spares,
     find_enough_spares,
 )
 from executor.site.plan_summary import find_left_over
 from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
+from missions import DayPlanFile, build_plan_document, check_day_plan, write_plan
 from missions.files import json_text
 from planner import Progress
 from planner.sorties import (
@@ -118,14 +119,17 @@ def plan_day(
     console.show_progress("")
     heights = compute_planned_heights(ground, name_sortie_rounds(content))
     if output is not None:
-        write_named_file(output, lambda: write_day_plan(output, content))
+        write_named_file(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.analysis.pictures import draw_gantt_figure, save_figure
 
         write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
+        document = build_plan_document(content)
+        # What plans of days called these before there was one format.
+        document |= {"objective": content.objective.value, "sorties": document["routes"]}
         more = build_day_document(content, spares, shares, mtbf_h)
-        print(json_text({**build_day_plan_document(content), **more, **heights.to_json()}))
+        print(json_text({**document, **more, **heights.to_json()}))
     else:
         for line in (*describe_day(content), *heights.lines):
             print(line)
@@ -169,6 +173,18 @@ def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) 
     return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
 
 
+def print_loss_windows(content: DayPlanFile, seed: int, *, as_json: bool) -> None:
+    """Search anew for the time from which on each vehicle of days may be lost, and print it."""
+    console = TerminalConsole(quiet=as_json, yes=True)
+    found = add_loss_windows(replace(content, windows=()), console, seed)
+    console.show_progress("")
+    if as_json:
+        print(json_text({"windows": build_plan_document(found)["windows"]}))
+        return
+    for line in list(describe_loss_windows(found)) or ["no window: segments are left over, or nothing is flown"]:
+        print(line)
+
+
 def _evaluate_spares(
     content: DayPlanFile, console: TerminalConsole, asked: SurvivalOptions, seed: int, shares: Sequence[float]
 ) -> list[SparesEstimate]:
@@ -205,7 +221,7 @@ def build_day_document(
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
     document["rule_packs"] = {
-        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.places)
+        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.bases)
     }
     document["fleets"] = [
         {
@@ -223,7 +239,7 @@ def build_day_document(
                 fleet + len(one.spares) for one in spares if one.lives is lives
             ),
             "packs": None if lives is None else dict(
-                zip((place.name for place in content.places), lives.packs_for_share(share), strict=True)
+                zip((place.name for place in content.bases), lives.packs_for_share(share), strict=True)
             ),
         }
         for share, lives in enough

@@ -19,6 +19,7 @@ from executor.cli.day import (
     SamplesOption,
     SurvivalOptions,
     plan_day,
+    print_loss_windows,
 )
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
@@ -73,12 +74,12 @@ from executor.site.planned_heights import PlannedHeights, compute_planned_height
 from executor.site.site_file import read_site
 from executor.site.site_planning import DEFAULT, PlanRequest
 from missions import (
+    DayPlanFile,
     PlanFile,
     build_plan_document,
     check_day_plan,
     check_plan,
-    is_day_plan,
-    read_day_plan,
+    read_any_plan,
     read_plan,
     write_plan,
 )
@@ -290,7 +291,8 @@ def _print_trade(name: str, content: PlanFile) -> None:
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
-    wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
+    content = read_any_plan(plan)
+    wrong = check_day_plan(content) if isinstance(content, DayPlanFile) else check_plan(content)
     if as_json:
         print(json_text({"ok": not wrong, "wrong": wrong}))
     else:
@@ -314,10 +316,16 @@ def window(
     """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
-    that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
+    that was found and checked. The certified time is a bound: before it at least one loss certainly has none. Of a plan
+    of days: from when on each vehicle may be lost for good.
     """
     check_can_draw("--picture", picture)
-    content = read_plan(plan)
+    content = read_any_plan(plan)
+    if isinstance(content, DayPlanFile):
+        if picture is not None:
+            raise SiteError("--picture: expected none for a plan of days; `plan --day --picture` draws its sorties")
+        print_loss_windows(content, seed, as_json=as_json)
+        return
     found = replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
         from executor.analysis.pictures import draw_window_figure, save_figure

@@ -72,7 +72,7 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
         stagger_s=content.stagger_s,
-        bases={own.name: content.places[own.base].name for own in content.vehicles},
+        bases={own.name: content.bases[own.base].name for own in content.vehicles},
         windows_s={
             own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.windows if begin < until_s)
             for own in content.vehicles
@@ -113,7 +113,7 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
         home = content.vehicles[row].base
         for number, one in enumerate(sorties, 1):
             if (one.base, one.lands) != (home, home):
-                place = content.places[home].name
+                place = content.bases[home].name
                 raise PlanFileError(
                     f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
                     'stands: plan with [day] lands = "own"'

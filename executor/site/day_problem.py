@@ -29,7 +29,6 @@ from planner import Progress, Seconds, StopRule, top_speed_m_s
 from planner.road_graph import build_road_graph
 from planner.sorties import (
     Objective,
-    SortieBase,
     SortieEvaluation,
     SortiePlan,
     SortieVehicle,
@@ -94,8 +93,10 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         frame=ground.network.frame,
         segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
         pricing=_bar_segments(ground, table, pricing).select_segments(wanted, ground.names),
-        places=places,
-        bases=tuple(SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in tables),
+        bases=tuple(
+            replace(place, turnaround_s=base.turnaround_s, packs=base.packs, recharge_s=base.recharge_s)
+            for base, place in zip(tables, places, strict=True)
+        ),
         vehicles=vehicles,
         pads=pads,
         days=days,
@@ -106,8 +107,8 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         objective=Objective.FINISH,
         solved=SolverRecord("search", 0, 0.0),
         unreachable=never,
-        unreachable_names=tuple(ground.network.segment_name(one.segment) for one in never),
         terrain=build_plan_terrain(ground),
+        autopilots={one.name: one.autopilot for one in ground.site.vehicle},
     )
 
 

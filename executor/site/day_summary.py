@@ -41,7 +41,7 @@ def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
     """Return what each base needs."""
     return tuple(
         BaseNeeds(place.name, content.count_swaps(number), packs, _count_people(content, number))
-        for number, (place, packs) in enumerate(zip(content.places, content.count_packs, strict=True))
+        for number, (place, packs) in enumerate(zip(content.bases, content.count_packs, strict=True))
     )
 
 
@@ -77,7 +77,7 @@ def describe_day_sorties(content: DayPlanFile) -> Iterator[str]:
         last = format_day_time(max(row[0] + row[3] for row in mine))[-5:]
         yield f"day {day}: {len(mine)} sorties, the last one lands at {last}"
         for start_s, name, one, lasts_s, pct in mine:
-            base, lands = content.places[one.base].name, content.places[one.lands].name
+            base, lands = content.bases[one.base].name, content.bases[one.lands].name
             onto = "" if one.lands == one.base else f", lands at {lands}"
             yield (
                 f"  {format_day_time(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
@@ -150,7 +150,7 @@ def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: l
             continue
         packs = ", ".join(
             f"{count} at {place.name}"
-            for count, place in zip(enough.packs_for_share(share), content.places, strict=True)
+            for count, place in zip(enough.packs_for_share(share), content.bases, strict=True)
         )
         spares = next(len(one.spares) for one in found if one.lives is enough)
         yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"

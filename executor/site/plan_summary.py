@@ -141,7 +141,7 @@ def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: C
     for one in find_left_over(plan, later):
         figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.alone_pct > one.budget_pct + FULL else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
-    never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
+    never = ((one.name, one.why) for one in plan.unreachable)
     lines = [f"left over, {why}: {join_first_names(names, most)}" for why, names in reasons.items()]
     return [*lines, *describe_unreachable(never, most)]
 

@@ -77,13 +77,39 @@ def test_a_day_as_json_is_the_file_with_what_it_needs(place: Place) -> None:
     assert code == 0
     assert {key: told[key] for key in kept} == kept
     assert [one["name"] for one in told["needs"]] == ["north", "south"]
-    assert sum(one["sorties"] for one in told["needs"]) == len(kept["sorties"])
-    visited = [visit["segment"] for one in kept["sorties"] for visit in one["visits"]]
+    assert sum(one["sorties"] for one in told["needs"]) == len(kept["routes"])
+    visited = [visit["segment"] for one in kept["routes"] for visit in one["visits"]]
     assert sorted(visited) == sorted(one["id"] for one in kept["segments"])
 
 
+def test_every_command_takes_a_day_or_says_in_one_line_that_it_takes_a_flight(place: Place) -> None:
+    place.plan("-o", "day.json")
+    kept = json.loads((place.folder / "day.json").read_text())
+    assert kept["format"] == "faultline-plan/2"
+    assert [one["autopilot"] for one in kept["vehicles"]] == ["px4", "ardupilot"]
+    code, out, _ = place.call("window", "day.json", "--json")
+    assert (code, json.loads(out)) == (0, {"windows": kept["windows"]})
+    code, out, _ = place.call("window", "day.json")
+    assert (code, out.count("may be lost")) == (0, 2)
+    for command in (
+        ("window", "day.json", "--picture", "day.png"),
+        ("replan", "day.json", "--lost", "uav1", "--at", 60),
+        ("export", "day.json", "-o", "out"),
+        ("risk", "day.json", "--mtbf", 5),
+    ):
+        code, _, err = place.call(*command)
+        assert (code, err.count("\n")) == (2, 1), command
+        assert "of days" in err
+
+
+def test_a_day_with_something_left_over_has_no_window(place: Place) -> None:
+    place.write(NETWORK, DAY.replace("11:00", "08:30"), NORTH.replace("packs = 9", "packs = 1"), SOUTH, VEHICLES)
+    place.plan("-o", "day.json")
+    assert place.call("window", "day.json")[:2] == (0, "no window: segments are left over, or nothing is flown\n")
+
+
 def spoilt(document: dict[str, Any], key: str, value: object) -> str:
-    document["sorties"][0][key] = value
+    document["routes"][0][key] = value
     return json.dumps(document)
 
 
@@ -94,10 +120,15 @@ def spoilt(document: dict[str, Any], key: str, value: object) -> str:
         ("energy_pct", 1.0, 1, "energy_pct is 1"),
         ("start_s", 0.0, 1, "flies outside of its hours"),
         ("base", "south", 1, "duration_s"),
-        ("base", "east", 2, "sorties[0]: expected one of north, south, got east"),
-        ("vehicle", "uav9", 2, "sorties[0].vehicle: expected one of uav1, uav2, got uav9"),
-        ("visits", [], 2, "sorties[0].visits"),
-        ("visits", [{"segment": 5000, "reversed": False}], 2, "unknown 5000"),
+        ("base", "east", 2, "routes[0].base: expected one of north, south, got east"),
+        ("vehicle", "uav9", 2, "routes[0].vehicle: expected one of uav1, uav2, got uav9"),
+        ("visits", [], 2, "routes[0].visits"),
+        (
+            "visits",
+            [{"segment": 5000, "reversed": False}],
+            2,
+            "visits[0].segment: expected the id of a segment, got 5000",
+        ),
     ],
 )
 def test_a_day_plan_that_does_not_hold(place: Place, key: str, value: object, code: int, expected: str) -> None:
@@ -135,7 +166,7 @@ def test_quiet_hours_roads_and_cameras_hold(place: Place) -> None:
     told = json.loads(out)
     assert code == 0
     assert told["transfers_s"][0][1] == 1800.0
-    assert [one["speed_m_s"] for one in told["vehicles"]] == [4.0, 3.0]
+    assert [own["inspection_speed_m_s"] for own in told["model"]["models"].values()] == [4.0, 3.0]
     for one in told["sorties"]:
         if one["vehicle"] == "uav2":
             assert one["start_s"] + one["duration_s"] <= 8 * 3600 + 600 or one["start_s"] >= 9.5 * 3600
@@ -261,7 +292,7 @@ def test_what_an_area_closes_a_day_cannot_reach_either(place: Place) -> None:
     kept, single = (json.loads((place.folder / name).read_text()) for name in ("day.json", "plan.json"))
     assert kept["unreachable"] == single["unreachable"]
     assert [one["id"] for one in kept["segments"]] == [one["id"] for one in single["segments"]]
-    assert kept["ways"]["areas"] == single["model"]["areas"]
+    assert kept["model"]["kept_out"] == single["model"]["kept_out"]
     assert place.call("check", "day.json")[:2] == (0, "every figure is right\n")
     for command in (("fly", "before.json", "--site", "site.toml"), ("preflight", "site.toml", "--plan", "before.json")):
         code, _, err = place.call(*command)

@@ -19,7 +19,7 @@ from executor.site.day_flight import build_first_sorties_plan
 from executor.site.day_problem import build_day_problem
 from executor.site.site_file import Site, check_site
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, MissionsError, Network, Task, check_day_plan, read_day_plan, write_day_plan
+from missions import DayPlanFile, MissionsError, Network, Task, check_day_plan, read_day_plan, write_plan
 from missions.pole_heights import add_ground_heights, add_structure_heights
 from missions.terrain import Terrain
 from planner import Cost, Plan, Route, evaluate, visit_of
@@ -170,7 +170,7 @@ def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountai
     assert [sum(own) for own in figures.energies_pct] == pytest.approx(flight.energies_pct, rel=CLOSE)
     day = replace(day, plan=flown, evaluation=figures)
     path = mountains.folder / "day.json"
-    write_day_plan(path, day)
+    write_plan(path, day)
     again = read_day_plan(path)
     same_prices(task, again)
     assert (again.unreachable, again.terrain, again.pricing.barred) == (
