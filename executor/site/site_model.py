@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -233,18 +233,8 @@ def _check_speeds(site: Site, drone: Drone) -> None:
 
 def inspection_of(site: Site, network: Network) -> Inspection:
     """Return how a network is to be flown."""
-    table = site.inspection
-    return Inspection(
-        height_m=table.height_m,
-        standoff_m=table.standoff_m,
-        speed_m_s=table.speed_m_s,
-        transit_speed_m_s=table.transit_speed_m_s,
-        layer_m=table.layer_m,
-        flat=network.flat,
-        ceiling_m=table.ceiling_m,
-        return_ceiling_m=table.return_ceiling_m,
-        same_distance=table.same_distance,
-    )
+    said = site.inspection.model_dump(include={one.name for one in fields(Inspection)})
+    return Inspection(**said, flat=network.flat)
 
 
 def drone_of(site: Site) -> Drone:
@@ -422,13 +412,7 @@ def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None
 
 def build_limits(site: Site) -> Limits:
     """Return the thresholds of the watchpoints."""
-    table = site.faults
-    return Limits(
-        link_stale_s=table.link_stale_s,
-        battery_step_pct=table.battery_step_pct,
-        battery_excess_pct=table.battery_excess_pct,
-        battery_window_s=table.battery_window_s,
-    )
+    return Limits(**site.faults.model_dump(include={one.name for one in fields(Limits)}))
 
 
 def name_routes(ground: SiteModel, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
