@@ -23,18 +23,19 @@ from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
 from executor.site.day_flight import build_first_sorties_plan
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest
 from executor.virtual.parallel_flights import FlightCase
 from executor.virtual.virtual_flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
-from planner import Iterations
-from planner.sorties import Objective
 from simulator.config import SimVehicle
 from simulator.vehicle import SimulatedVehicle
 
+LONGEST_S = 36_000.0
+"""Of a search whose iterations end it."""
 VEHICLES = 6
 STANDS = ((0, 1), (2, 3), (4,), (5,))
 """Whose base is which, the base with most to inspect around it first."""
@@ -220,7 +221,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     ground = site_model.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
     content = solve_day(
         build_day_problem(ground),
-        DayPlanRequest(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1),
+        PlanRequest(None, LONGEST_S, case.seed + case.number, iterations=case.iterations, starts=1),
     )
     planned_s = content.evaluation.finish_s - min(one.start_s for own in content.plan.sorties for one in own)
     empty = SortiesDay(

@@ -15,7 +15,7 @@ from executor.cli.plan_inputs import announce_planning, write_named_file
 from executor.errors import SiteError
 from executor.site.campaign_runner import CampaignRunner
 from executor.site.day_flight import name_sortie_rounds
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, list_spares, solve_day
 from executor.site.day_summary import (
     compute_base_needs,
     compute_rule_packs,
@@ -27,6 +27,7 @@ from executor.site.day_summary import (
 from executor.site.plan_summary import find_left_over
 from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, build_plan_document, check_day_plan, write_plan
 from missions.files import json_text
 from planner import Progress
@@ -99,7 +100,7 @@ def parse_shares(text: str) -> list[float]:
 def plan_day(
     ground: SiteModel,
     console: TerminalConsole,
-    wanted: DayPlanRequest,
+    wanted: PlanRequest,
     survival: SurvivalOptions,
     output: Path | None,
     picture: Path | None,
@@ -142,7 +143,7 @@ def plan_day(
 
 
 def plan_day_and_report(
-    ground: SiteModel, console: TerminalConsole, wanted: DayPlanRequest, segments: Sequence[int] | None = None
+    ground: SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
 ) -> DayPlanFile:
     """Plan the days of a site, or of some of its segments, and say how it goes.
 
@@ -156,7 +157,7 @@ def plan_day_and_report(
     def progressed(progress: Progress) -> None:
         told(progress if wanted.objective is Objective.SWAPS else replace(progress, value=progress.value / 3600))
 
-    content = solve_day(content, wanted, progressed)
+    content = solve_day(content, wanted, list_spares(ground), progressed)
     for line in check_day_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
     return add_loss_windows(content, console, wanted.seed)

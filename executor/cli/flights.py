@@ -75,7 +75,6 @@ from executor.simulated.demo_site import (
 )
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_flight, site_model
-from executor.site.day_problem import request_day_plan
 from executor.site.day_summary import describe_day
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
@@ -251,7 +250,7 @@ def fly_day(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
     left = None if after is None else read_segments_left(after, made.ground)
-    wanted = request_day_plan(made.ground, objective, seconds, seed, starts)
+    wanted = replace(DEFAULT, seconds=seconds, seed=seed, starts=starts, objective=objective)
     planned = plan_day_and_report(made.ground, console, wanted, left)
     console.show_progress("")
     for line in describe_day(planned):

@@ -160,8 +160,7 @@ def announce_plan(
 ) -> Callable[[Progress], None]:
     """Say what is planned for one flight, and return how to say how far it is."""
     name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
-    length = f"{wanted.seconds:g} s" if wanted.iterations is None else f"{wanted.iterations} iterations"
-    return announce_planning(console, (segments, len(ground.names)), name, unit, length)
+    return announce_planning(console, (segments, len(ground.names)), name, unit, wanted.length)
 
 
 def announce_planning(

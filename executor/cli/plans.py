@@ -59,7 +59,6 @@ from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import site_model, site_planning
 from executor.site.campaign_runner import open_campaign_runner
-from executor.site.day_problem import request_day_plan
 from executor.site.ground_view import GroundView, view_for
 from executor.site.plan_summary import (
     but_left_over,
@@ -161,10 +160,10 @@ def plan(
     left = None if after is None else next_flight.read_segments_left(after, ground)
     if day:
         seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
-        day_wanted = request_day_plan(ground, objective, seconds, seed, starts)
+        wanted = replace(wanted, seconds=seconds, objective=objective)
         with open_campaign_runner(jobs=jobs, dask=dask) as runner:
             survival = SurvivalOptions(mtbf_hours, probability, samples, runner)
-            plan_day(ground, console, day_wanted, survival, output, picture, left, as_json=as_json)
+            plan_day(ground, console, wanted, survival, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)

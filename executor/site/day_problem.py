@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,13 +18,14 @@ from executor.site.site_model import (
     build_vehicles,
     select_reachable,
 )
+from executor.site.site_planning import PlanRequest
 from executor.site.tables.day_tables import BaseTable, DayTable, parse_clock_s
 from missions import Base, BasePlace, DayPlanFile, Pricing, SolverRecord, build_plan_segment
 from missions.day_plan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import graph_of
-from planner import Progress, Seconds, StopRule, top_speed_m_s
+from planner import Progress, top_speed_m_s
 from planner.road_graph import build_road_graph
 from planner.sorties import (
     Objective,
@@ -37,28 +37,6 @@ from planner.sorties import (
 )
 
 DAY_S = 86_400.0
-
-
-@dataclass(frozen=True, slots=True)
-class DayPlanRequest:
-    """What a day's plan is to be."""
-
-    objective: Objective
-    stop: StopRule
-    seed: int
-    starts: int
-    """Searches side by side; 0 for as many as there are processors."""
-    spares: frozenset[str] = frozenset()
-    """Vehicles for which nothing is planned."""
-    length: str = ""
-    """How long it is searched, in words."""
-
-
-def request_day_plan(ground: SiteModel, objective: Objective, seconds: float, seed: int, starts: int) -> DayPlanRequest:
-    """Return what is asked of the days of a site, with its spares standing by."""
-    table = ground.site.day or DayTable()
-    spares = frozenset(one.name for one in table.vehicle if one.spare)
-    return DayPlanRequest(objective, Seconds(seconds), seed, starts, spares, f"{seconds:g} s")
 
 
 def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) -> DayPlanFile:
@@ -129,20 +107,27 @@ def _build_sortie_vehicles(
 
 
 def solve_day(
-    content: DayPlanFile, wanted: DayPlanRequest, on_progress: Callable[[Progress], None] | None = None
+    content: DayPlanFile,
+    wanted: PlanRequest,
+    spares: Collection[str] = (),
+    on_progress: Callable[[Progress], None] | None = None,
 ) -> DayPlanFile:
-    """Return days with a plan."""
+    """Return days with a plan, in which nothing is planned for those who stand by."""
     instance = content.build_instance()
-    flies = np.array([[own.name not in wanted.spares] for own in instance.vehicles])
+    flies = np.array([[own.name not in spares] for own in instance.vehicles])
     found = solve_sorties(
-        replace(instance, able=instance.able & flies),
-        stop=wanted.stop, objective=wanted.objective, seed=wanted.seed, starts=wanted.starts or os.cpu_count() or 1,
-        on_progress=on_progress,
+        replace(instance, able=instance.able & flies), stop=wanted.build_stop_rule(), objective=wanted.objective,
+        seed=wanted.seed, starts=wanted.threads, on_progress=on_progress,
     )  # fmt: skip
     return replace(
         content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,
         solved=SolverRecord("search", wanted.seed, found.seconds),
     )  # fmt: skip
+
+
+def list_spares(ground: SiteModel) -> list[str]:
+    """Return the vehicles of a site that stand by on its days."""
+    return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
 
 
 def _check_landings(ground: SiteModel, vehicles: Sequence[SortieVehicle], pads: Sequence[Sequence[Base]]) -> None:

@@ -18,13 +18,13 @@ from executor.site.day_flight import (
     find_later_segments,
     sorties_ahead_of,
 )
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.site_bases import find_base_pads
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, PlanFileError, check_plan
-from planner import Iterations, segment_of
-from planner.sorties import Objective
+from planner import segment_of
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import FRAME, line_east
 
@@ -44,7 +44,7 @@ def ground() -> SiteModel:
 @pytest.fixture(scope="module")
 def day(ground: SiteModel) -> DayPlanFile:
     """A day of several sorties each."""
-    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(2000), 1, 1))
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=2000, starts=1))
     assert not found.plan.uncovered
     assert max(map(len, found.plan.sorties)) >= 2
     return replace(found, source="day.json")
@@ -106,7 +106,7 @@ def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
     first, second = tables["vehicle"]
     moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
     ground = ground_for(moved, line_east(13))
-    day = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     second_m = ground.setup.base_of("uav2").place_m[:2]
     assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
     build_first_sorties_plan(day, ground)
@@ -118,14 +118,14 @@ def test_what_a_camera_is_not_good_for_is_barred_in_flight_too() -> None:
     names = [lines.segment_name(number) for number in range(12)]
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "segments": names[:4]}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), lines)
-    found = solve_day(build_day_problem(ground, range(2, 12)), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    found = solve_day(build_day_problem(ground, range(2, 12)), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     assert build_day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
 
 
 def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "speed_m_s": 4.0}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
-    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     said = refused(replace(found, source="day.json"), ground)
     assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
 
@@ -156,7 +156,7 @@ def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: 
 
 def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
     left = (2, 7, 9)
-    found = solve_day(build_day_problem(ground, left), DayPlanRequest(Objective.FINISH, Iterations(500), 1, 1))
+    found = solve_day(build_day_problem(ground, left), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert [segment.id for segment in found.segments] == list(left)
     flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
     assert flown == set(left)

@@ -14,11 +14,10 @@ from shapely.geometry import Point, Polygon
 from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.day_flight import build_first_sorties_plan
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.site_file import check_site
+from executor.site.site_planning import PlanRequest
 from executor.virtual.virtual_flight import DayScenario, FlightObservers, fly_virtual
-from planner import Iterations
-from planner.sorties import Objective
 from simulator.vehicle import SimulatedVehicle
 from tests.executor.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
@@ -49,7 +48,7 @@ def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
         for name, ring in (("quarry", QUARRY), ("crossing", CROSSING))
     ]
     ground = site_model.load_site_model(check_site(content, "test"), tmp_path)
-    day = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(500), 1, 1))
+    day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert day.unreachable
     assert not day.plan.uncovered
     assert max(map(len, day.plan.sorties)) >= 2
