@@ -25,7 +25,6 @@ from missions.clearance import (
     min_height_over_tops_m,
 )
 from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
-from missions.day_plan_json import build_day_plan_document, is_day_plan, read_day_plan, write_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -55,8 +54,8 @@ from missions.plan_file import (
     check_plan,
     make_plan_file,
 )
-from missions.plan_json import build_plan_document, read_plan, write_plan
-from missions.pricing import Pricing, build_priced_instance
+from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
+from missions.pricing import Pricing, build_priced_instance, build_priced_sorties
 from missions.qgc import format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
 from missions.readers import (
     SNAP_M,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -54,43 +55,52 @@ def place_pads(
     pad_spacing_m: float = PAD_SPACING_M,
     stated: Sequence[Pad] = (),
     areas: Sequence[Area] = (),
+    bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> tuple[Pad, ...]:
-    """Choose a pad for each vehicle around the depot, as far from every inspection track as the place allows.
+    """Choose a pad for each vehicle around its base, as far from every inspection track as the place allows.
 
     Pads are at least ``pad_spacing_m`` apart, and far enough that a way remains between the columns above them; no
-    inspection track crosses a column. They keep to the smallest circle about the depot that has room.
+    inspection track crosses a column. They keep to the smallest circle about the base that has room.
 
     Args:
         vehicles: Names in the fleet's order.
         tracks_m: (n, 2, 2) float64, both ends of every inspection leg.
         layer_m: The distance that any two vehicles must keep.
-        alt_m: The ground's height above mean sea level.
+        alt_m: The ground's height above mean sea level, at the depot.
         pad_spacing_m: The least distance of two pads.
         stated: Pads of some of them, which are where they are; the others keep away from these.
         areas: That no pad is in.
+        bases: Where those stand, by name, who do not stand at the depot.
 
     Raises:
-        SafetyError: there is no room for the fleet within ``SEARCH_RADIUS_M`` of the depot.
+        SafetyError: there is no room for those at a base within ``SEARCH_RADIUS_M`` of it.
     """
     radius_m = column_radius_m(layer_m)
     spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
-    reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(vehicles))))
     named = {pad.vehicle: pad for pad in stated}
-    others = [name for name in vehicles if name not in named]
-    taken = [np.array([pad.east_m, pad.north_m]) for pad in stated]
     closed = graph_of(tuple(obstacle_of(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT))
-    while True:
-        chosen = _choose_places(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed)
-        if len(chosen) == len(others):
-            for name, (east, north) in zip(others, chosen, strict=True):
-                named[name] = Pad(name, float(east), float(north), alt_m)
-            return tuple(named[name] for name in vehicles)
-        if reach_m >= SEARCH_RADIUS_M:
-            raise SafetyError(
-                f"pads: expected room for {len(others)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
-                f"every line within {SEARCH_RADIUS_M:g} m of the depot, found {len(chosen)}"
-            )
-        reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
+    stands: dict[tuple[float, float, float], list[str]] = {}
+    for name in vehicles:
+        base = bases.get(name, Pad(name, 0.0, 0.0, alt_m))
+        stands.setdefault((base.east_m, base.north_m, base.alt_m), []).append(name)
+    for (east_m, north_m, base_alt_m), own in stands.items():
+        centre_m, others = np.array([east_m, north_m]), [name for name in own if name not in named]
+        reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(own))))
+        while True:
+            taken = [np.array([pad.east_m, pad.north_m]) for pad in named.values()]
+            chosen = _choose_places(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed, centre_m)
+            if len(chosen) == len(others):
+                break
+            if reach_m >= SEARCH_RADIUS_M:
+                raise SafetyError(
+                    f"pads: expected room for {len(others)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
+                    f"every line within {SEARCH_RADIUS_M:g} m of the {'base' if centre_m.any() else 'depot'}, found "
+                    f"{len(chosen)}"
+                )
+            reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
+        for name, (east, north) in zip(others, chosen, strict=True):
+            named[name] = Pad(name, float(east), float(north), base_alt_m)
+    return tuple(named[name] for name in vehicles)
 
 
 def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
@@ -132,12 +142,13 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
 
 def _choose_places(
     tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int, taken: Sequence[FloatArray],
-    closed: VisibilityGraph,
+    closed: VisibilityGraph, centre_m: FloatArray,
 ) -> list[FloatArray]:  # fmt: skip
     steps = math.ceil(4.0 * reach_m / spacing_m)
     axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
     places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     distance_m = np.hypot(places[:, 0], places[:, 1])
+    places = places + centre_m
     # In parts: for 254 vehicles and 5,000 segments all distances at once are gigabytes.
     parts = np.array_split(places, math.ceil(len(places) * len(tracks_m) / MATRIX_ENTRIES))
     clear_m = np.concatenate([place_distances_m(tracks_m, part).min(axis=1) for part in parts])

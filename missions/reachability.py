@@ -147,7 +147,7 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
             where = ", over ground that is known" if known else ""
             reasons[number] = f"no way leads to it around the areas{where}"
     for number in sorted(reasons):
-        yield Unreachable(number, reasons[number])
+        yield Unreachable(number, reasons[number], setup.network.segment_name(number))
 
 
 def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:

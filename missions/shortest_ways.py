@@ -19,6 +19,7 @@ import numpy as np
 from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import find_nearest_on_legs
+from missions.validation import Figure
 
 Place = tuple[float, float]
 
@@ -39,7 +40,7 @@ class Obstacle:
 
     rings_m: tuple[Ring, ...]
     """Closed outlines, those of holes too; or lines, or single places."""
-    keep_m: float
+    keep_m: Figure
     """The distance that is kept."""
     is_line: bool = False
     """Whether the rings are open lines or single places, with nothing inside."""

@@ -8,6 +8,7 @@ falls by no more than a slope; their roof keeps them below the ceiling where the
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +25,7 @@ AROUND_M = 60.0
 DETOUR_M = 1000.0
 """Ways around an area may lead so far beside the hull."""
 PADS_M = 200.0
-"""Vehicles may stand this far from the depot; their pads are not known before they answer."""
+"""Vehicles may stand this far from the depot, or from their base; their pads are not known before they answer."""
 NODES_M = 10.0
 """Between the nodes of the floor; more in large areas."""
 MOST_NODES = 1_000_000
@@ -85,9 +86,18 @@ def flight_area_m(places_m: FloatArray) -> FloatArray:
     return grids.hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
 
 
-def reading_box_m(network: Network, beside_m: float = AROUND_M) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the corners of what must be read of rasters for flights over a network, and so far beside it."""
-    corners_m = flight_area_m(network.positions_m)
+def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
+    """Return (m, 2) places around bases, among which the vehicles of a base stand."""
+    off_m = PADS_M - AROUND_M
+    around = [(east + e, north + n) for east, north in bases_m for e in (-off_m, off_m) for n in (-off_m, off_m)]
+    return np.array(around, dtype=np.float64).reshape(-1, 2)
+
+
+def reading_box_m(
+    network: Network, beside_m: float = AROUND_M, bases_m: Iterable[tuple[float, float]] = ()
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the corners of what must be read of rasters for flights over a network and from bases, so far beside."""
+    corners_m = flight_area_m(np.concatenate((network.positions_m, around_bases_m(bases_m))))
     return box_of(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
 
 

@@ -332,7 +332,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/autopilots/ardupilot.py",
         "missions/autopilots/px4.py",
     ),
-    "tests/missions/test_plan_file.py": ("missions/plan_json.py",),
+    "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
@@ -392,12 +392,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
-        "executor/site/day_problem.py",
         "executor/site/tables/day_tables.py",
         "missions/day_plan.py",
-        "missions/day_plan_json.py",
-        "missions/sortie_pricing.py",
     ),
+    "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",

@@ -115,7 +115,7 @@ def read_run(run: Path) -> FlightRecord:
         decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
         duration_s=report.duration_s,
         areas=first.areas,
-        never=tuple(zip(first.unreachable_names, (one.why for one in first.unreachable), strict=True)),
+        never=tuple((one.name, one.why) for one in first.unreachable),
         launched_unix_s=read_head(RunDirectory(run).events).began_unix_s + log.launched_s,
     )
 

@@ -22,7 +22,7 @@ from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, PlanFile, write_day_plan, write_plan
+from missions import DayPlanFile, PlanFile, write_plan
 from missions.readers.kept_elevation import write_kept_ground
 
 
@@ -115,4 +115,4 @@ def write_run_start(order: FlightRequest) -> None:
         build_learned_document(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
     write_plan(RunDirectory(order.run).plan_path(0), order.plan)
     if order.day is not None:
-        write_day_plan(RunDirectory(order.run).day_plan, order.day)
+        write_plan(RunDirectory(order.run).day_plan, order.day)

@@ -27,7 +27,7 @@ def walks_of(day: Day, iterations: int = 50) -> list[list[tuple[int, ...]]]:
     everybody, done = [], set()
     for number, own in enumerate(found.plan.sorties):
         walks = list(day.list_walks(range(len(day.tasks)), instance.vehicles[number].base, own))
-        end_s = max((trip.end_s for trip in day.timed(walks, instance.vehicles[number].ready_s)), default=0.0)
+        end_s = max((trip.end_s for trip in day.time_walks(walks, instance.vehicles[number].ready_s)), default=0.0)
         assert end_s <= found.evaluation.finish_s + 1e-6
         place = day.starts[number]
         for walk in walks:

@@ -153,7 +153,7 @@ def test_the_next_sortie_is_not_about_what_cannot_be_reached(place: Place) -> No
     assert [segment.id for segment in found.segments] == [0]
     assert tuple(one.segment for one in found.unreachable) == never
     write_plan(place.folder / "next.json", found)
-    assert read_plan(place.folder / "next.json").unreachable_names == found.unreachable_names
+    assert read_plan(place.folder / "next.json").unreachable == found.unreachable
 
 
 REFUSED: dict[str, tuple[str, str]] = {
