@@ -19,7 +19,7 @@ from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from missions import PlanFileError, read_plan, write_plan
 from missions.geo import LocalFrame
-from missions.plan_setup import setup_of_plan
+from missions.plan_file import setup_of_plan
 from missions.readers import read_network
 from tests.executor.cli.test_main import DEPOT, Place, place
 from tests.executor.flights import short_report
