@@ -39,12 +39,13 @@ def format_kml(drawn: MapFeatures) -> str:
     add_element(whole, "name", drawn.title)
     add_element(whole, "open", 1)
     _add_styles(whole, drawn)
+    things: list[MapLine | MapPoint] = [*drawn.ways, *drawn.spots]
     for vehicle in (None, *drawn.vehicles):
-        things = [one for one in (*drawn.ways, *drawn.spots) if one.vehicle == vehicle]
-        if things:
+        own = [one for one in things if one.vehicle == vehicle]
+        if own:
             folder = add_element(whole, "Folder")
             add_element(folder, "name", vehicle or "line")
-            for one in things:
+            for one in own:
                 _add_placemark(folder, drawn, one)
     return format_document(root)
 
