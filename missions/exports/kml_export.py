@@ -73,7 +73,7 @@ def _add_style(whole: etree._Element, name: str, colour: str, kind: MapFeatureKi
 def _format_colour(colour: str, opacity: float) -> str:
     """Return a colour as KML has it: opacity, blue, green, red.
 
-    >>> _colour("#56b4e9", 1.0)
+    >>> _format_colour("#56b4e9", 1.0)
     'ffe9b456'
     """
     red, green, blue = colour[1:3], colour[3:5], colour[5:7]

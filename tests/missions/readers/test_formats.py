@@ -133,8 +133,8 @@ def test_a_layer_is_asked_for_where_several_could_be_meant(tmp_path: Path) -> No
 MEASURED = """
 import re, sys
 from pathlib import Path
-from missions import understand
-understood = understand(sys.argv[1], anywhere=True)
+from missions import import_network
+understood = import_network(sys.argv[1], anywhere=True)
 kib = re.search("VmHWM: *(.*) kB", Path("/proc/self/status").read_text().replace(chr(9), " "))[1]
 print(len(understood.network.segments), len(understood.found), int(kib) // 1024)
 """
