@@ -257,7 +257,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/state/sortie_log.py",
         "executor/runtime/turnaround_check.py",
     ),
-    "tests/benchmarks/test_distance.py": ("benchmarks/distancepage.py",),
+    "tests/benchmarks/test_distance.py": (
+        "benchmarks/distancepage.py",
+        "benchmarks/report.py",
+        "benchmarks/separation.py",
+    ),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
     "tests/benchmarks/test_sorties.py": ("benchmarks/sortiespage.py", "executor/virtual/pad_crew.py"),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
