@@ -35,4 +35,4 @@ def day(
     document = day_document(content, command, samples)
     whole = content["network"]
     failed = whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"])
-    finish_command(report_day(document), out, as_json=as_json, failed=bool(failed))
+    finish_command(document, report_day, out, as_json=as_json, failed=bool(failed))

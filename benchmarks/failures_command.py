@@ -86,7 +86,7 @@ def failures(
     command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
     content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
     failed = any(row["left"] or row["wrong"] for row in rows)
-    finish_command(report_failures(content), RESULTS if out is None else out, as_json=as_json, failed=failed)
+    finish_command(content, report_failures, RESULTS if out is None else out, as_json=as_json, failed=failed)
 
 
 def _tell(solved: SolvedScenario) -> None:

@@ -25,6 +25,7 @@ from missions.files import json_text
 
 if TYPE_CHECKING:
     from benchmarks.report import Report
+    from benchmarks.store import Json
 
 C = TypeVar("C")
 F = TypeVar("F")
@@ -101,7 +102,7 @@ def prediction(
         content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
     if out is not None:
         keep_prediction(content, out)
-    finish_command(report_prediction(content), None, as_json=as_json, failed=bool(content["not_nominal"]))
+    finish_command(content, report_prediction, None, as_json=as_json, failed=bool(content["not_nominal"]))
 
 
 def window(
@@ -156,7 +157,7 @@ def window(
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
-    finish_command(report_window(content), out, as_json=as_json, failed=not kept)
+    finish_command(content, report_window, out, as_json=as_json, failed=not kept)
 
 
 def distance(
@@ -188,7 +189,7 @@ def distance(
     ])  # fmt: skip
     content = distance_document(flown, command, seed, uses)
     failed = content["too_near"] or content["off"] or content["not_flown"]
-    finish_command(report_distance(content), out, as_json=as_json, failed=bool(failed))
+    finish_command(content, report_distance, out, as_json=as_json, failed=bool(failed))
 
 
 def pictures(
@@ -214,7 +215,7 @@ def pictures(
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
-    finish_command(report_pictures(content), out, as_json=as_json, failed=bool(failed))
+    finish_command(content, report_pictures, out, as_json=as_json, failed=bool(failed))
 
 
 def sorties(
@@ -259,7 +260,7 @@ def sorties(
     asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
     content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
-    finish_command(report_sorties(content), out, as_json=as_json, failed=bool(content["wrong"]))
+    finish_command(content, report_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 
 def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
@@ -279,18 +280,20 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
         return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.show_stage, stage))
 
 
-def finish_command(report: Report, out: Path | None, *, as_json: bool, failed: bool) -> None:
+def finish_command(
+    content: Json, report: Callable[[Json], Report], out: Path | None, *, as_json: bool, failed: bool
+) -> None:
     """Keep and show what was measured, and end.
 
     Raises:
         typer.Exit: always; with 1 if it is not as it should be.
     """
     if out is not None:
-        report.keep(out)
+        report(content).keep(out)
     if as_json:
-        print(json_text(report.content))
+        print(json_text(content))
     else:
-        report.show()
+        report(content).show()
     raise typer.Exit(1 if failed else 0)
 
 
