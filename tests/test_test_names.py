@@ -69,7 +69,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mavlink/statustext.py",
     ),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
-        "executor/adapters/mavlink/checksum.py",
+        "executor/adapters/mavlink/frame_layout.py",
         "executor/adapters/chunks.py",
         "executor/adapters/mavlink/tlog_kinds.py",
     ),
