@@ -18,6 +18,8 @@ import numpy as np
 
 from benchmarks.prediction import RouteCase, cases, estimate_mission, plan_with, random_routes
 from benchmarks.store import Json
+from benchmarks.virtual_flight import FlightObservers, fly_virtual
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries
 from executor.core.context import Context
 from executor.core.inflight.faults import battery_watchpoints, warning_rules, watchpoints
 from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
@@ -25,8 +27,6 @@ from executor.core.interface.events import Event, Tick
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.virtual.virtual_flight import FlightObservers, fly_virtual
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries
 from simulator.config import SimVehicle
 
 SEGMENTS = (4, 8)

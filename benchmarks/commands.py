@@ -10,13 +10,12 @@ import typer
 from benchmarks import day_command as bench_day
 from benchmarks import failures_command as bench_failures
 from benchmarks import flight_commands as bench_flights
+from benchmarks.options import RESULTS, DataOption
 from benchmarks.parts.names import PartName
 from executor.adapters.extras import Extra, require_extra
 from executor.cli.options import (
     MINMAX_COST,
-    RESULTS,
     CostName,
-    DataOption,
     FaultOption,
     JsonOption,
     SecondsOption,

@@ -9,18 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.machine import cores
 from benchmarks.store import Json
+from benchmarks.warm_sorties import warm_up_sorties
 from executor.simulated.demo_site import LISTENING, build_vehicle_tables
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.day_summary import compute_base_needs, compute_rule_packs
 from executor.site.site_file import check_site
 from executor.site.site_model import load_site_model
+from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
-from planner import Iterations, MoveGeometry, Seconds, Stopwatch, Travel
+from planner import Iterations, MoveGeometry, Stopwatch, Travel
 from planner.sorties import (
-    Objective,
     SortieBase,
     SortieInstance,
     SortieVehicle,
@@ -29,10 +31,8 @@ from planner.sorties import (
     evaluate_sorties,
     simulate_days,
     solve_sorties,
-    solve_sorties_exact,
     split_samples,
     summarise_samples,
-    warm_up_sorties,
 )
 
 Told = Callable[[str, int, int], None]
@@ -41,6 +41,8 @@ SMALL = 24
 SEGMENTS, BASES, VEHICLES, PACKS = 8, 2, 2, 2
 SMALL_ITERATIONS = 100_000
 SAME = 1e-5
+LONGEST_S = 36_000.0
+"""Of a search whose iterations end it."""
 GENERATOR_AH = 1094.0
 """Of a vehicle with a generator: the paper's network is 130 km wide, and four bases leave 36 km to its last pylon."""
 MTBF_H = (2.0, 5.0, 20.0)
@@ -126,7 +128,7 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
     content = build_day_problem(load_site_model(check_site(whole_site(network), "bench day"), Path()))
     ready_s = watch.seconds
     # The search's own watch begins with the pricing of all moves.
-    wanted = DayPlanRequest(Objective.FINISH, Seconds(max(1.0, seconds - ready_s)), seed, cores())
+    wanted = PlanRequest(None, max(1.0, seconds - ready_s), seed, starts=cores())
     content = solve_day(content, wanted)
     told("the whole network", 1, 1)
     begin_s, end_s = content.days[0]
@@ -233,7 +235,7 @@ def own_day(seed: int) -> DayPlanFile:
         "vehicle": build_vehicle_tables(LISTENING[:3], "px4"),
     }  # fmt: skip
     content = build_day_problem(load_site_model(check_site(site, "bench day"), Path()))
-    return solve_day(content, DayPlanRequest(Objective.FINISH, Iterations(150_000), seed, 1))
+    return solve_day(content, PlanRequest(None, LONGEST_S, seed, iterations=150_000, starts=1))
 
 
 def crowded_m(places_m: FloatArray, count: int, reach_m: float) -> FloatArray:

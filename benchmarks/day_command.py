@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from benchmarks.flight_commands import finish_command
-from executor.cli.options import DataOption, JsonOption, SecondsOption, SeedOption, make_output_option
+from benchmarks.options import DataOption, make_output_option
+from executor.cli.options import JsonOption, SecondsOption, SeedOption
 
 
 def day(

@@ -17,16 +17,16 @@ from statistics import median
 
 import numpy as np
 
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
 from benchmarks.separation import SeparationWatch
 from benchmarks.store import Json
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
 from executor.errors import ExecutorError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import rearrange_plan
-from executor.virtual.parallel_flights import FlightCase
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, segment_of, solve

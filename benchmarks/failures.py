@@ -11,9 +11,11 @@ from benchmarks.errors import BenchError
 from benchmarks.least import SAME, least_value
 from benchmarks.machine import cores
 from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenario, solution_of, wrong_with
-from benchmarks.scenarios import DayInstance, DayLeft, DayResult, open_tasks, replan_losses, solve_day, warm_up_day
+from benchmarks.scenarios import open_tasks, replan_losses
 from benchmarks.store import Json
+from benchmarks.warm_sorties import warm_up_sorties
 from planner import NoImprovement, Seconds, StopRule, combine_stop_rules
+from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000
@@ -67,13 +69,13 @@ def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float
         prove_s: seconds to prove afterwards what no answer can fall below; None for no proof.
     """
     starts = cores()
-    warm_up_day(starts)
+    warm_up_sorties(starts)
     day = day_of(scenario)
     first = initial_timelines(scenario, day)
     took: list[float] = []
 
-    def solve(left: DayLeft, instance: DayInstance) -> DayResult:
-        return solve_day(instance, stop=stop, seed=seed, starts=starts, initial=left.tails)
+    def solve(instance: SortieInstance, tails: tuple[tuple[Sortie, ...], ...]) -> SortiePlan:
+        return solve_sorties(instance, stop=stop, seed=seed, starts=starts, initial=tails).plan
 
     history = replan_losses(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses], solve, took.append)
     entries = (first, *history)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from benchmarks.flight_commands import finish_command
-from executor.cli.options import RESULTS, DataOption, JsonOption, SecondsOption, SeedOption, require_finite
+from benchmarks.options import RESULTS, DataOption
+from executor.cli.options import JsonOption, SecondsOption, SeedOption, require_finite
 from missions.files import json_text
 
 if TYPE_CHECKING:

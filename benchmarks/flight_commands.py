@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from benchmarks.options import AutopilotsOption, make_output_option
 from executor.cli.options import (
     FIRST_AUTOPILOT,
     AutopilotName,
     AutopilotOption,
-    AutopilotsOption,
     JsonOption,
     NetworkOption,
     SecondsOption,
     SeedOption,
-    make_output_option,
 )
 from missions.files import json_text
 
@@ -179,7 +178,7 @@ def distance(
     """
     from benchmarks.distance import USES_PCT, fly_distance
     from benchmarks.distancepage import distance_document, report_distance
-    from executor.virtual.parallel_flights import make_flight_cases
+    from benchmarks.parallel_flights import make_flight_cases
 
     autopilots, asked = _select_autopilots(autopilot)
     flown = _flown(partial(fly_distance, uses_pct=uses), make_flight_cases(flights, seed, autopilots), jobs)
@@ -206,9 +205,9 @@ def pictures(
     seconds of a core. The same seed gives the same figures for any number of processes. Exit 1 if an asset is called
     seen that is not, or unseen without being named, if a picture is doubled or a file matched to another picture.
     """
+    from benchmarks.parallel_flights import make_flight_cases
     from benchmarks.pictures import fly_pictures
     from benchmarks.picturespage import pictures_document, report_pictures
-    from executor.virtual.parallel_flights import make_flight_cases
 
     autopilots, asked = _select_autopilots(autopilot)
     flown = _flown(fly_pictures, make_flight_cases(flights, seed, autopilots), jobs)
@@ -273,8 +272,8 @@ def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list
 def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: str = "flights") -> list[F]:
     """Fly all cases, and show how far that is; the answers do not depend on the number of processes."""
     from benchmarks.machine import cores
+    from benchmarks.parallel_flights import map_in_processes
     from benchmarks.progress import ShownProgress
-    from executor.virtual.parallel_flights import map_in_processes
 
     with ShownProgress() as shown:
         return map_in_processes(fly, cases, jobs=jobs or cores(), told=partial(shown.show_stage, stage))

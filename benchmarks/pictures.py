@@ -21,8 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.distance import drawn_faults, kind_of
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
 from benchmarks.store import Json
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_pct
 from executor.core.payload.look_angles import angle_between_deg
 from executor.errors import ExecutorError
 from executor.images.exif import find_picture_files
@@ -32,9 +35,6 @@ from executor.images.matching import match_files
 from executor.simulated.cards import SimulatedCards
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from executor.virtual.parallel_flights import FlightCase
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_pct
 from missions.cameras import PylonCameraTask
 from missions.geo import LocalFrame
 from missions.geometry import locate_on_leg

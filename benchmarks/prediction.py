@@ -17,7 +17,10 @@ from statistics import median
 import numpy as np
 
 from benchmarks.errors import BenchError
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.store import Json
+from benchmarks.virtual_flight import VirtualFlight, fly_virtual
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_network
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
 from executor.analysis.plan_comparison import build_route_rows
@@ -26,9 +29,6 @@ from executor.replay.run_replay import replay_run
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import build_site_plan_file
-from executor.virtual.parallel_flights import FlightCase
-from executor.virtual.virtual_flight import VirtualFlight, fly_virtual
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_network
 from missions import Network, Phase, PlanFile, SolverRecord, build_open_task
 from planner import Cost, NoImprovement, Plan, Route, Vehicle, solve
 from simulator.truth import Truth, read_truths

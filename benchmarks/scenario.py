@@ -10,11 +10,11 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from benchmarks.errors import BenchError
-from benchmarks.scenarios import Day, DayTask, TimedTrip, Timeline
+from benchmarks.scenarios import Day, TimedTrip, Timeline
+from benchmarks.scenarios.road_graph import build_road_graph
 from benchmarks.store import Json
 from missions import format_first_error
 from missions.files import MOST_FIGURE, parse_json, read_text
-from planner.road_graph import build_road_graph
 
 SAME_S = 1e-6
 """Times nearer to each other than this are the same."""
@@ -61,13 +61,13 @@ class Scenario(_Part):
     published: Published = Published()
 
     @model_validator(mode="after")
-    def _check_consistency(self) -> Scenario:
+    def _fits(self) -> Scenario:
         """Check what concerns several keys."""
-        for reason in (*self._list_misplaced(), *self._unfit_fleet(), *self._off_edges()):
+        for reason in (*self._misplaced(), *self._unfit_fleet(), *self._off_edges()):
             raise ValueError(reason)
         return self
 
-    def _list_misplaced(self) -> Iterator[str]:
+    def _misplaced(self) -> Iterator[str]:
         known = self.places
         if len(known) > MOST_PLACES:
             yield f"edges: expected {MOST_PLACES} places at most, got {len(known)}"
@@ -125,10 +125,9 @@ def day_of(scenario: Scenario) -> Day:
     number = scenario.places
     ways = build_road_graph(len(number), ((number[a], number[b], seconds) for a, b, seconds, _ in scenario.edges))
     wanted = sorted({(min(pair), max(pair)) for pair in _list_required_edges(scenario)})
-    pairs = [(number[a], number[b]) for a, b in wanted]
     return Day(
         streets=ways,
-        tasks=tuple(DayTask(a, b, float(ways.along_s[a, b])) for a, b in pairs),
+        tasks=tuple((number[a], number[b]) for a, b in wanted),
         depots=tuple(number[place] for place in scenario.depots),
         starts=tuple(number[place] for place in scenario.start),
         capacity_s=scenario.capacity,

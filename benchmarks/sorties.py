@@ -12,30 +12,33 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.day import centres_m, crowded_m
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.separation import SeparationWatch
 from benchmarks.store import Json
+from benchmarks.virtual_day import DayScenario, VirtualDay
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
-from executor.site.day_flight import build_first_sorties_plan, find_morning_pads
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_flight import build_first_sorties_plan
+from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
-from executor.virtual.parallel_flights import FlightCase
-from executor.virtual.virtual_flight import DayScenario, FlightObservers, VirtualFlight, fly_virtual
+from executor.site.site_planning import PlanRequest
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
-from planner import Iterations
-from planner.sorties import Objective
 from simulator.config import SimVehicle
 from simulator.vehicle import SimulatedVehicle
 
+LONGEST_S = 36_000.0
+"""Of a search whose iterations end it."""
 VEHICLES = 6
 STANDS = ((0, 1), (2, 3), (4,), (5,))
 """Whose base is which, the base with most to inspect around it first."""
@@ -215,7 +218,7 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     ground = site_model.load_site_model(check_site(sorties_site(case.autopilot, case.over), "bench sorties"), Path())
     content = solve_day(
         build_day_problem(ground),
-        DayPlanRequest(Objective.FINISH, Iterations(case.iterations), case.seed + case.number, 1),
+        PlanRequest(None, LONGEST_S, case.seed + case.number, iterations=case.iterations, starts=1),
     )
     planned_s = content.evaluation.finish_s - min(one.start_s for own in content.plan.sorties for one in own)
     empty = SortiesDay(
@@ -228,10 +231,10 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
     away_s = tuple(float(rng.uniform(low_s, high_s)) for _ in range(DEATHS))
     packs = _Packs(ground.names, rng)
     watched = _Watched(ground.network.frame, _pads_m(ground))
-    sorties = DayScenario(content, packs.next, losses, away_s)
+    run = partial(VirtualDay, DayScenario(content, packs.next, losses, away_s))
     try:
         flight = fly_virtual(
-            ground, build_first_sorties_plan(content, ground), seed=case.number, craft=_patient, sorties=sorties,
+            ground, build_first_sorties_plan(content, ground), seed=case.number, craft=_patient, make=run,
             onlookers=FlightObservers(lived=watched.look), limit_s=3 * planned_s + 3600.0 * case.over.hours,
         )  # fmt: skip
     except ExecutorError as error:
@@ -265,9 +268,8 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup, elsewhere = site_model.build_flight_setup(ground), find_morning_pads(ground)
-    pads = {name: elsewhere.get(name) or setup.pad_of(name) for name in ground.names}
-    return {name: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for name, pad in pads.items()}
+    setup = site_model.build_flight_setup(ground)
+    return {pad.vehicle: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads}
 
 
 def _judge_day(

@@ -21,7 +21,7 @@ from benchmarks.sorties import (
     went_wrong,
 )
 from benchmarks.store import Json
-from executor.virtual.virtual_flight import AWAY_S
+from benchmarks.virtual_day import AWAY_S
 
 TITLE = "Days of many sorties, flown"
 INTRODUCTION = (

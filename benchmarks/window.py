@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.branches import Branch, fly_branches
 from benchmarks.errors import BenchError
 from benchmarks.store import Json
+from benchmarks.virtual_flight import VirtualFlight
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets, with_capacity
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
-from executor.virtual.branches import Branch, fly_branches
-from executor.virtual.virtual_flight import VirtualFlight
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets, with_capacity
 from missions import PlanFile
 from planner import Cost
 

@@ -1,4 +1,4 @@
-"""Areas that flights keep out of, or keep low in, and places that have a name.
+"""Areas that flights keep out of, or keep low in.
 
 An area is known by its outlines in local metres. Everything that flies keeps ``keep_m`` from them: what is nearer, over
 the ground, is in the area.
@@ -15,8 +15,9 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray
+from missions.validation import Above0, Figure, From0, Id, Pair, Printable, Text
 
-Ring = tuple[tuple[float, float], ...]
+Ring = tuple[Pair, ...]
 """East and north of corners, in metres; of an outline the last is joined to the first, which is not repeated."""
 
 END_CORNERS = 6
@@ -39,33 +40,24 @@ class AreaKind(Enum):
     """Flight above a height."""
 
 
-class PlaceKind(Enum):
-    """What a named place is for."""
-
-    PAD = "pad"
-    """Where a vehicle starts and lands."""
-    ALTERNATE = "alternate"
-    """Where a vehicle may come down that does not come home."""
-
-
 @dataclass(frozen=True, slots=True)
 class Area:
     """One area, or one part of an area of several."""
 
-    name: str
+    name: Text
     """What people call it."""
     kind: AreaKind
     rings_m: tuple[Ring, ...]
     """The outline, and after it those of holes; of a corridor its middle line."""
-    margin_m: float
+    margin_m: Above0
     """How far flights keep from it."""
-    width_m: float = 0.0
+    width_m: From0 = 0.0
     """Of a corridor, from side to side."""
-    eased_m: float = 0.0
+    eased_m: From0 = 0.0
     """How far its outlines may be off those of its file, which have more corners: so much more is kept from them."""
-    max_agl_m: float | None = None
+    max_agl_m: Figure | None = None
     """Of a height limit: over the ground."""
-    max_amsl_m: float | None = None
+    max_amsl_m: Figure | None = None
     """Of a height limit: above mean sea level."""
 
     def __post_init__(self) -> None:
@@ -123,7 +115,7 @@ class AreaRestriction:
     area: Area
     vehicles: tuple[str, ...]
     """All of them; of a height limit those whose layers are above it."""
-    highest_m: float | None = None
+    highest_m: Figure | None = None
     """Of a height limit: how high the highest of these vehicles would be, counted as the limit is."""
 
 
@@ -131,22 +123,12 @@ class AreaRestriction:
 class Unreachable:
     """A segment that no flight can inspect."""
 
-    segment: int
+    segment: Id
     """Its number in the network."""
-    why: str
+    why: Printable
     """In words, to be put behind its name: "lies in area 'airfield'"."""
-
-
-@dataclass(frozen=True, slots=True)
-class NamedPlace:
-    """A place that people call by a name."""
-
-    name: str
-    kind: PlaceKind
-    east_m: float
-    north_m: float
-    alt_m: float | None = None
-    """The ground's, above mean sea level, where it is known."""
+    name: Printable = ""
+    """What its network's file calls it."""
 
 
 def _build_capsule(begin_m: tuple[float, float], end_m: tuple[float, float], radius_m: float) -> Ring:

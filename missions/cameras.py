@@ -122,15 +122,6 @@ class PylonStop:
     """Which viewpoints it is, by one picture; none where it only goes up, or down again."""
 
 
-def _is_same_stop(stop: PylonStop, other: PylonStop) -> bool:
-    return stop.place_m == other.place_m and abs(stop.below_m - other.below_m) < ONE_STOP_M
-
-
-def _join_stops(stop: PylonStop, other: PylonStop) -> PylonStop:
-    """Return two stops as one, at the higher of their places."""
-    return PylonStop(stop.place_m, min(stop.below_m, other.below_m), (*stop.points, *other.points))
-
-
 @dataclass(frozen=True, slots=True)
 class PylonCameraTask:
     """What a pylon asks of one camera."""
@@ -163,8 +154,10 @@ class PylonCameraTask:
         found: list[PylonStop] = []
         for number, point in enumerate(self.points):
             stop = PylonStop(point.place_m, point.below_m if low else 0.0, (number,))
-            if found and found[-1].points and _is_same_stop(found[-1], stop):
-                stop = _join_stops(found.pop(), stop)
+            before = found[-1] if found and found[-1].points and found[-1].place_m == stop.place_m else None
+            if before is not None and abs(before.below_m - stop.below_m) < ONE_STOP_M:
+                found.pop()  # both are one, at the higher of their places
+                stop = PylonStop(stop.place_m, min(before.below_m, stop.below_m), (*before.points, *stop.points))
             found.append(stop)
             if low and point.crosses:
                 ends = (stop, self.points[number + 1])

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions import grids
-from missions.geo import FloatArray
+from missions.geo import FloatArray, IndexArray
 from missions.geometry import find_nearest_on_legs
 from missions.network import Network
 from missions.safety import legs_m
@@ -69,7 +69,7 @@ class PowerLines:
     """(n, 2) float64: ground at a and b."""
     tops_m: FloatArray
     """(n, 2) float64: tops at a and b."""
-    segments: np.ndarray[tuple[int], np.dtype[np.intp]]
+    segments: IndexArray
     """(n,): which segment of the network each is."""
 
     def name_of(self, index: int) -> str:
@@ -90,7 +90,7 @@ class PowerLines:
         # No place is farther than this from the wall that is nearest to the middle, so its own is not either.
         return self.select(np.flatnonzero(away_m <= float(away_m.min()) + 2.0 * around_m + ROUNDING_M))
 
-    def select(self, kept: np.ndarray[tuple[int], np.dtype[np.intp]]) -> PowerLines:
+    def select(self, kept: IndexArray) -> PowerLines:
         """Return some of them."""
         return replace(
             self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
@@ -420,9 +420,7 @@ def find_line_shortfall(
     return ClearanceShortfall(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
 
 
-def _measure_over_ground(
-    setup: FlightSetup, points: FloatArray
-) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.intp]]]:
+def _measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
     """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
     walls = lines_of(setup)
     flat = walls is None

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from missions.errors import PlanFileError
 from missions.flight_model import Base
-from missions.geo import FloatArray, LocalFrame
-from missions.plan_file import PlanSegment, SolverRecord, is_same_figure
-from missions.pricing import Pricing
-from missions.sortie_pricing import build_priced_sorties
-from missions.validation import Figure, Text
+from missions.geo import MAX_LATITUDE_DEG, FloatArray
+from missions.plan_file import PlanContent, describe_area_conflicts, is_same_figure
+from missions.pricing import Pricing, build_priced_sorties
+from missions.validation import Figure, From0, Id, Text
 from planner import InstanceError
 from planner.sorties import (
     LossWindow,
@@ -35,40 +32,47 @@ Window = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class BasePlace:
-    """Where a base is."""
+    """A place where vehicles take off and land."""
 
     name: Text
-    lat_deg: Figure
+    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
     lon_deg: Figure
-    alt_m: Annotated[Figure, Field()]
+    alt_m: Figure
     """Ground above mean sea level."""
+    turnaround_s: From0 = 0.0
+    """From a landing to the vehicle's next take-off."""
+    packs: Id | None = None
+    """Charged in the morning; without it there are always enough."""
+    recharge_s: From0 | None = None
+    """From a landing until the pack is charged; without it overnight."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DayPlanFile:
-    """A day plan's content."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DayPlanFile(PlanContent):
+    """What a plan of days says."""
 
-    frame: LocalFrame
-    segments: tuple[PlanSegment, ...]
     pricing: Pricing
-    """Tracks of the segments, and how each vehicle flies; its bases are the vehicles' own."""
-    places: tuple[BasePlace, ...]
-    bases: tuple[SortieBase, ...]
+    """As a single flight has it; its bases are the vehicles' own."""
+    bases: tuple[BasePlace, ...]
     vehicles: tuple[SortieVehicle, ...]
     pads: tuple[tuple[Base, ...], ...]
     """For each vehicle its pad at each base."""
     days: tuple[Window, ...]
     transfer_s: FloatArray
     stagger_s: float
-    able: npt.NDArray[np.bool_]
     plan: SortiePlan
+    """Over positions in ``segments``, in the order of ``vehicles``."""
     evaluation: SortieEvaluation
     objective: Objective
-    solved: SolverRecord
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
-    source: str = field(default="day plan", compare=False)
-    """Where it was read, for messages."""
+
+    @property
+    def cost_value(self) -> float:
+        """What the plan was chosen by comes to: seconds, or a number of sorties."""
+        found = self.evaluation
+        values = {Objective.FINISH: found.finish_s, Objective.FLIGHT: found.flight_s, Objective.SWAPS: found.count}
+        return float(values[self.objective])
 
     def build_instance(self) -> SortieInstance:
         """Return the planning problem over positions in ``segments``.
@@ -77,8 +81,9 @@ class DayPlanFile:
             PlanFileError: its content does not make one.
         """
         try:
+            bases = [SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in self.bases]
             return build_priced_sorties(
-                self.pricing, self.vehicles, self.pads, self.bases, self.days, self.transfer_s, able=self.able,
+                self.pricing, self.vehicles, self.pads, bases, self.days, self.transfer_s,
                 stagger_s=self.stagger_s,
             )  # fmt: skip
         except InstanceError as error:
@@ -123,3 +128,6 @@ def _check_content(content: DayPlanFile) -> Iterator[str]:
         if not is_same_figure(said, is_so):
             yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
     yield from computed.violations
+    visits = (visit for own in content.plan.sorties for one in own for visit in one.visits)
+    pads = ((own.name, content.pads[row][base]) for row, own in enumerate(content.vehicles) for base in own.lands)
+    yield from describe_area_conflicts(content.pricing, content.segments, visits, pads)

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import place_distances_m
 from missions.pads import way_around_m
 from missions.shortest_ways import Obstacle, column_of, graph_of
 
-IntArray = npt.NDArray[np.int64]
 Place = tuple[float, float]
 """East and north."""
 WAYS_KEPT = 1 << 15
@@ -119,7 +117,7 @@ class DetourObstacles:
             hit |= self._is_in_areas(from_m[:, :2], to_m[:, :2])
         return np.flatnonzero(hit)
 
-    def _is_in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> npt.NDArray[np.bool_]:
+    def _is_in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
         """Return (n,) whether straight ways lead through an area, or begin in one."""
         graph = graph_of(self.areas)
         return np.asarray(graph.is_blocked(starts_m, goals_m) | graph.is_inside(starts_m))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from missions.geo import FloatArray, LocalFrame
+from missions.geo import BoolArray, FloatArray, IndexArray, LocalFrame
 
 Heights = npt.NDArray[np.float32]
 EDGE = 0.5
@@ -51,7 +51,7 @@ class Tile:
         south, north = one + share_e * (two - one), three + share_e * (four - three)
         return np.asarray(south + share_n * (north - south), dtype=np.float64)
 
-    def find_cells_around(self, places_m: FloatArray) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], FloatArray]:
+    def find_cells_around(self, places_m: FloatArray) -> tuple[IndexArray, IndexArray, FloatArray]:
         """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.
 
         Where a place is outside of the raster the shares are not numbers.
@@ -69,7 +69,13 @@ class Tile:
         shares = np.stack(((1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right), axis=1)
         return rows, columns, shares
 
-    def is_near_edge(self, places_m: FloatArray) -> npt.NDArray[np.bool_]:
+    def reduce_around(self, cells_m: Heights, places_m: FloatArray, best: np.ufunc) -> FloatArray:
+        """Return (m,) the best of the cells around places; not a number where a place is outside of the raster."""
+        rows, columns, shares = self.find_cells_around(places_m)
+        found_m = best.reduce(cells_m[rows, columns], axis=1).astype(np.float64)
+        return np.where(np.isnan(shares[:, 0]), np.nan, found_m)
+
+    def is_near_edge(self, places_m: FloatArray) -> BoolArray:
         """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
         at = self.to_rows_columns(places_m)
         return np.asarray(((at < 1.0) | (at > np.array(self.heights_m.shape) - 2.0)).any(axis=1))
@@ -114,27 +120,15 @@ class Elevation:
             rows, columns, shares = tile.find_cells_around(places_m)
             return np.asarray((tile.heights_m[rows, columns] * shares).sum(axis=1), dtype=np.float64)
 
-        return self._look_up(places_m, between, _fill_unknown)
+        return self._look_up(places_m, between, lambda known, other: np.where(np.isnan(known), other, known))
 
     def highest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
-
-        def highest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.find_cells_around(places_m)
-            known_m = tile.highest_m[rows, columns].max(axis=1).astype(np.float64)
-            return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
-
-        return self._look_up(places_m, highest, np.fmax)
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.highest_m, at_m, np.maximum), np.fmax)
 
     def lowest_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights that the ground at (m, 2) places is not below: of the lowest of the cells around."""
-
-        def lowest(tile: Tile, places_m: FloatArray) -> FloatArray:
-            rows, columns, shares = tile.find_cells_around(places_m)
-            known_m = tile.heights_m[rows, columns].min(axis=1).astype(np.float64)
-            return np.where(np.isnan(shares[:, 0]), np.nan, known_m)
-
-        return self._look_up(places_m, lowest, np.fmin)
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.heights_m, at_m, np.minimum), np.fmin)
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
@@ -176,10 +170,6 @@ def box_of(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], 
     """Return the south-western and north-eastern corners of a box around (m, 2) places."""
     low, high = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-
-
-def _fill_unknown(known: FloatArray, other: FloatArray) -> FloatArray:
-    return np.where(np.isnan(known), other, known)
 
 
 def sort_tiles(tiles: Sequence[Tile]) -> tuple[Tile, ...]:

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from missions.geo import LocalFrame
-from missions.geometry import build_convex_hull, twice_area
+from missions.geometry import build_convex_hull, locate_on_leg, twice_area
 from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
@@ -42,7 +42,7 @@ class Fence:
         """Return how far outside a place is; 0 inside."""
         if _is_inside_convex(self.corners_m, place_m, 0.0):
             return 0.0
-        return min(_distance_m(place_m, one, other) for one, other in _iterate_edges(self.corners_m))
+        return min(locate_on_leg(one, other, place_m)[1] for one, other in _iterate_edges(self.corners_m))
 
     def is_covering(self, other: Fence) -> bool:
         """Return whether everything inside the other one is inside this one."""
@@ -218,14 +218,6 @@ def _is_within(corners: Sequence[Corner], place: Corner) -> bool:
             crosses = east_a + (place[1] - north_a) / (north_b - north_a) * (east_b - east_a)
             inside ^= place[0] < crosses
     return inside
-
-
-def _distance_m(place: Corner, one: Corner, other: Corner) -> float:
-    along = (other[0] - one[0], other[1] - one[1])
-    length = along[0] ** 2 + along[1] ** 2
-    share = ((place[0] - one[0]) * along[0] + (place[1] - one[1]) * along[1]) / length if length else 0.0
-    share = min(1.0, max(0.0, share))
-    return math.dist(place, (one[0] + share * along[0], one[1] + share * along[1]))
 
 
 def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:

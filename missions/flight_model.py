@@ -17,11 +17,11 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.pace import AS_MODELLED, Pace
 from missions.performance import Performance
 from missions.validation import Figure, Place
-from missions.vertical_legs import NEVER, BoolArray
+from missions.vertical_legs import NEVER
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5

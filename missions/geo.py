@@ -9,13 +9,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 import pyproj
+from pydantic import Field
 from pyproj.exceptions import CRSError
 
+from missions.validation import Figure
+
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+IntArray = npt.NDArray[np.int64]
+IndexArray = npt.NDArray[np.intp]
 
 MAX_LATITUDE_DEG = 89.0
 """Nearer to a pole, east and north mean nothing over a few kilometres."""
@@ -47,10 +54,10 @@ def _build_projection(lat_deg: float, lon_deg: float) -> pyproj.Proj:
 class LocalFrame:
     """East, north and up in metres about a depot."""
 
-    lat_deg: float
-    lon_deg: float
+    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
+    lon_deg: Figure
     """Kept in [-180, 180)."""
-    alt_m: float = 0.0
+    alt_m: Figure = 0.0
     """Height of the depot above mean sea level; up is counted from it."""
 
     def __post_init__(self) -> None:

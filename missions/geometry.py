@@ -10,11 +10,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from missions.geo import BoolArray, FloatArray
 
 SHORTEST_M2 = 1e-12
 """The square of a length that counts as one."""

@@ -5,25 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import Field
 
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import build_convex_hull
+from missions.validation import Above0, Figure, Pair, array_of
 
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
 """Steps from node to node, and back: a cone made of them is 2.7 % flatter than a round one at most."""
+
+
+Heights = Annotated[tuple[Figure, ...], Field(min_length=2)]
+"""From south to north."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
     """Heights at nodes."""
 
-    low_m: tuple[float, float]
+    low_m: Pair
     """East and north of the first node."""
-    step_m: float
-    heights_m: FloatArray
+    step_m: Above0
+    """Between nodes."""
+    heights_m: Annotated[FloatArray, array_of(Annotated[tuple[Heights, ...], Field(min_length=2)])]
     """(easts, norths) float64."""
 
     def interpolate_m(self, places_m: FloatArray) -> FloatArray:
@@ -103,7 +110,7 @@ def hull_m(places_m: FloatArray) -> FloatArray:
     return np.array(build_convex_hull(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
 
 
-def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> npt.NDArray[np.bool_]:
+def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
     """Return (m,) which of (m, 2) places are in a convex polygon, or no farther than so from each of its sides."""
     found = np.ones(len(places_m), dtype=np.bool_)
     for corner, following in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):

@@ -17,10 +17,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from missions.flight_model import SAME_PLACE_M
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
 from missions.routes import build_flight_path
@@ -30,7 +29,6 @@ from missions.shortest_ways import Obstacle
 from missions.waypoints import FlightPath, Phase
 from planner import is_reversed, segment_of
 
-BoolArray = npt.NDArray[np.bool_]
 Routes = Mapping[str, Sequence[int]]
 PathMaker = Callable[..., FlightPath]
 """`build_flight_path`, or what answers like it."""

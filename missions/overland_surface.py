@@ -10,15 +10,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
+from missions.geo import FloatArray, IndexArray
 from missions.grids import Grid
 from missions.network import Network
 from missions.surface import CHECK_OVER_M, CHECK_STEP_M, MAX_CHECKS, SurfaceFit, iterate_surfaces, sample_tracks
 from missions.terrain import KnownGround
-
-Indices = npt.NDArray[np.intp]
 
 FOLLOW_OVER_M = 2.0
 """Legs over uneven ground keep this near to the surface: nearer ones need more waypoints than autopilots hold."""
@@ -81,7 +78,7 @@ def fit_overland_surface(
 
 
 def _fit_slope(
-    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: Indices,
+    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: IndexArray,
     slope: float,
     error_m: float,
 ) -> OverlandSurface:  # fmt: skip
@@ -115,7 +112,7 @@ def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
     return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
 
 
-def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: Indices) -> FloatArray:
+def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: IndexArray) -> FloatArray:
     """Return (p,) how much higher pylons must be passed so that no inspection is below the floor."""
     lifts_m = np.zeros(len(pylon_m))
     # The ends first: a slope beside the line's end then lifts that end alone.

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import place_distances_m
 from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
 
@@ -54,43 +55,52 @@ def place_pads(
     pad_spacing_m: float = PAD_SPACING_M,
     stated: Sequence[Pad] = (),
     areas: Sequence[Area] = (),
+    bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> tuple[Pad, ...]:
-    """Choose a pad for each vehicle around the depot, as far from every inspection track as the place allows.
+    """Choose a pad for each vehicle around its base, as far from every inspection track as the place allows.
 
     Pads are at least ``pad_spacing_m`` apart, and far enough that a way remains between the columns above them; no
-    inspection track crosses a column. They keep to the smallest circle about the depot that has room.
+    inspection track crosses a column. They keep to the smallest circle about the base that has room.
 
     Args:
         vehicles: Names in the fleet's order.
         tracks_m: (n, 2, 2) float64, both ends of every inspection leg.
         layer_m: The distance that any two vehicles must keep.
-        alt_m: The ground's height above mean sea level.
+        alt_m: The ground's height above mean sea level, at the depot.
         pad_spacing_m: The least distance of two pads.
         stated: Pads of some of them, which are where they are; the others keep away from these.
         areas: That no pad is in.
+        bases: Where those stand, by name, who do not stand at the depot.
 
     Raises:
-        SafetyError: there is no room for the fleet within ``SEARCH_RADIUS_M`` of the depot.
+        SafetyError: there is no room for those at a base within ``SEARCH_RADIUS_M`` of it.
     """
     radius_m = column_radius_m(layer_m)
     spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
-    reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(vehicles))))
     named = {pad.vehicle: pad for pad in stated}
-    others = [name for name in vehicles if name not in named]
-    taken = [np.array([pad.east_m, pad.north_m]) for pad in stated]
     closed = graph_of(tuple(obstacle_of(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT))
-    while True:
-        chosen = _choose_places(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed)
-        if len(chosen) == len(others):
-            for name, (east, north) in zip(others, chosen, strict=True):
-                named[name] = Pad(name, float(east), float(north), alt_m)
-            return tuple(named[name] for name in vehicles)
-        if reach_m >= SEARCH_RADIUS_M:
-            raise SafetyError(
-                f"pads: expected room for {len(others)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
-                f"every line within {SEARCH_RADIUS_M:g} m of the depot, found {len(chosen)}"
-            )
-        reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
+    stands: dict[tuple[float, float, float], list[str]] = {}
+    for name in vehicles:
+        base = bases.get(name, Pad(name, 0.0, 0.0, alt_m))
+        stands.setdefault((base.east_m, base.north_m, base.alt_m), []).append(name)
+    for (east_m, north_m, base_alt_m), own in stands.items():
+        centre_m, others = np.array([east_m, north_m]), [name for name in own if name not in named]
+        reach_m = min(SEARCH_RADIUS_M, spacing_m * (1.0 + math.sqrt(len(own))))
+        while True:
+            taken = [np.array([pad.east_m, pad.north_m]) for pad in named.values()]
+            chosen = _choose_places(tracks_m, radius_m, spacing_m, reach_m, len(others), taken, closed, centre_m)
+            if len(chosen) == len(others):
+                break
+            if reach_m >= SEARCH_RADIUS_M:
+                raise SafetyError(
+                    f"pads: expected room for {len(others)} pads {spacing_m:.1f} m apart and {radius_m:.1f} m clear of "
+                    f"every line within {SEARCH_RADIUS_M:g} m of the {'base' if centre_m.any() else 'depot'}, found "
+                    f"{len(chosen)}"
+                )
+            reach_m = min(SEARCH_RADIUS_M, 1.5 * reach_m)
+        for name, (east, north) in zip(others, chosen, strict=True):
+            named[name] = Pad(name, float(east), float(north), base_alt_m)
+    return tuple(named[name] for name in vehicles)
 
 
 def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radius_m: float) -> FloatArray:
@@ -113,7 +123,7 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
         # A shortest way around some circles that keeps clear of all is a shortest way around all: most are never met.
         nodes = np.concatenate((start_m[np.newaxis], way_m, goal_m[np.newaxis]))
         legs_m = np.stack((nodes[:-1], nodes[1:]), axis=1)
-        hit = _find_near_legs(legs_m, centres_m, radius_m).any(axis=1) & ~met
+        hit = (place_distances_m(legs_m, centres_m) < radius_m - 1e-9).any(axis=1) & ~met
         if not hit.any():
             return way_m
         met |= hit
@@ -132,12 +142,13 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
 
 def _choose_places(
     tracks_m: FloatArray, radius_m: float, spacing_m: float, reach_m: float, count: int, taken: Sequence[FloatArray],
-    closed: VisibilityGraph,
+    closed: VisibilityGraph, centre_m: FloatArray,
 ) -> list[FloatArray]:  # fmt: skip
     steps = math.ceil(4.0 * reach_m / spacing_m)
     axis = np.arange(-steps, steps + 1) * (spacing_m / 4.0)
     places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     distance_m = np.hypot(places[:, 0], places[:, 1])
+    places = places + centre_m
     # In parts: for 254 vehicles and 5,000 segments all distances at once are gigabytes.
     parts = np.array_split(places, math.ceil(len(places) * len(tracks_m) / MATRIX_ENTRIES))
     clear_m = np.concatenate([place_distances_m(tracks_m, part).min(axis=1) for part in parts])
@@ -183,24 +194,15 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
     return way[::-1]
 
 
-def _is_clear(
-    start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _is_clear(start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, radius_m: float) -> BoolArray:
     """Return (g,) whether the straight legs from a start to (g, 2) goals keep the radius from all centres."""
-    # `_met` for legs from one place, by squares and by component: a way around takes its time here.
+    # As in `way_around_m` for legs from one place, by squares and by component: a way around takes its time here.
     along_e, along_n = (goals_m - start_m).T
     off_e, off_n = (centres_m - start_m).T[..., np.newaxis]
     share = (off_e * along_e + off_n * along_n) / np.maximum(along_e**2 + along_n**2, 1e-12)
     np.clip(share, 0.0, 1.0, out=share)
     apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
     return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))
-
-
-def _find_near_legs(
-    legs_m: FloatArray, centres_m: FloatArray, radius_m: float
-) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """Return (c, g) whether (g, 2, 2) legs come nearer to (c, 2) centres than the radius."""
-    return np.asarray(place_distances_m(legs_m, centres_m) < radius_m - 1e-9)
 
 
 def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:

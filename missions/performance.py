@@ -14,16 +14,13 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from missions.geo import FloatArray
-from missions.validation import Figure
+from missions.validation import Above0, From0
 
-Above0 = Annotated[Figure, Field(gt=0)]
-From0 = Annotated[Figure, Field(ge=0)]
 SHORT_M = 1e-6
 LEAST_M_S = 0.1
 CORNER_M_S = 8.0

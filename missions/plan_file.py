@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -12,13 +12,14 @@ from pydantic import Field
 
 from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
+from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
 from missions.pricing import DEPOT_M, Pricing, build_priced_instance
 from missions.setup import Inspection
 from missions.shortest_ways import graph_of, obstacle_of
 from missions.tasks import Task
-from missions.validation import Figure, Id, Known, Pair, Place, Text, is_none
+from missions.validation import Above0, Figure, Id, Known, Pair, Place, Text
 from planner import (
     Cost,
     Instance,
@@ -49,7 +50,7 @@ class PlanSegment:
 
     id: Id
     """The network's number of it; a plan over a part of a network skips some."""
-    name: Annotated[Text | None, Field(exclude_if=is_none)] = None
+    name: Text | None = None
     """What its network's file calls it."""
     a_enu_m: Annotated[Place, Field(alias="a")]
     """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
@@ -88,7 +89,7 @@ class Window:
     """Of the longest route."""
     earliest_s: Figure
     longest_route_s: Figure
-    breaking: Annotated[BreakingLoss | None, Field(exclude_if=is_none)] = None
+    breaking: BreakingLoss | None = None
     """The loss just before it that has no re-plan."""
 
 
@@ -116,7 +117,7 @@ class PlanTerrain:
     """Nine of ten heights are nearer than this to the truth."""
     margin_m: Figure
     """That every leg keeps over the ground beside that."""
-    line_margin_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    line_margin_m: Figure | None = None
     """That every leg keeps over the tops of lines; without it a share of the inspection height."""
 
 
@@ -124,18 +125,35 @@ class PlanTerrain:
 class PlanFence:
     """What the site says of the fences of its vehicles, which other ground stations are given too."""
 
-    margin_m: Annotated[Figure, Field(gt=0)]
+    margin_m: Above0
     """How far a fence is at least from its vehicle's ways."""
     rally: Literal["pad", "keep"]
     """Where its own RTL may end: at its pad, or as the vehicle has it."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlanFile:
-    """A plan file's content."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanContent:
+    """What plans of single flights and of days have in common."""
 
     frame: LocalFrame
     segments: tuple[PlanSegment, ...]
+    pricing: Pricing | None = field(default=None, compare=False)
+    """From which times and energies follow; without it from ``travel``, the paper's model."""
+    solved: SolverRecord
+    unreachable: tuple[Unreachable, ...] = ()
+    """What was asked for as well, and no flight can inspect, by the network's numbers."""
+    terrain: PlanTerrain | None = None
+    """The ground, where a raster knows it."""
+    autopilots: Mapping[str, str] = field(default_factory=dict)
+    """Of each vehicle by its name, where it is known: in whose dialect its missions are."""
+    source: str = field(default="plan", compare=False)
+    """Where it was read, for messages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFile(PlanContent):
+    """What the plan of a single flight says."""
+
     vehicles: tuple[Vehicle, ...]
     travel: Travel
     plan: Plan
@@ -146,28 +164,15 @@ class PlanFile:
     """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
     cost_value: float
     """In percent of a full battery; of a window, its ``earliest_s``."""
-    solved: SolverRecord
     window: Window | None = None
     inspection: Inspection | None = None
     """How to fly it; without it the file can be checked but not exported."""
-    pricing: Pricing | None = field(default=None, compare=False)
-    """From which times and energies follow; without it from ``travel``, the paper's model."""
     fly_again: bool = True
     """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
-    unreachable: tuple[Unreachable, ...] = ()
-    """What was asked for as well, and no flight can inspect, by the network's numbers."""
-    unreachable_names: tuple[str, ...] = ()
-    """What their network's file calls them."""
-    terrain: PlanTerrain | None = None
-    """The ground, where a raster knows it."""
-    autopilots: Mapping[str, str] = field(default_factory=dict)
-    """Of each vehicle by its name, where it is known: in whose dialect its mission is."""
     fence: PlanFence | None = None
     """What its vehicles are given as fences; None: none, or nobody knows."""
     says_distances: bool = True
     """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
-    source: str = field(default="plan", compare=False)
-    """Where it was read, for messages."""
 
     def with_site_of(self, other: PlanFile) -> PlanFile:
         """Return this plan with what another one says of their site."""
@@ -294,7 +299,6 @@ def make_plan_file(
         inspection=inspection,
         pricing=task.pricing,
         unreachable=task.unreachable,
-        unreachable_names=tuple(network.segment_name(one.segment) for one in task.unreachable),
     )
 
 
@@ -330,7 +334,9 @@ def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
 
 def _check_content(content: PlanFile) -> Iterator[str]:
     yield from _check_places(content)
-    yield from _check_areas(content)
+    if (pricing := content.pricing) is not None:
+        visits = (visit for route in content.plan.routes for visit in route.visits)
+        yield from describe_area_conflicts(pricing, content.segments, visits, pricing.bases.items())
     instance = content.build_instance()
     evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
     figures = [
@@ -380,21 +386,20 @@ def _check_places(content: PlanFile) -> Iterator[str]:
             yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
-def _check_areas(content: PlanFile) -> Iterator[str]:
-    """Yield what of the inspection legs that are flown, and of the pads, is in an area."""
-    if content.pricing is None:
-        return
-    flown = sorted({segment_of(visit) for route in content.plan.routes for visit in route.visits})
-    tracks_m = content.pricing.tracks_m[flown, :, :2]
-    for one in content.pricing.kept_out:
+def describe_area_conflicts(
+    pricing: Pricing, segments: Sequence[PlanSegment], visits: Iterable[int], pads: Iterable[tuple[str, Base]]
+) -> Iterator[str]:
+    """Yield what of the inspection legs that are flown, and of vehicles' pads, is in an area."""
+    flown, pads = sorted({segment_of(visit) for visit in visits}), list(pads)
+    tracks_m = pricing.tracks_m[flown, :, :2]
+    for one in pricing.kept_out:
         graph = graph_of((obstacle_of(one.area),))
         begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
         within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
         for number in np.flatnonzero(within).tolist():
-            yield f"{content.segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
-        for name in one.vehicles:
-            base = content.pricing.bases.get(name)
-            if base is not None and graph.is_inside(np.array([base.place_m[:2]]))[0]:
+            yield f"{segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
+        for name, pad in pads:
+            if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:
                 yield f"the pad of {name} lies in area {one.area.name!r}"
 
 

@@ -1,143 +1,99 @@
-"""The plan file on disk: JSON, ``faultline-plan/1``, as the models below have it.
+"""The plan file on disk: JSON, ``faultline-plan/2``, one document for a single flight and for days of many sorties.
 
-Figures are written as Python prints a float, so reading a file gives back exactly what was written.
+What a plan says of its depot, speeds, heights, ground and pricing is written by the types that hold it; only numbers of
+segments, vehicles and bases become ids and names. Figures are written as Python prints a float, so reading a file gives
+back exactly what was written. Files of version 1 are read as well (``plan_json_v1``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from operator import not_
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from missions.areas import Area, AreaKind, AreaRestriction, Unreachable
+from missions.areas import Unreachable
+from missions.autopilots.registry import AUTOPILOTS
+from missions.day_plan import BasePlace, DayPlanFile
 from missions.errors import PlanFileError, SafetyError
-from missions.files import read_text, to_printable, write_document
-from missions.flight_model import Base, FlightModel
-from missions.geo import MAX_LATITUDE_DEG, LocalFrame
-from missions.grids import Grid
-from missions.pace import AS_MODELLED, Pace
-from missions.performance import Performance
+from missions.files import read_text, write_document
+from missions.flight_model import Base
+from missions.geo import LocalFrame
 from missions.plan_file import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, SolverRecord, Window
+from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
-from missions.relief import Relief
-from missions.setup import MOST, Inspection
-from missions.validation import Figure, Flag, Id, Pair, Place, Text, format_first_error, is_none
-from planner import (
-    Cost,
-    Dynamics,
-    InstanceError,
-    Plan,
-    PlanError,
-    Route,
-    SteadyWind,
-    Travel,
-    Vehicle,
-    is_reversed,
-    segment_of,
-    visit_of,
-)
+from missions.setup import Inspection
+from missions.validation import Above0, Figure, Flag, From0, Id, Name, Pair, Printable, Text, format_first_error, one_of
+from planner import Cost, InstanceError, Plan, PlanError, Route, Travel, Vehicle, is_reversed, segment_of, visit_of
+from planner.sorties import LossWindow, Objective, Sortie, SortieEvaluation, SortiePlan, SortieVehicle
 
-AREA_FIGURES = ("name", "margin_m", "width_m", "eased_m", "max_agl_m", "max_amsl_m")
-"""What an area's part has as the area itself has it."""
+FORMAT = "faultline-plan/2"
+DEPOT = "depot"
+"""The only base of a single flight."""
+SOLVER_KEYS = ("seed", "solver", "seconds")
+FLIGHT_KEYS = ("travel", "window", "inspection", "fly_again", "fence")
+DAY_KEYS = ("bases", "days", "stagger_s")
+"""What a document has as the plan itself has it."""
 
 
-def _is_nowhere(along_m: Pair) -> bool:
-    return along_m == (0, 0)
-
-
-def _is_modelled(value: Pace) -> bool:
-    return value == AS_MODELLED
-
-
-Above0 = Annotated[Figure, Field(gt=0)]
-Speed = Annotated[Figure, Field(ge=0.001)]
-Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, serialize_by_alias=True)
-
-
-class DepotPart(_Part):
-    """Where the vehicles start and land, WGS 84; the local metres of this file begin there."""
-
-    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
-    lon_deg: Figure
-    alt_m: Figure
-    """Above mean sea level."""
-
-
-class DynamicsPart(_Part):
-    """What turns and stops take."""
-
-    acceleration_m_s2: Above0
-    yaw_rate_rad_s: Above0
-
-
-class WindPart(_Part):
-    """Steady wind, and what flying at an air speed uses."""
-
-    east_m_s: Figure
-    """Where the air moves to."""
-    north_m_s: Figure
-    airspeed_m_s: tuple[Figure, ...]
-    """Ascending from 0."""
-    pct_per_s: tuple[Figure, ...]
-    """At each of those air speeds, for a consumption of 1; straight lines between them."""
-
-
-class TravelPart(_Part):
-    """How fast a vehicle moves, and what a second of it uses in percent of a full battery."""
-
-    transit_speed_m_s: Speed
-    """Between segments."""
-    inspection_speed_m_s: Speed
-    """Along a segment."""
-    transit_pct_per_s: Above0
-    inspection_pct_per_s: Above0
-    dynamics: DynamicsPart | None = None
-    wind: WindPart | None = None
-
-
-class VehiclePart(_Part):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehiclePart:
     """A vehicle as the planner sees it."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+    name: Name
     """As in the site file; files are named after it."""
     start: Pair
-    """Where its route starts: metres east and north of the depot."""
+    """Where its first route starts: metres east and north of the depot."""
     budget_pct: Figure
-    """What it may spend from its start until it is home, in percent of a full battery."""
-    consumption: Figure | None = None
-    """What it uses relative to the energy model; without it 1."""
+    """What it may spend from a start until it is home, in percent of a full battery."""
+    consumption: Above0 = 1.0
+    """What it uses relative to the energy model."""
+    autopilot: Annotated[str, one_of(one.name for one in AUTOPILOTS)] | None = None
+    """Whose dialect its missions are in; files of version 1 may not say it."""
     airborne: Flag = False
     """Whether it flies already, and so pays its way home in any case."""
-    start_up_m: Annotated[Figure, Field(exclude_if=not_)] = 0.0
+    start_up_m: Figure = 0.0
     """In the air: its height there, as `model` counts heights."""
-    facing_m: Annotated[Pair, Field(exclude_if=_is_nowhere)] = (0.0, 0.0)
-    """In the air: along which it arrived there, metres east and north; without it nobody knows."""
-    autopilot: Annotated[Literal["ardupilot", "px4"] | None, Field(exclude_if=is_none)] = None
-    """Whose dialect its mission is in; older files do not say it."""
+    facing_m: Pair = (0.0, 0.0)
+    """In the air: along which it arrived there, metres east and north; of no length where nobody knows."""
 
 
-class VisitPart(_Part):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DayVehiclePart(VehiclePart):
+    """A vehicle of days: its start is its pad at its base, its budget what a sortie may use of a full pack."""
+
+    base: Text
+    """Where it stands in the morning of the first day."""
+    lands: tuple[Text, ...]
+    """Bases where it may land and take off."""
+    hours: tuple[Pair, ...]
+    """When it may fly, in seconds from the first midnight."""
+    pads: tuple[Base, ...]
+    """At each of the bases."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VisitPart:
     """One segment of a route."""
 
     segment: Id
     """Its id."""
     reversed: Flag
     """Whether it is flown from b to a."""
-    inspected_at_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
+    inspected_at_m: Figure | None = None
     """How high over the pylon tops, or over the depot's ground, where vehicles inspect as asked if they can."""
 
 
-class RoutePart(_Part):
-    """What one vehicle flies, from its start to the depot."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoutePart:
+    """One sortie: what one vehicle flies on one pack, from its start to a base."""
 
     vehicle: str
     visits: tuple[VisitPart, ...]
@@ -145,195 +101,185 @@ class RoutePart(_Part):
     duration_s: Figure
     energy_pct: Figure
     """Of a full battery."""
+    base: Text = DEPOT
+    """Where it begins."""
+    lands: Text = DEPOT
+    """Where it ends."""
+    start_s: Figure = 0.0
+    """Of days: seconds from the first midnight."""
+    day: Annotated[int, Field(ge=1)] = 1
 
 
-class CostPart(_Part):
+@dataclass(frozen=True, slots=True)
+class CostPart:
     """What the plan was chosen by."""
 
-    name: Literal["minmax", "minsum", "mincomb", "window"]
+    name: Annotated[str, one_of([*(cost.value for cost in Cost), WINDOW_COST])]
     value: Figure
     """In percent of a full battery; of a window, its ``earliest_s``."""
 
 
-class InspectionPart(_Part):
-    """How segments are flown; the same figures as the site file's table of this name."""
+@dataclass(frozen=True, slots=True)
+class DayCostPart:
+    """What a plan of days was chosen by."""
 
-    height_m: Size
-    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)]
-    speed_m_s: Size
-    transit_speed_m_s: Size
-    layer_m: Size
-    ceiling_m: Size | None = None
-    return_ceiling_m: Size | None = None
-    same_distance: Annotated[bool, Field(strict=True, exclude_if=not_)] = False
-    """Whether vehicles inspect at `height_m`, and not in their layers, wherever no other can meet them there."""
-    heights: Literal["flat", "known"] = "known"
-    """`flat`: the ground is claimed to be as high as the depot's everywhere."""
+    name: Annotated[str, one_of(objective.value for objective in Objective)]
+    """When the last sortie lands, the time in the air, or the number of sorties."""
+    value: Figure
+    """In seconds, or sorties."""
 
 
-class VehicleModelPart(_Part):
-    """How one vehicle flies."""
+@dataclass(frozen=True, slots=True)
+class DayLossPart:
+    """From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day."""
 
-    base: Base
-    performance: Performance
-    pace: Annotated[Pace, Field(exclude_if=_is_modelled)] = AS_MODELLED
-    """What was learned of it in flight: factors on the times and energies of its legs."""
-    barred: Annotated[tuple[Id, ...], Field(exclude_if=not_)] = ()
-    """Positions in `segments` of those that it cannot be given, for it lacks a camera that they ask for."""
-    step_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
-    """How far it comes down from its layer to a line; without it it inspects in its layer."""
-    layered: Annotated[tuple[Id, ...], Field(exclude_if=not_)] = ()
-    """Positions in `segments` of those that it inspects in its layer all the same, for another could meet it there."""
-    low_start: Annotated[bool, Field(strict=True, exclude_if=not_)] = False
-    """In the air: whether it starts below its layer."""
+    vehicle: Name
+    from_s: Figure
+    """Seconds from the first midnight; 0 if at any time."""
+    breaks: Id | None = None
+    """Its last sortie, counted from 0, whose loss no re-plan was found for."""
 
 
-class AreaPart(_Part):
-    """An area that ways lead around."""
+class _Document(BaseModel):
+    """What plans of a single flight and of days have in common."""
 
-    name: Text
-    kind: Literal["no-fly", "corridor", "height-limit"]
-    rings: tuple[tuple[Pair, ...], ...]
-    """Its outline, and after it those of holes, or the middle of a corridor: metres east and north of the depot."""
-    margin_m: Above0
-    """How far flights keep from it."""
-    width_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
-    """Of a corridor."""
-    eased_m: Annotated[Figure, Field(ge=0, exclude_if=not_)] = 0.0
-    """How much more flights keep from it, because its outline is simplified."""
-    max_agl_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
-    """Of a height limit: over the ground."""
-    max_amsl_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
-    """Of a height limit: above mean sea level."""
-    vehicles: tuple[str, ...]
-    """Who must keep out of it; of a height limit those whose layers are above it."""
-    highest_m: Annotated[Figure | None, Field(exclude_if=is_none)] = None
-    """Of a height limit: how high the highest of them would be."""
+    # Strict and finite in the planner's types too, which say nothing of documents.
+    model_config = ConfigDict(frozen=True, strict=True, allow_inf_nan=False, serialize_by_alias=True)
 
-
-class UnreachablePart(_Part):
-    """A segment that was asked for, and that no flight can inspect."""
-
-    segment: Id
-    """Its id in the network; it is none of `segments`."""
-    name: Text
-    why: Text
-
-
-class ReliefPart(_Part):
-    """How high the lowest layer is over the depot's ground, on a regular grid; transits rise and fall with it."""
-
-    east_m: Figure
-    """Of the first node, over the ground from the depot."""
-    north_m: Figure
-    step_m: Above0
-    """Between nodes."""
-    heights_m: Annotated[tuple[Annotated[tuple[Figure, ...], Field(min_length=2)], ...], Field(min_length=2)]
-    """For each easting from west to east, those from south to north."""
-
-    @model_validator(mode="after")
-    def _check_rectangular(self) -> ReliefPart:
-        if len({len(column) for column in self.heights_m}) != 1:
-            raise ValueError("heights_m: expected as many heights for each easting")
-        return self
-
-
-class ModelPart(_Part):
-    """From which the times and energies of this file follow."""
-
-    name: Literal["flight"]
-    power: WindPart
-    vehicles: tuple[VehicleModelPart, ...]
-    """In the order of `vehicles`."""
-    tracks: tuple[tuple[Place, Place], ...]
-    """Where the inspection of each segment, in the order of `segments`, is flown from a to b: metres east, north and up
-    of the depot, in the lowest layer."""
-    pads: tuple[tuple[Figure, Figure], ...] = ()
-    """East and north of the depot in metres: ways lead around the columns above others' pads."""
-    column_m: Annotated[Figure, Field(ge=0)] = 0.0
-    """Radius of these columns; 0 where every way is straight."""
-    answer_s: Annotated[Figure, Field(ge=0)] = 0.0
-    """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
-    areas: Annotated[tuple[AreaPart, ...], Field(exclude_if=not_)] = ()
-    """That ways lead around."""
-    relief: Annotated[ReliefPart | None, Field(exclude_if=is_none)] = None
-    """Where a raster knows the ground; without it ways rise and fall evenly."""
-    besides_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
-    """Positions in `segments` of those that take longer than their tracks, and by how much."""
-    in_layer_s: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
-    """The same of pylons with viewpoints below the surface, for who looks at them from its layer."""
-    deep_m: Annotated[tuple[tuple[Id, Figure], ...], Field(exclude_if=not_)] = ()
-    """How far below the surface the lowest of these viewpoints lies."""
-
-
-class PlanDocument(_Part):
-    """A plan, with all that is needed to check and to fly it."""
-
-    format: Literal["faultline-plan/1"]
-    depot: DepotPart
-    travel: TravelPart
-    vehicles: Annotated[tuple[VehiclePart, ...], Field(min_length=1)]
+    format: Literal["faultline-plan/2"]
+    depot: LocalFrame
+    """WGS 84; the local metres of this file begin there."""
+    bases: Annotated[tuple[BasePlace, ...], Field(min_length=1)]
+    """Where vehicles take off and land; the depot alone in a single flight."""
+    vehicles: tuple[VehiclePart, ...]
     routes: tuple[RoutePart, ...]
-    """One for each vehicle, in their order."""
+    """Of a single flight one for each vehicle, in their order; of days each vehicle's sorties in the order of time."""
     uncovered: tuple[Id, ...]
     """Ids of the segments that nobody flies."""
-    cost: CostPart
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)]
     """The solver's."""
-    solver: Text
+    solver: Printable
     """Its name."""
     seconds: Figure
     """What it took."""
-    window: Annotated[Window | None, Field(exclude_if=is_none)] = None
-    inspection: Annotated[InspectionPart | None, Field(exclude_if=is_none)] = None
-    """Without it the plan can be checked, but not flown."""
-    model: Annotated[ModelPart | None, Field(exclude_if=is_none)] = None
-    """Without it times and energies follow from `travel` and the straight lines between pylons, as the paper has it."""
-    fly_again: Annotated[bool, Field(strict=True, exclude_if=bool)] = True
-    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
-    unreachable: Annotated[tuple[UnreachablePart, ...], Field(exclude_if=not_)] = ()
+    model: Pricing | None
+    unreachable: Annotated[tuple[Unreachable, ...], Field(exclude_if=not_)] = ()
     """What was asked for and is not planned, because it lies in an area or behind one."""
-    terrain: Annotated[PlanTerrain | None, Field(exclude_if=is_none)] = None
+    terrain: PlanTerrain | None = None
     """The ground that it was made over, where a raster knows it."""
-    fence: Annotated[PlanFence | None, Field(exclude_if=is_none)] = None
-    """What vehicles are given as fences; without it none."""
     segments: tuple[PlanSegment, ...]
-    """Last, for it is by far the longest."""
+
+    @cached_property
+    def positions(self) -> dict[int, int]:
+        """Positions in `segments`, by id."""
+        return {segment.id: index for index, segment in enumerate(self.segments)}
+
+    @property
+    def names(self) -> list[str]:
+        """Of the vehicles."""
+        return [vehicle.name for vehicle in self.vehicles]
 
     @model_validator(mode="after")
-    def _check_distinct(self) -> PlanDocument:
-        for key, names in (
-            ("segments[{}].id", [segment.id for segment in self.segments]),
-            ("vehicles[{}].name", [vehicle.name for vehicle in self.vehicles]),
-        ):
-            if len(set(names)) < len(names):
-                index, name = next((index, name) for index, name in enumerate(names) if name in names[:index])
+    def _check_names(self) -> Self:
+        ids, bases = [segment.id for segment in self.segments], [base.name for base in self.bases]
+        for key, own in (("segments[{}].id", ids), ("vehicles[{}].name", self.names), ("bases[{}].name", bases)):
+            if len(set(own)) < len(own):
+                index, name = next((index, name) for index, name in enumerate(own) if name in own[:index])
                 raise ValueError(f"{key.format(index)}: expected one of its own, got {name}, which another has")
+        known = {"vehicle": self.names, "base": bases, "lands": bases}
+        for key, name in self._list_names():
+            if isinstance(name, str) and name not in (own := known[key.rpartition(".")[2]]):
+                raise ValueError(f"{key}: expected one of {', '.join(own)}, got {name}")
+            if isinstance(name, int) and name not in self.positions:
+                raise ValueError(f"{key}: expected the id of a segment, got {name}")
         return self
 
-    @model_validator(mode="after")
-    def _check_consistency(self) -> PlanDocument:
-        known = {segment.id for segment in self.segments}
-        names = [vehicle.name for vehicle in self.vehicles]
-        if [route.vehicle for route in self.routes] != names:
-            raise ValueError(f"routes: expected one each for {', '.join(names)}, in that order")
+    def _list_names(self) -> Iterator[tuple[str, int | str]]:
+        """Yield each place that names a vehicle, a base or a segment, and what it names."""
         for row, route in enumerate(self.routes):
+            yield from ((f"routes[{row}].{key}", getattr(route, key)) for key in ("vehicle", "base", "lands"))
             for index, visit in enumerate(route.visits):
-                if visit.segment not in known:
-                    place = f"routes[{row}].visits[{index}].segment"
-                    raise ValueError(f"{place}: expected the id of a segment, got {visit.segment}")
-        unknown = [segment for segment in self.uncovered if segment not in known]
-        if unknown:
-            raise ValueError(f"uncovered: expected ids of segments, got unknown {unknown[0]}")
-        for key, count in (("vehicles", len(self.vehicles)), ("tracks", len(self.segments))):
-            if self.model is not None and len(getattr(self.model, key)) != count:
-                raise ValueError(f"model.{key}: expected {count}, got {len(getattr(self.model, key))}")
+                yield f"routes[{row}].visits[{index}].segment", visit.segment
+        yield from (("uncovered", segment) for segment in self.uncovered)
+
+    @model_validator(mode="after")
+    def _check_model(self) -> Self:
+        model, count = self.model, len(self.segments)
+        if model is not None and len(model.tracks_m) != count:
+            raise ValueError(f"model.tracks_m: expected {count}, got {len(model.tracks_m)}")
+        if model is not None and not set(model.bases) == set(model.models) == set(self.names):
+            raise ValueError(f"model: expected bases and models of {', '.join(self.names)}")
+        return self
+
+
+class PlanDocument(_Document):
+    """A plan, with all that is needed to check and to fly it."""
+
+    travel: Travel
+    vehicles: Annotated[tuple[VehiclePart, ...], Field(min_length=1)]
+    cost: CostPart
+    window: Window | None = None
+    inspection: Inspection | None = None
+    """Without it the plan can be checked, but not flown."""
+    model: Pricing | None = None
+    """From which times and energies follow; without it from `travel` and the straight lines between pylons, as the
+    paper has it. Segments are named by their positions in `segments`."""
+    fly_again: Flag = True
+    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
+    fence: PlanFence | None = None
+    """What vehicles are given as fences; without it none."""
+
+    @model_validator(mode="after")
+    def _check_flight(self) -> PlanDocument:
+        if [route.vehicle for route in self.routes] != self.names:
+            raise ValueError(f"routes: expected one each for {', '.join(self.names)}, in that order")
         if self.cost.name == WINDOW_COST and self.window is None:
             raise ValueError("window: expected the window that the plan was chosen by")
         return self
 
 
-def write_plan(path: Path | str, plan_file: PlanFile) -> None:
+class DayPlanDocument(_Document):
+    """Days of many sorties, with all that is needed to check and to fly them."""
+
+    days: Annotated[tuple[Pair, ...], Field(min_length=1)]
+    """Begin and end of each, in seconds from the first midnight."""
+    stagger_s: From0
+    """Least time between two take-offs from a base."""
+    transfers_s: tuple[tuple[From0 | None, ...], ...]
+    """To drive a vehicle from base to base; null where it is not done."""
+    vehicles: Annotated[tuple[DayVehiclePart, ...], Field(min_length=1)]
+    cost: DayCostPart
+    finish_s: Figure
+    """When the last sortie lands, in seconds from the first midnight."""
+    flight_s: Figure
+    """The time in the air of all sorties."""
+    model: Pricing
+    """From which times and energies follow."""
+    windows: tuple[DayLossPart, ...] = ()
+    """Until when each vehicle must not be lost, where that was looked at."""
+
+    def _list_names(self) -> Iterator[tuple[str, int | str]]:
+        yield from super()._list_names()
+        for row, vehicle in enumerate(self.vehicles):
+            yield f"vehicles[{row}].base", vehicle.base
+            yield from ((f"vehicles[{row}].lands", base) for base in vehicle.lands)
+        yield from ((f"windows[{row}].vehicle", one.vehicle) for row, one in enumerate(self.windows))
+
+    @model_validator(mode="after")
+    def _check_counts(self) -> DayPlanDocument:
+        bases = len(self.bases)
+        if [len(row) for row in self.transfers_s] != [bases] * bases:
+            raise ValueError(f"transfers_s: expected {bases} rows of {bases}")
+        for index, vehicle in enumerate(self.vehicles):
+            if len(vehicle.pads) != bases:
+                raise ValueError(f"vehicles[{index}].pads: expected {bases}, got {len(vehicle.pads)}")
+        for index, route in enumerate(self.routes):
+            if not route.visits:
+                raise ValueError(f"routes[{index}].visits: expected at least one visit")
+        return self
+
+
+def write_plan(path: Path | str, content: PlanFile | DayPlanFile) -> None:
     """Write a plan file, as a whole or not at all: a reader never sees half of one.
 
     Raises:
@@ -341,213 +287,243 @@ def write_plan(path: Path | str, plan_file: PlanFile) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    document = build_plan_document(replace(plan_file, source=str(path)))
-    write_document(path, document)
+    write_document(path, _build_document(content, str(path)))
 
 
-def read_plan(path: Path | str) -> PlanFile:
-    """Read a plan file.
-
-    Raises:
-        PlanFileError: one line that names the file, the key and what was expected.
-    """
-    path = Path(path)
-    text = read_text(path, "plan file", PlanFileError)
-    try:
-        return _read_content(PlanDocument.model_validate_json(text), str(path))
-    except ValidationError as error:
-        raise PlanFileError(f"{path}: {format_first_error(error)}") from error
-    except InstanceError as error:
-        raise PlanFileError(f"{path}: travel.{error}") from error
-    except SafetyError as error:
-        raise PlanFileError(f"{path}: model.areas: {error}") from error
-    except PlanError as error:
-        raise PlanFileError(f"{path}: routes: expected every segment at most once: {error}") from error
-
-
-def build_plan_document(content: PlanFile) -> dict[str, object]:
+def build_plan_document(content: PlanFile | DayPlanFile) -> dict[str, object]:
     """Return what a plan file says, as JSON has it.
 
     Raises:
         PlanFileError: a figure is NaN or infinite.
     """
-    ids = [segment.id for segment in content.segments]
-    inspection, rows = content.inspection, zip(
-        content.plan.routes, content.durations_s, content.energies_pct, strict=True
-    )  # fmt: skip
-    document = {
-        "format": "faultline-plan/1",
-        "depot": content.frame,
-        "travel": content.travel,
-        "vehicles": [
-            {**asdict(vehicle), "start": vehicle.start_m, "autopilot": content.autopilots.get(vehicle.name)}
-            for vehicle in content.vehicles
-        ],
-        "routes": [
-            {
-                "vehicle": content.vehicles[route.vehicle].name,
-                "visits": [
-                    {
-                        "segment": ids[segment_of(visit)],
-                        "reversed": is_reversed(visit),
-                        "inspected_at_m": content.inspection_height_m(
-                            content.vehicles[route.vehicle].name, segment_of(visit)
-                        ),
-                    }
-                    for visit in route.visits
-                ],
-                "duration_s": duration_s,
-                "energy_pct": energy_pct,
-            }
-            for route, duration_s, energy_pct in rows
-        ],
-        "uncovered": [ids[segment] for segment in content.plan.uncovered],
-        "cost": {"name": content.cost_name, "value": content.cost_value},
-        **asdict(content.solved),
-        "window": content.window,
-        "inspection": inspection and {**asdict(inspection), "heights": "flat" if inspection.flat else "known"},
-        "model": content.pricing and _build_model(content.pricing, content.vehicles),
-        "fly_again": content.fly_again,
-        "unreachable": [
-            {"segment": one.segment, "name": name, "why": one.why}
-            for one, name in zip(content.unreachable, content.unreachable_names, strict=True)
-        ],
-        "terrain": content.terrain,
-        "fence": content.fence,
-        "segments": content.segments,
-    }
+    return _build_document(content, content.source)
+
+
+def _build_document(content: PlanFile | DayPlanFile, source: str) -> dict[str, object]:
+    document = _describe_flight(content) if isinstance(content, PlanFile) else _describe_days(content)
+    plain = document.model_dump(mode="json", exclude_none=True)
+    plain["segments"] = plain.pop("segments")  # last, for they are by far the longest
     try:
-        return PlanDocument.model_validate(document, from_attributes=True).model_dump(mode="json")
+        type(document).model_validate_json(json.dumps(plain))
     except ValidationError as error:
-        raise PlanFileError(f"{content.source}: {format_first_error(error)}") from error
+        raise PlanFileError(f"{source}: {format_first_error(error)}") from error
+    return plain
 
 
-def _read_content(document: PlanDocument, source: str) -> PlanFile:
-    position = {segment.id: index for index, segment in enumerate(document.segments)}
-    travel, inspection = document.travel, document.inspection
-    return PlanFile(
-        frame=LocalFrame(**dict(document.depot)),
-        segments=document.segments,
-        vehicles=tuple(
-            Vehicle(
-                vehicle.name,
-                vehicle.start,
-                vehicle.budget_pct,
-                1.0 if vehicle.consumption is None else vehicle.consumption,
-                vehicle.airborne,
-                vehicle.start_up_m,
-                vehicle.facing_m,
-            )
-            for vehicle in document.vehicles
-        ),
-        travel=replace(
-            Travel(**travel.model_dump(exclude={"dynamics", "wind"})),
-            dynamics=None if travel.dynamics is None else Dynamics(**dict(travel.dynamics)),
-            wind=None if travel.wind is None else SteadyWind(**dict(travel.wind)),
-        ),
-        plan=Plan(
-            tuple(
-                Route(number, tuple(visit_of(position[visit.segment], visit.reversed) for visit in route.visits))
-                for number, route in enumerate(document.routes)
+def read_any_plan(path: Path | str) -> PlanFile | DayPlanFile:
+    """Read a plan file, of a single flight or of days.
+
+    Raises:
+        PlanFileError: one line that names the file, the key and what was expected.
+    """
+    path = Path(path)
+    text = upgrade_plan(read_text(path, "plan file", PlanFileError), str(path))
+    try:
+        if _is_of_days(text):
+            return _read_days(DayPlanDocument.model_validate_json(text), str(path))
+        return _read_flight(PlanDocument.model_validate_json(text), str(path))
+    except ValidationError as error:
+        raise PlanFileError(f"{path}: {format_first_error(error)}") from error
+    except InstanceError as error:
+        raise PlanFileError(f"{path}: travel.{error}") from error
+    except SafetyError as error:
+        raise PlanFileError(f"{path}: model.kept_out: {error}") from error
+    except PlanError as error:
+        raise PlanFileError(f"{path}: routes: expected every segment at most once: {error}") from error
+
+
+def read_plan(path: Path | str) -> PlanFile:
+    """Read the plan file of a single flight.
+
+    Raises:
+        PlanFileError: as `read_any_plan`, or it is of days.
+    """
+    content = read_any_plan(path)
+    if isinstance(content, DayPlanFile):
+        raise PlanFileError(f"{path}: days: expected the plan of a single flight, got one of days")
+    return content
+
+
+def read_day_plan(path: Path | str) -> DayPlanFile:
+    """Read the plan file of days.
+
+    Raises:
+        PlanFileError: as `read_any_plan`, or it is of a single flight.
+    """
+    content = read_any_plan(path)
+    if isinstance(content, PlanFile):
+        raise PlanFileError(f"{path}: days: expected a plan of days, got that of a single flight")
+    return content
+
+
+def is_day_plan(path: Path | str) -> bool:
+    """Return whether a file is a plan of days."""
+    try:
+        return _is_of_days(Path(path).read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError):
+        return False  # whoever reads it says why
+
+
+def _is_of_days(text: str) -> bool:
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(content, dict) and "days" in content
+
+
+def _describe_common(content: PlanFile | DayPlanFile) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "depot": content.frame,
+        "uncovered": tuple(content.segments[number].id for number in content.plan.uncovered),
+        **{key: getattr(content.solved, key) for key in SOLVER_KEYS},
+        "model": content.pricing,
+        **{key: getattr(content, key) for key in ("unreachable", "terrain", "segments")},
+    }
+
+
+def _read_common(document: _Document, source: str) -> dict[str, Any]:
+    return {
+        "frame": document.depot,
+        "solved": SolverRecord(**{key: getattr(document, key) for key in SOLVER_KEYS}),
+        "pricing": document.model,
+        "autopilots": {one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
+        "source": source,
+        **{key: getattr(document, key) for key in ("unreachable", "terrain", "segments")},
+    }
+
+
+def _describe_visit(content: PlanFile | DayPlanFile, visit: int, inspected_at_m: float | None = None) -> VisitPart:
+    return VisitPart(
+        segment=content.segments[segment_of(visit)].id, reversed=is_reversed(visit), inspected_at_m=inspected_at_m
+    )
+
+
+def _read_visits(document: _Document, route: RoutePart) -> tuple[int, ...]:
+    return tuple(visit_of(document.positions[visit.segment], visit.reversed) for visit in route.visits)
+
+
+def _read_uncovered(document: _Document) -> tuple[int, ...]:
+    return tuple(document.positions[segment] for segment in document.uncovered)
+
+
+def _describe_flight(content: PlanFile) -> PlanDocument:
+    frame = content.frame
+    vehicles = (
+        VehiclePart(
+            name=one.name, start=one.start_m, budget_pct=one.budget_pct, consumption=one.consumption,
+            airborne=one.airborne, start_up_m=one.start_up_m, facing_m=one.facing_m,
+            autopilot=content.autopilots.get(one.name),
+        )
+        for one in content.vehicles
+    )  # fmt: skip
+    routes = (
+        RoutePart(
+            vehicle=own.name, duration_s=duration_s, energy_pct=energy_pct,
+            visits=tuple(
+                _describe_visit(content, visit, content.inspection_height_m(own.name, segment_of(visit)))
+                for visit in route.visits
             ),
-            tuple(position[segment] for segment in document.uncovered),
+        )
+        for own, route, duration_s, energy_pct in zip(
+            content.vehicles, content.plan.routes, content.durations_s, content.energies_pct, strict=True
+        )
+    )  # fmt: skip
+    return PlanDocument.model_construct(
+        **_describe_common(content),
+        **{key: getattr(content, key) for key in FLIGHT_KEYS},
+        bases=(BasePlace(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
+        vehicles=tuple(vehicles),
+        routes=tuple(routes),
+        cost=CostPart(content.cost_name, content.cost_value),
+    )
+
+
+def _read_flight(document: PlanDocument, source: str) -> PlanFile:
+    asked = document.inspection is not None and document.inspection.same_distance
+    visits = (visit for route in document.routes for visit in route.visits)
+    routes = (Route(number, _read_visits(document, route)) for number, route in enumerate(document.routes))
+    return PlanFile(
+        **_read_common(document, source),
+        **{key: getattr(document, key) for key in FLIGHT_KEYS},
+        vehicles=tuple(
+            Vehicle(one.name, one.start, one.budget_pct, one.consumption, one.airborne, one.start_up_m, one.facing_m)
+            for one in document.vehicles
         ),
+        plan=Plan(tuple(routes), _read_uncovered(document)),
         durations_s=tuple(route.duration_s for route in document.routes),
         energies_pct=tuple(route.energy_pct for route in document.routes),
         cost=None if document.cost.name == WINDOW_COST else Cost(document.cost.name),
         cost_value=document.cost.value,
-        solved=SolverRecord(to_printable(document.solver), document.seed, document.seconds),
-        window=document.window,
-        inspection=None if inspection is None else Inspection(
-            **inspection.model_dump(exclude={"heights"}, exclude_none=True), flat=inspection.heights == "flat"
-        ),
-        pricing=_read_pricing(document),
-        fly_again=document.fly_again,
-        unreachable=tuple(Unreachable(one.segment, to_printable(one.why)) for one in document.unreachable),
-        unreachable_names=tuple(to_printable(one.name) for one in document.unreachable),
-        terrain=document.terrain,
-        autopilots={one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
-        fence=document.fence,
-        says_distances=all(visit.inspected_at_m is not None for route in document.routes for visit in route.visits)
-        or inspection is None
-        or not inspection.same_distance,
-        source=source,
-    )  # fmt: skip
-
-
-def _build_model(pricing: Pricing, vehicles: Sequence[Vehicle]) -> dict[str, object]:
-    models = [pricing.models[vehicle.name] for vehicle in vehicles]
-    return {
-        "name": "flight",
-        "power": models[0].power,
-        "vehicles": [
-            {
-                "base": pricing.bases[vehicle.name],
-                "performance": model.performance,
-                "pace": model.pace,
-                "barred": sorted(pricing.barred.get(vehicle.name, ())),
-                "step_m": pricing.steps_m.get(vehicle.name, 0.0),
-                "layered": sorted(pricing.layered.get(vehicle.name, ())),
-                "low_start": vehicle.name in pricing.low_starts,
-            }
-            for vehicle, model in zip(vehicles, models, strict=True)
-        ],
-        "tracks": pricing.tracks_m.tolist(),
-        "pads": pricing.pads_m,
-        "column_m": pricing.column_m,
-        "answer_s": pricing.answer_s,
-        "areas": [
-            {
-                **{key: getattr(one.area, key) for key in AREA_FIGURES},
-                "kind": one.area.kind.value,
-                "rings": one.area.rings_m,
-                "vehicles": one.vehicles,
-                "highest_m": one.highest_m,
-            }
-            for one in pricing.kept_out
-        ],
-        "relief": pricing.relief and _build_relief(pricing.relief.grid),
-        "besides_s": sorted(pricing.besides_s.items()),
-        "in_layer_s": sorted(pricing.in_layer_s.items()),
-        "deep_m": sorted(pricing.deep_m.items()),
-    }
-
-
-def _build_relief(grid: Grid) -> dict[str, object]:
-    east_m, north_m = grid.low_m
-    return {"east_m": east_m, "north_m": north_m, "step_m": grid.step_m, "heights_m": grid.heights_m.tolist()}
-
-
-def _read_pricing(document: PlanDocument) -> Pricing | None:
-    if document.model is None:
-        return None
-    travel, model, relief = document.travel, document.model, document.model.relief
-    power = SteadyWind(**dict(model.power))
-    named = {vehicle.name: own for vehicle, own in zip(document.vehicles, model.vehicles, strict=True)}
-    return Pricing(
-        np.array(model.tracks, dtype=np.float64).reshape(-1, 2, 3),
-        {name: own.base for name, own in named.items()},
-        {
-            name: FlightModel(own.performance, power, travel.transit_speed_m_s, travel.inspection_speed_m_s, own.pace)
-            for name, own in named.items()
-        },
-        model.pads,
-        model.column_m,
-        model.answer_s,
-        kept_out=tuple(map(_read_restriction, model.areas)),
-        relief=None
-        if relief is None
-        else Relief(Grid((relief.east_m, relief.north_m), relief.step_m, np.array(relief.heights_m))),
-        barred={name: frozenset(own.barred) for name, own in named.items() if own.barred},
-        besides_s=dict(model.besides_s),
-        in_layer_s=dict(model.in_layer_s),
-        deep_m=dict(model.deep_m),
-        steps_m={name: own.step_m for name, own in named.items() if own.step_m},
-        layered={name: frozenset(own.layered) for name, own in named.items() if own.layered},
-        low_starts=frozenset(name for name, own in named.items() if own.low_start),
+        says_distances=not asked or all(visit.inspected_at_m is not None for visit in visits),
     )
 
 
-def _read_restriction(part: AreaPart) -> AreaRestriction:
-    figures = {key: getattr(part, key) for key in AREA_FIGURES}
-    return AreaRestriction(Area(kind=AreaKind(part.kind), rings_m=part.rings, **figures), part.vehicles, part.highest_m)
+def _describe_days(content: DayPlanFile) -> DayPlanDocument:
+    names, figures, ends_s = [base.name for base in content.bases], content.evaluation, [end for _, end in content.days]
+    vehicles = (
+        DayVehiclePart(
+            name=own.name, start=pads[own.base].place_m[:2], budget_pct=own.budget_pct, consumption=own.consumption,
+            autopilot=content.autopilots.get(own.name), base=names[own.base],
+            lands=tuple(names[base] for base in own.lands), hours=own.windows, pads=pads,
+        )
+        for own, pads in zip(content.vehicles, content.pads, strict=True)
+    )  # fmt: skip
+    routes = (
+        RoutePart(
+            vehicle=own.name, visits=tuple(_describe_visit(content, visit) for visit in one.visits),
+            duration_s=figures.lasts_s[row][number], energy_pct=figures.energies_pct[row][number],
+            base=names[one.base], lands=names[one.lands], start_s=one.start_s,
+            day=next((day for day, end_s in enumerate(ends_s, 1) if one.start_s < end_s), len(ends_s)),
+        )
+        for row, own in enumerate(content.vehicles) for number, one in enumerate(content.plan.sorties[row])
+    )  # fmt: skip
+    losses = (DayLossPart(content.vehicles[one.vehicle].name, one.from_s, one.breaks) for one in content.windows)
+    return DayPlanDocument.model_construct(
+        **_describe_common(content),
+        **{key: getattr(content, key) for key in DAY_KEYS},
+        transfers_s=tuple(
+            tuple(one if math.isfinite(one) else None for one in row) for row in content.transfer_s.tolist()
+        ),
+        vehicles=tuple(vehicles),
+        routes=tuple(routes),
+        cost=DayCostPart(content.objective.value, content.cost_value),
+        finish_s=figures.finish_s,
+        flight_s=figures.flight_s,
+        windows=tuple(losses),
+    )
+
+
+def _read_days(document: DayPlanDocument, source: str) -> DayPlanFile:
+    base = {one.name: index for index, one in enumerate(document.bases)}
+    rows = [[route for route in document.routes if route.vehicle == name] for name in document.names]
+    vehicles = (
+        SortieVehicle(
+            one.name, base[one.base], one.budget_pct, one.hours, tuple(base[name] for name in one.lands),
+            consumption=one.consumption, ready_s=document.days[0][0],
+        )
+        for one in document.vehicles
+    )  # fmt: skip
+    sorties = (
+        tuple(Sortie(base[one.base], _read_visits(document, one), base[one.lands], one.start_s) for one in own)
+        for own in rows
+    )
+    lasts_s, energies_pct = (
+        tuple(tuple(getattr(one, key) for one in own) for own in rows) for key in ("duration_s", "energy_pct")
+    )
+    return DayPlanFile(
+        **_read_common(document, source),
+        **{key: getattr(document, key) for key in DAY_KEYS},
+        vehicles=tuple(vehicles),
+        pads=tuple(one.pads for one in document.vehicles),
+        transfer_s=np.array([[math.inf if one is None else one for one in row] for row in document.transfers_s]),
+        plan=SortiePlan(tuple(sorties), _read_uncovered(document)),
+        evaluation=SortieEvaluation(
+            document.finish_s, document.flight_s, len(document.routes), lasts_s, energies_pct, ()
+        ),
+        objective=Objective(document.cost.name),
+        windows=tuple(
+            LossWindow(document.names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows
+        ),
+    )

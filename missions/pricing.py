@@ -13,17 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
 from missions.areas import AreaRestriction
-from missions.detours import DetourObstacles, IntArray, price_detours
+from missions.detours import DetourObstacles, price_detours
 from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray, IntArray
 from missions.relief import FEW_PIECES, Relief, price_uneven_ways
 from missions.shortest_ways import Obstacle, obstacle_of
-from missions.vertical_legs import NEVER, BoolArray, VerticalLegs
+from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
+from missions.vertical_legs import NEVER, VerticalLegs
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
+from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
@@ -58,7 +61,7 @@ class VehicleMoves:
         """Return which visits it comes down to."""
         if not self.step_m:
             return NEVER
-        return np.asarray(~np.isin(np.asarray(visits) >> 1, list(self.layered)))
+        return np.asarray(~np.isin(np.asarray(visits, dtype=np.int64) >> 1, list(self.layered)))
 
     def price_visit_extras(self, visits: int) -> FloatArray:
         """Return (2, visits) float64: seconds and energy that visits take besides.
@@ -144,34 +147,34 @@ class VehicleMoves:
 class Pricing:
     """From which the time and the energy of every move of a fleet are made."""
 
-    tracks_m: FloatArray
-    """(n, 2, 3) float64: the two ends of every segment's inspection leg."""
+    tracks_m: Annotated[FloatArray, array_of(tuple[tuple[Place, Place], ...])]
+    """(n, 2, 3) float64: the two ends of every segment's inspection leg, in the lowest layer."""
     bases: Mapping[str, Base]
     """By the vehicle's name."""
     models: Mapping[str, FlightModel]
-    pads_m: tuple[tuple[float, float], ...] = ()
+    pads_m: tuple[Pair, ...] = ()
     """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
-    column_m: float = 0.0
+    column_m: From0 = 0.0
     """Radius of these columns; 0 where every way is straight."""
-    answer_s: float = 0.0
+    answer_s: From0 = 0.0
     """How long after a loss everybody flies on as planned, as `planner.Instance` has it."""
     kept_out: tuple[AreaRestriction, ...] = ()
     """Areas that ways lead around, however many segments there are."""
     relief: Relief | None = None
     """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
-    barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    barred: Mapping[str, IdSet] = field(default_factory=dict)
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
-    besides_s: Mapping[int, float] = field(default_factory=dict)
+    besides_s: Mapping[int, Figure] = field(default_factory=dict)
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
-    in_layer_s: Mapping[int, float] = field(default_factory=dict)
+    in_layer_s: Mapping[int, Figure] = field(default_factory=dict)
     """The same of viewpoints below the surface, for who looks at them from its layer."""
-    deep_m: Mapping[int, float] = field(default_factory=dict)
+    deep_m: Mapping[int, Figure] = field(default_factory=dict)
     """How far below the surface the lowest of these viewpoints lies, by segment."""
-    steps_m: Mapping[str, float] = field(default_factory=dict)
+    steps_m: Mapping[str, From0] = field(default_factory=dict)
     """By the vehicle's name: how far it comes down from its layer to inspect as asked; without one it does not."""
-    layered: Mapping[str, frozenset[int]] = field(default_factory=dict)
+    layered: Mapping[str, IdSet] = field(default_factory=dict)
     """By the vehicle's name: segments that it inspects in its layer, where others could meet it."""
-    low_starts: frozenset[str] = frozenset()
+    low_starts: NameSet = frozenset()
     """Vehicles in the air whose start is below their layer."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
@@ -294,10 +297,70 @@ class PricedMoves:
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
+@dataclass(frozen=True, slots=True)
+class PricedFleet:
+    """What the flights of a fleet over all segments of a pricing take: the same for a flight and for a day of sorties.
+
+    What moves from a start, or from a base, take is (2, ...) float64, seconds and energies of a consumption of 1.
+    """
+
+    fliers: tuple[VehicleMoves, ...]
+    """One for each vehicle."""
+    moves: PricedMoves
+
+    @property
+    def profiles(self) -> tuple[int, ...]:
+        """For each vehicle, whose moves are its own."""
+        return tuple(map(self.moves.fliers.index, self.fliers))
+
+    def price_out(self, row: int, base: Base) -> FloatArray:
+        """Return (2, 2n): from a pad of a vehicle to the end of each visit, the climb included."""
+        flier = self.fliers[row]
+        climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
+        there = self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER, besides=False)
+        return self._add_besides(row, there + climb[:, np.newaxis])
+
+    def price_from(
+        self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray, *, besides: bool = True
+    ) -> FloatArray:
+        """Return (2, 2n): from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
+        flier, moves = self.fliers[row], self.moves
+        priced = np.array(
+            flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, (is_low, self._find_low_visits(row)))
+        )
+        return self._add_besides(row, priced) if besides else priced
+
+    def price_home(self, row: int, base: Base) -> FloatArray:
+        """Return (2, 2n): from the end of each visit onto a pad."""
+        last_m = self.moves.last_m
+        return np.array(
+            self.fliers[row].price_ways_home(last_m, last_m - self.moves.first_m, base, self._find_low_visits(row))
+        )
+
+    def _find_low_visits(self, row: int) -> BoolArray:
+        return self.fliers[row].find_low_visits(np.arange(self.moves.visits))
+
+    def _add_besides(self, row: int, priced: FloatArray) -> FloatArray:
+        besides = self.moves.besides
+        return priced if besides is None else priced + besides[:, self.moves.fliers.index(self.fliers[row])]
+
+
+def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
+    """Return what the flights of some vehicles take; moves are priced when they are asked for."""
+    tracks_m, names = pricing.tracks_m.reshape(-1, 2, 3), tuple(vehicles)
+    first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
+    around = len(tracks_m) * len(names) <= AROUND_UP_TO
+    fliers = pricing.build_vehicle_moves(names, around=around)
+    profiles = tuple(dict.fromkeys(fliers))
+    more = any(flier.barred or flier.besides_s for flier in fliers)
+    besides = np.stack([flier.price_visit_extras(len(first_m)) for flier in profiles], axis=1) if more else None
+    return PricedFleet(tuple(fliers), PricedMoves(first_m, last_m, profiles, besides))
+
+
 def build_priced_instance(
     pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO
 ) -> Instance:
-    """Return the planning problem of all segments of a pricing.
+    """Return the planning problem of one flight over all segments of a pricing.
 
     A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
     along its ``facing_m``.
@@ -310,48 +373,83 @@ def build_priced_instance(
     Raises:
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
-    tracks_m = pricing.tracks_m.reshape(-1, 2, 3)
-    first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
-    around = len(tracks_m) * len(vehicles) <= AROUND_UP_TO
-    fliers = pricing.build_vehicle_moves((vehicle.name for vehicle in vehicles), around=around)
-    profiles = tuple(dict.fromkeys(fliers))
-    more = any(flier.barred or flier.besides_s for flier in fliers)
-    besides = np.stack([flier.price_visit_extras(len(first_m)) for flier in profiles], axis=1) if more else None
-    flown = PricedMoves(first_m, last_m, profiles, besides)
+    fleet = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
+    flown = fleet.moves
     # Who comes down from a layer of its own has moves of its own.
-    tables = len(profiles) if pricing.steps_m else 1
-    moves: Moves = flown.tabulate() if profiles and tables * len(tracks_m) ** 2 <= tables_up_to**2 else flown
-    start, again, home = (np.zeros((2, len(vehicles), len(first_m))) for _ in range(3))
+    tables = flown.profiles if pricing.steps_m else 1
+    small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= tables_up_to**2
+    moves: Moves = flown.tabulate() if small else flown
+    start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
     for row, vehicle in enumerate(vehicles):
-        flier, base = fliers[row], pricing.bases[vehicle.name]
-        climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
-        low = flier.find_low_visits(np.arange(len(first_m)))
-        out = flier.price_moves(np.array(base.place_m), UNKNOWN, first_m, last_m, (NEVER, low))
-        again[:, row] = np.array(out) + climb[:, np.newaxis]
-        home[:, row] = flier.price_ways_home(last_m, last_m - first_m, base, low)
+        base = pricing.bases[vehicle.name]
+        again[:, row], home[:, row] = fleet.price_out(row, base), fleet.price_home(row, base)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
             here_low = np.array(vehicle.name in pricing.low_starts)
-            start[:, row] = flier.price_moves(here_m, facing_m, first_m, last_m, (here_low, low))
-            idle[:, row] = flier.price_ways_home(here_m, facing_m, base, here_low)
-    if more:
-        own = np.stack([flier.price_visit_extras(len(first_m)) for flier in fliers], axis=1)
-        start += own
-        again += own
+            start[:, row] = fleet.price_from(row, here_m, facing_m, here_low)
+            idle[:, row] = fleet.fliers[row].price_ways_home(here_m, facing_m, base, here_low)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),
-        profile=tuple(profiles.index(flier) for flier in fliers),
+        profile=fleet.profiles,
         moves=moves,
         start_s=start[0], start_pct=start[1] * consumption,
         home_s=home[0], home_pct=home[1] * consumption,
         idle_s=idle[0], idle_pct=idle[1] * consumption[:, 0],
         depot_s=again[0], depot_pct=again[1],
-        value=np.hypot(*(last_m - first_m)[::2, :2].T),
-        end_m=last_m,
+        value=np.hypot(*(flown.last_m - flown.first_m)[::2, :2].T),
+        end_m=flown.last_m,
         landing_m=DEPOT_M,
         answer_s=pricing.answer_s,
+    )  # fmt: skip
+
+
+def build_priced_sorties(
+    pricing: Pricing,
+    vehicles: Sequence[SortieVehicle],
+    pads: Sequence[Sequence[Base]],
+    bases: Sequence[SortieBase],
+    days: Sequence[tuple[float, float]],
+    transfer_s: FloatArray,
+    *,
+    stagger_s: float = 0.0,
+) -> SortieInstance:
+    """Return the planning problem of days of sorties over all segments of a pricing; moves are priced when asked for.
+
+    Args:
+        pricing: Of at least these vehicles.
+        vehicles: The fleet; their profiles are set here.
+        pads: For each vehicle its pad at each base.
+        bases: Packs and times.
+        days: When may be flown at all.
+        transfer_s: Between bases, on the ground.
+        stagger_s: The least time between two take-offs from a base.
+
+    Raises:
+        planner.InstanceError: what does not fit.
+    """
+    fleet = price_fleet(pricing, (own.name for own in vehicles))
+    segments = len(pricing.tracks_m)
+    out = np.zeros((2, len(vehicles), len(bases), 2 * segments))
+    home = np.zeros((2, len(vehicles), 2 * segments, len(bases)))
+    able = np.ones((len(vehicles), segments), dtype=np.bool_)
+    for row, own in enumerate(vehicles):
+        factors = np.array([1.0, own.consumption])[:, np.newaxis]
+        able[row, list(pricing.barred.get(own.name, ()))] = False
+        for place, pad in enumerate(pads[row]):
+            out[:, row, place] = factors * fleet.price_out(row, pad)
+            home[:, row, :, place] = factors * fleet.price_home(row, pad)
+    return SortieInstance(
+        moves=fleet.moves,
+        bases=tuple(bases),
+        vehicles=tuple(replace(own, profile=profile) for own, profile in zip(vehicles, fleet.profiles, strict=True)),
+        days=tuple(days),
+        out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
+        transfer_s=transfer_s,
+        able=able,
+        wanted=np.ones(segments, dtype=np.bool_),
+        stagger_s=stagger_s,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, NamedPlace, Unreachable
+from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
 from missions.clearance import heights_over_ground_m
 from missions.errors import SafetyError
 from missions.geo import FloatArray
@@ -30,9 +30,7 @@ EDGE_M = 1.0
 """What ways keep from its edge."""
 
 
-def apply_areas(
-    setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[NamedPlace] = ()
-) -> FlightSetup:  # fmt: skip
+def apply_areas(setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[str] = ()) -> FlightSetup:
     """Return a setup whose flights keep out of areas, and know what they cannot reach for it.
 
     Raises:
@@ -149,7 +147,7 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
             where = ", over ground that is known" if known else ""
             reasons[number] = f"no way leads to it around the areas{where}"
     for number in sorted(reasons):
-        yield Unreachable(number, reasons[number])
+        yield Unreachable(number, reasons[number], setup.network.segment_name(number))
 
 
 def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:

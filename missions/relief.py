@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from missions.detours import IntArray
-from missions.geo import FloatArray
+from missions.geo import FloatArray, IntArray
 from missions.grids import Grid
 from missions.surface import Surface
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -13,7 +13,7 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
-from missions.overland_surface import SurfaceRequirements, fit_overland_surface
+from missions.overland_surface import OverlandSurface, SurfaceRequirements, fit_overland_surface
 from missions.relief import Relief, relief_of
 from missions.surface import FOLLOW_M, Surface, SurfaceFit, build_flat_surface, fit_surface
 from missions.terrain import KnownGround, Terrain, build_known_ground
@@ -150,58 +150,32 @@ def plan_layers(
     Raises:
         ElevationError: a part of the ground is not known.
     """
+    tracks, known = tracks_m(network, standoff_m), None
+    tops = over is not None or network.has_heights
+    asked_m = _flight_heights_m(network, height_m) if tops else np.full(len(network.pylons), height_m)
+    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     if over is not None:
-        return _plan_layers_over_terrain(
-            network, vehicles, over, height_m=height_m, layer_m=layer_m, standoff_m=standoff_m
-        )
-    known = network.has_heights
-    pylon_m = _flight_heights_m(network, height_m) if known else np.full(len(network.pylons), height_m)
-    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
-    track_heights_m = pylon_m[indices]
-    fitted = (
-        fit_surface(tracks_m(network, standoff_m), track_heights_m, layer_m)
-        if known
-        else SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
-    )
-    return Layers(
-        vehicles=tuple(vehicles),
-        layer_m=layer_m,
-        spacing_m=fitted.spacing_m + HEIGHT_KEEPING_M,
-        tolerance_m=max(FOLLOW_M, fitted.error_m),
-        reference=HeightReference.PYLON_TOPS if known else HeightReference.DEPOT_GROUND,
-        surface=fitted.surface,
-        track_heights_m=track_heights_m,
-    )
-
-
-def _plan_layers_over_terrain(
-    network: Network,
-    vehicles: Sequence[str],
-    over: TerrainRequirements,
-    *,
-    height_m: float,
-    layer_m: float,
-    standoff_m: float,
-) -> Layers:
-    """Return layers over ground that a raster knows."""
-    tracks, asked_m = tracks_m(network, standoff_m), _flight_heights_m(network, height_m)
-    places_m = np.concatenate((tracks.reshape(-1, 2), over.more_m))
-    known = build_known_ground(over.terrain, places_m, network.frame, network)
-    wishes = SurfaceRequirements(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
-    found = fit_overland_surface(known, wishes, network, tracks, asked_m)
-    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
-    return Layers(
+        places_m = np.concatenate((tracks.reshape(-1, 2), over.more_m))
+        known = build_known_ground(over.terrain, places_m, network.frame, network)
+        wishes = SurfaceRequirements(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
+        found = fit_overland_surface(known, wishes, network, tracks, asked_m)
+    else:
+        flat = SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
+        fit = fit_surface(tracks, asked_m[indices], layer_m) if tops else flat
+        found = OverlandSurface(fit, asked_m, max(FOLLOW_M, fit.error_m))
+    layers = Layers(
         vehicles=tuple(vehicles),
         layer_m=layer_m,
         spacing_m=found.fit.spacing_m + HEIGHT_KEEPING_M,
         tolerance_m=found.tolerance_m,
-        reference=HeightReference.PYLON_TOPS,
+        reference=HeightReference.PYLON_TOPS if tops else HeightReference.DEPOT_GROUND,
         surface=found.fit.surface,
         track_heights_m=found.pylon_m[indices],
-        relief=relief_of(found.fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0)),
-        known=known,
-        raised_m=found.pylon_m - asked_m,
     )
+    if known is None:
+        return layers
+    relief = relief_of(layers.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
+    return replace(layers, relief=relief, known=known, raised_m=found.pylon_m - asked_m)
 
 
 def check_separation(

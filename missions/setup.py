@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from missions.areas import Area, AreaRestriction, NamedPlace, Unreachable
+from missions.areas import Area, AreaRestriction, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
 from missions.detours import DetourObstacles
 from missions.errors import SafetyError
@@ -18,11 +21,13 @@ from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
 from missions.shortest_ways import Obstacle, graph_of, obstacle_of
-from missions.terrain import DETOUR_M, Terrain
+from missions.terrain import DETOUR_M, Terrain, around_bases_m
+from missions.validation import Flag
 
 FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
 MOST = 1000.0
 """Metres, or metres a second: a figure beyond is a mistake."""
+Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
 
@@ -31,21 +36,21 @@ LOWEST_FLIGHT_M = 5.0
 class Inspection:
     """How segments are flown; the same figures as the site file's section of this name."""
 
-    height_m: float = 15.0
+    height_m: Size = 15.0
     """The lowest layer's, over the pylon tops if their heights are known, else over the depot's ground."""
-    standoff_m: float = 5.0
+    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)] = 5.0
     """Of the flight track from the line, to the right of a segment's direction from a to b."""
-    speed_m_s: float = 3.0
-    transit_speed_m_s: float = 8.0
-    layer_m: float = 5.0
+    speed_m_s: Size = 3.0
+    transit_speed_m_s: Size = 8.0
+    layer_m: Size = 5.0
     """The distance that any two vehicles must keep."""
-    flat: bool = False
+    flat: Flag = False
     """Whether the ground is claimed to be as high as the depot's everywhere."""
-    ceiling_m: float = 120.0
+    ceiling_m: Size = 120.0
     """No mission goes higher than this over the ground."""
-    return_ceiling_m: float | None = None
+    return_ceiling_m: Size | None = None
     """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
-    same_distance: bool = False
+    same_distance: Flag = False
     """Whether every vehicle inspects at ``height_m``, and not in its layer, wherever no other can meet it there."""
 
     def __post_init__(self) -> None:
@@ -79,8 +84,8 @@ class FlightSetup:
     """Those of them that somebody must lead around, as `reach.apply_areas` finds them."""
     unreachable: tuple[Unreachable, ...] = ()
     """Segments that no flight can inspect for them."""
-    alternates: tuple[NamedPlace, ...] = ()
-    """Where a vehicle may come down that does not come home."""
+    alternates: tuple[str, ...] = ()
+    """The names of places where a vehicle may come down that does not come home."""
     terrain: Terrain | None = None
     """The ground, where a raster knows it."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
@@ -210,6 +215,7 @@ def plan_flight_setup(
     stated: Sequence[Pad] = (),
     areas: Sequence[Area] = (),
     terrain: Terrain | None = None,
+    bases: Mapping[str, Pad] = MappingProxyType({}),
 ) -> FlightSetup:
     """Choose layers, and pads unless they are given, for a fleet over a network.
 
@@ -217,10 +223,11 @@ def plan_flight_setup(
         network: The part to inspect.
         vehicles: Names, from the lowest layer to the highest.
         inspection: Heights, speeds and distances.
-        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot.
+        pads: Where the vehicles really stand, once known; otherwise places are chosen around the depot and the bases.
         stated: Pads of some vehicles that are not to be chosen.
         areas: That no pad is chosen in; `reach.apply_areas` makes flights keep out of them.
         terrain: The ground, where a raster knows it; all pylons' heights must then be known.
+        bases: Around which those stand, by name, who do not stand at the depot.
 
     Raises:
         ElevationError: a part of the ground between lines and pads is not known.
@@ -237,7 +244,9 @@ def plan_flight_setup(
         standoff_m=inspection.standoff_m,
         over=None
         if terrain is None
-        else TerrainRequirements(terrain, inspection.ceiling_m, _turning_places_m(pads or stated, areas, tracks)),
+        else TerrainRequirements(
+            terrain, inspection.ceiling_m, _turning_places_m(pads or stated, bases, areas, tracks)
+        ),
     )
     if pads is None:
         pads = place_pads(
@@ -247,19 +256,23 @@ def plan_flight_setup(
             alt_m=network.frame.alt_m,
             stated=stated,
             areas=areas,
+            bases=bases,
         )
         if terrain is not None:
             pads = _put_pads_on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
 
 
-def _turning_places_m(pads: Sequence[Pad], areas: Sequence[Area], tracks_m: FloatArray) -> FloatArray:
+def _turning_places_m(
+    pads: Sequence[Pad], bases: Mapping[str, Pad], areas: Sequence[Area], tracks_m: FloatArray
+) -> FloatArray:
     """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
     corners_m = graph_of(tuple(map(obstacle_of, areas))).nodes_m
     near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
     stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
-    return np.concatenate((stands_m, near_m))
+    around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})
+    return np.concatenate((stands_m, around_m, near_m))
 
 
 def _put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:

@@ -15,14 +15,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from missions.areas import Area, Ring
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import find_nearest_on_legs
+from missions.validation import Figure
 
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 Place = tuple[float, float]
 
 TURN = math.radians(30.0)
@@ -42,7 +40,7 @@ class Obstacle:
 
     rings_m: tuple[Ring, ...]
     """Closed outlines, those of holes too; or lines, or single places."""
-    keep_m: float
+    keep_m: Figure
     """The distance that is kept."""
     is_line: bool = False
     """Whether the rings are open lines or single places, with nothing inside."""

@@ -8,7 +8,8 @@ falls by no more than a slope; their roof keeps them below the ceiling where the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +25,7 @@ AROUND_M = 60.0
 DETOUR_M = 1000.0
 """Ways around an area may lead so far beside the hull."""
 PADS_M = 200.0
-"""Vehicles may stand this far from the depot; their pads are not known before they answer."""
+"""Vehicles may stand this far from the depot, or from their base; their pads are not known before they answer."""
 NODES_M = 10.0
 """Between the nodes of the floor; more in large areas."""
 MOST_NODES = 1_000_000
@@ -67,18 +68,15 @@ class KnownGround:
     """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
     lowest: Grid
     """Nowhere above it; its negative outside."""
-    top: GroundPoint
     bottom: GroundPoint
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
-        raised = Grid(self.highest.low_m, self.highest.step_m, self.highest.heights_m + over_m)
-        return grids.limit_slope_above(raised, slope)
+        return grids.limit_slope_above(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope)
 
     def build_roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
-        raised = Grid(self.lowest.low_m, self.lowest.step_m, self.lowest.heights_m + over_m)
-        return grids.limit_slope_below(raised, slope)
+        return grids.limit_slope_below(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), slope)
 
 
 def flight_area_m(places_m: FloatArray) -> FloatArray:
@@ -88,9 +86,18 @@ def flight_area_m(places_m: FloatArray) -> FloatArray:
     return grids.hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
 
 
-def reading_box_m(network: Network, beside_m: float = AROUND_M) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the corners of what must be read of rasters for flights over a network, and so far beside it."""
-    corners_m = flight_area_m(network.positions_m)
+def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
+    """Return (m, 2) places around bases, among which the vehicles of a base stand."""
+    off_m = PADS_M - AROUND_M
+    around = [(east + e, north + n) for east, north in bases_m for e in (-off_m, off_m) for n in (-off_m, off_m)]
+    return np.array(around, dtype=np.float64).reshape(-1, 2)
+
+
+def reading_box_m(
+    network: Network, beside_m: float = AROUND_M, bases_m: Iterable[tuple[float, float]] = ()
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the corners of what must be read of rasters for flights over a network and from bases, so far beside."""
+    corners_m = flight_area_m(np.concatenate((network.positions_m, around_bases_m(bases_m))))
     return box_of(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
 
 
@@ -139,13 +146,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
     start = (float(low_m[0]), float(low_m[1]))
     highest = Grid(start, step_m, _node_heights_m(cells_high, np.maximum, UNKNOWN_M))
     lowest = Grid(start, step_m, _node_heights_m(cells_low, np.minimum, -UNKNOWN_M))
-    return KnownGround(
-        corners,
-        highest,
-        lowest,
-        _build_ground_point(highest, int(highest.heights_m.argmax())),
-        _build_ground_point(lowest, int(lowest.heights_m.argmin())),
-    )
+    return KnownGround(corners, highest, lowest, _find_lowest_point(lowest))
 
 
 def build_unknown_ground_error(
@@ -184,7 +185,7 @@ def _node_heights_m(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> Flo
     return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
 
 
-def _build_ground_point(grid: Grid, index: int) -> GroundPoint:
-    east, north = (int(one) for one in np.unravel_index(index, grid.heights_m.shape))
+def _find_lowest_point(grid: Grid) -> GroundPoint:
+    east, north = (int(one) for one in np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape))
     place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
     return GroundPoint(float(grid.heights_m[east, north]), place_m)

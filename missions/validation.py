@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    PlainSerializer,
+    ValidationError,
+)
+from pydantic_core import CoreSchema, core_schema
 
 from missions.files import MOST_FIGURE, to_printable
 
@@ -15,16 +26,25 @@ MOST_SHOWN = 60
 Figure = Annotated[float, Field(strict=True, ge=-MOST_FIGURE, le=MOST_FIGURE, allow_inf_nan=False)]
 """A number that a place, a time or a share can have: no text, no boolean, nothing without end."""
 Text = Annotated[str, Field(min_length=1)]
+Printable = Annotated[Text, AfterValidator(to_printable)]
+"""A text for people, on one line."""
 Flag = Annotated[bool, Field(strict=True)]
 Id = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 """JSON's readers elsewhere do not keep a greater number."""
 Pair = tuple[Figure, Figure]
 Place = tuple[Figure, Figure, Figure]
 Known = tuple[Figure | None, Figure | None]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+"""A vehicle's, as in the site file."""
+Above0 = Annotated[Figure, Field(gt=0)]
+From0 = Annotated[Figure, Field(ge=0)]
+IdSet = Annotated[frozenset[Id], PlainSerializer(sorted, return_type=list[Id])]
+NameSet = Annotated[frozenset[str], PlainSerializer(sorted, return_type=list[str])]
 
 _KINDS = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
+    "dataclass_type": "keys with values",
     "dict_type": "keys with values",
     "float_parsing": "a number",
     "float_type": "a number",
@@ -37,6 +57,42 @@ _KINDS = {
     "tuple_type": "a list",
 }
 """What pydantic calls an error, where its own words are a programmer's."""
+
+
+def array_of(lists: object) -> GetPydanticSchema:
+    """Return what a field of float64 is in a document: lists of lists there, an array here.
+
+    Args:
+        lists: Their type, such as `tuple[Place, ...]`.
+    """
+
+    def build_schema(_kind: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        back = core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist)
+        return core_schema.no_info_after_validator_function(
+            _to_array, handler.generate_schema(lists), serialization=back
+        )
+
+    return GetPydanticSchema(build_schema, lambda schema, handler: handler(schema["schema"]))
+
+
+def _to_array(lists: object) -> np.ndarray[Any, np.dtype[np.float64]]:
+    try:
+        return np.array(lists, dtype=np.float64)
+    except ValueError as error:
+        raise ValueError("rows: expected as many figures in each") from error
+
+
+def one_of(names: Iterable[str]) -> GetPydanticSchema:
+    """Return what a text of a document may be: one of these."""
+    return GetPydanticSchema(lambda *_: core_schema.literal_schema(list(names)))
+
+
+def document_of(model: type[BaseModel]) -> GetPydanticSchema:
+    """Return that an object is what a model has written and checked already: in schemas it is the model's."""
+    return GetPydanticSchema(
+        lambda _kind, _handler: core_schema.dict_schema(),
+        lambda _schema, handler: handler(model.__pydantic_core_schema__),
+    )
 
 
 def is_none(value: object) -> bool:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
 NEVER: BoolArray = np.array(False)
 """As every move is where vehicles inspect in their layers; it broadcasts against any others."""
 

@@ -3,13 +3,13 @@
 
     >>> instance = build_instance(ends_m, landing_m, vehicles, travel)            # doctest: +SKIP
     >>> result = solve(instance, cost=Cost.MINCOMB, stop=Seconds(5))              # doctest: +SKIP
-    >>> left = remaining(instance, result.plan, lost=1, at_s=300)                 # doctest: +SKIP
+    >>> left = build_remaining_problem(instance, result.plan, lost=1, at_s=300)   # doctest: +SKIP
     >>> repaired = replan(left.instance, warm=left.warm, stop=FirstFeasible())    # doctest: +SKIP
 
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
-from planner.bounds import earliest_window_bound_s, explain_infeasibility, explain_infeasibility_fully
+from planner.bounds import explain_infeasibility, explain_infeasibility_fully
 from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
@@ -87,7 +87,6 @@ from planner.stop_rules import (
     Stopwatch,
     combine_stop_rules,
 )
-from planner.synthetic import generate_network
 from planner.window import (
     CriticalLoss,
     LossRepair,
@@ -168,7 +167,6 @@ __all__ = [
     "combine_stop_rules",
     "completion_times_s",
     "cost_value",
-    "earliest_window_bound_s",
     "energy_use_pct",
     "estimate_probability",
     "estimate_risks",
@@ -178,7 +176,6 @@ __all__ = [
     "find_covering_plan",
     "find_pareto_front",
     "find_repairs_at",
-    "generate_network",
     "grant_onboard_budgets",
     "is_better_rating",
     "is_reversed",

@@ -1,7 +1,8 @@
 """A fleet under way after any number of losses: who still flies what, from when, and with what left.
 
-``remaining`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss becomes a state that
-can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts for all of them.
+``build_remaining_problem`` looks at one loss of a plan that begins everywhere at once. Here the answer to a loss
+becomes a state that can lose a vehicle itself: routes go on from the launch of the first plan, so that one clock counts
+for all of them.
 """
 
 from __future__ import annotations
@@ -11,10 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.decomposition import part_of
-from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.moves import FloatArray
-from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan
+from planner.replan import (
+    FreeVehicle,
+    RemainingProblem,
+    RouteStart,
+    build_remaining_problem,
+    build_survivor_start,
+    reduce_instance,
+    replan,
+)
 from planner.stop_rules import FirstFeasible, Iterations, combine_stop_rules
 
 
@@ -130,65 +138,36 @@ def repair_plan(
     return (left, result.plan) if result.feasible else None
 
 
-@dataclass(frozen=True, slots=True)
-class _RouteStart:
-    """How a vehicle's present route begins: over all visits of the state that it comes from."""
-
-    start_s: FloatArray
-    start_pct: FloatArray
-    idle_s: float
-    idle_pct: float
-    launched_s: float
-    before: RouteProgress | None
-
-
 def _rebuild_state(
     state: FleetAfterLosses, kept: Sequence[int], routes: Sequence[tuple[int, ...]], again: dict[int, FreeVehicle]
 ) -> FleetAfterLosses:
     """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
-    instance = state.instance
     segments = sorted({segment_of(visit) for visits in routes for visit in visits})
     number = {segment: place for place, segment in enumerate(segments)}
-    visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
-    sorties = [_build_route_start(state, vehicle, again.get(vehicle)) for vehicle in kept]
-    vehicles = [
-        replace(instance.vehicles[vehicle], budget_pct=again[vehicle].budget_left_pct, airborne=False)
-        if vehicle in again
-        else instance.vehicles[vehicle]
-        for vehicle in kept
-    ]
-    reduced = replace(
-        part_of(instance, kept, segments),
-        vehicles=tuple(vehicles),
-        start_s=np.array([sortie.start_s[visits] for sortie in sorties]),
-        idle_s=np.array([sortie.idle_s for sortie in sorties]),
-        start_pct=np.array([sortie.start_pct[visits] for sortie in sorties]),
-        idle_pct=np.array([sortie.idle_pct for sortie in sorties]),
-    )
-    plan = Plan(tuple(
-        Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in route))
-        for place, route in enumerate(routes)
-    ))  # fmt: skip
+    starts = [_build_route_start(state.instance, vehicle, again.get(vehicle)) for vehicle in kept]
     return FleetAfterLosses(
-        reduced, plan, tuple(state.fleet[vehicle] for vehicle in kept),
-        tuple(sortie.launched_s for sortie in sorties), tuple(sortie.before for sortie in sorties),
-    )  # fmt: skip
+        reduce_instance(state.instance, kept, segments, starts),
+        Plan(tuple(Route(place, renumber_visits(route, number)) for place, route in enumerate(routes))),
+        tuple(state.fleet[vehicle] for vehicle in kept),
+        tuple(again[vehicle].free_s if vehicle in again else state.launched_s[vehicle] for vehicle in kept),
+        tuple(_collect_progress(state, vehicle, again.get(vehicle)) for vehicle in kept),
+    )
 
 
-def _build_route_start(state: FleetAfterLosses, vehicle: int, again: FreeVehicle | None) -> _RouteStart:
-    instance = state.instance
+def _build_route_start(instance: Instance, vehicle: int, again: FreeVehicle | None) -> RouteStart:
     if again is None:
-        return _RouteStart(
-            instance.start_s[vehicle], instance.start_pct[vehicle], float(instance.idle_s[vehicle]),
-            float(instance.idle_pct[vehicle]), state.launched_s[vehicle], state.before[vehicle],
+        return RouteStart(
+            instance.vehicles[vehicle], instance.start_s[vehicle], instance.start_pct[vehicle],
+            float(instance.idle_s[vehicle]), float(instance.idle_pct[vehicle]),
         )  # fmt: skip
-    if not again.completed and not instance.vehicles[vehicle].airborne:
-        # A spare: as long as it stands its rows count from the launch of the fleet.
-        return _RouteStart(
-            again.free_s + instance.start_s[vehicle], instance.start_pct[vehicle], again.free_s, 0.0, again.free_s, None
-        )
-    consumption = instance.vehicles[vehicle].consumption
-    return _RouteStart(
-        again.free_s + instance.depot_s[vehicle], consumption * instance.depot_pct[vehicle], again.free_s, 0.0,
-        again.free_s, state.progress_of(vehicle),
-    )  # fmt: skip
+    start = build_survivor_start(instance, again)
+    return replace(start, row_s=again.free_s + start.row_s, idle_s=again.free_s)
+
+
+def _collect_progress(state: FleetAfterLosses, vehicle: int, again: FreeVehicle | None) -> RouteProgress | None:
+    """Return what a vehicle has done before its present route."""
+    if again is None:
+        return state.before[vehicle]
+    # A spare: as long as it stands its rows count from the launch of the fleet.
+    is_spare = not again.completed and not state.instance.vehicles[vehicle].airborne
+    return None if is_spare else state.progress_of(vehicle)

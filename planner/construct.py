@@ -113,6 +113,14 @@ def build_empty_state(problem: Problem) -> State:
     return state
 
 
+def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
+    """Return the state of routes given as visits, budgets or not."""
+    state = build_empty_state(problem)
+    for route, visits in enumerate(routes):
+        _set_route(problem, state, route, visits)
+    return state
+
+
 def memory_of(problem: Problem) -> SearchWorkspace:
     """Return the work space of an annealing that has not begun."""
     fleet, segments = len(problem.budget), len(problem.value)
@@ -134,9 +142,8 @@ def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
 
     What goes first is the visit that spares most energy for its value.
     """
-    state = build_empty_state(problem)
-    for route, visits in enumerate(routes):
-        _set_route(problem, state, route, visits)
+    state = build_state(problem, routes)
+    for route in range(len(state.lengths)):
         while state.loads[route] > problem.budget[route] and state.lengths[route] > 0:
             _drop_one(problem, state, route)
     return state

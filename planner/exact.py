@@ -24,7 +24,7 @@ from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_pr
 from planner.subset_routes import SubsetRoutes, find_covering_sets, find_most_valuable_sets, find_subset_routes
 
 EXACT_SEGMENTS = 16
-"""Segments up to which ``covers`` answers; two more take four times the memory and up to nine times the time.
+"""Segments up to which ``find_covering_plan`` answers; two more take four times the memory, up to nine times as long.
 
 For 3 vehicles it takes some 5 ms with 12 segments, 50 ms with 14, 0.2 s with 16.
 """

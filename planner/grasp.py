@@ -28,6 +28,7 @@ theirs would never end. Where no vehicle has two visits, a last one may be taken
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,8 +39,9 @@ from planner.errors import InstanceError
 from planner.evaluate import Evaluation, evaluate
 from planner.model import Instance, Plan
 from planner.result import Result
+from planner.search import Search, Standing
 from planner.solve import solve
-from planner.stop_rules import Progress, StopRule, Stopwatch, add_progress_report
+from planner.stop_rules import Progress, StopRule, StopVerdict, Stopwatch, add_progress_report
 
 if TYPE_CHECKING:
     from planner.kernels.grasp_walk import GraspWalk
@@ -88,7 +90,7 @@ def solve_grasp(
     return _GraspRuns(instance, cost, seed, all_vehicles=all_vehicles).run(runs, add_progress_report(stop, on_progress))
 
 
-class _GraspRuns:
+class _GraspRuns(Search):
     """The runs one after the other, and the best plan so far."""
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
@@ -96,17 +98,15 @@ class _GraspRuns:
         from planner.construct import build_random_state, build_true_weights, problem_of
         from planner.kernels import grasp_walk
 
-        self._watch = Stopwatch()
+        super().__init__(Stopwatch(), batch=BATCH, impossible=explain_infeasibility(instance))
         self._kernels = grasp_walk
         self._instance = instance
         self._cost = cost
-        self._impossible = explain_infeasibility(instance)
         self._problem = problem_of(instance)
         soft = cost.function.excess
         self._weights = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
         self._rng = build_random_state(seed)
-        self._iterations = 0
-        self._improved_at = 0
+        self._done = 0
         self._lowest = np.inf
         self._plan: Plan
         self._evaluation: Evaluation
@@ -115,25 +115,8 @@ class _GraspRuns:
 
     def run(self, runs: int, stop: StopRule) -> Result:
         """Make the runs, until ``stop`` says so."""
-        done, reason = 0, "runs"
-        while done < runs:
-            progress = self._build_progress()
-            verdict = stop(progress)
-            if verdict.allowed <= 0:
-                reason = verdict.reason
-                break
-            if self._advance(min(BATCH, verdict.allowed)):
-                done += 1
-                self._walk = self._start_walk()
-        return Result(
-            plan=self._plan,
-            evaluation=self._evaluation,
-            feasible=not self._evaluation.violations,
-            iterations=self._iterations,
-            seconds=self._watch.seconds,
-            stopped_by=reason,
-            impossible=self._impossible,
-        )
+        reason = self._run_rounds(lambda progress: stop(progress) if self._done < runs else StopVerdict(0, "runs"))
+        return self._build_result(self._plan, self._evaluation, reason)
 
     def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
@@ -156,12 +139,14 @@ class _GraspRuns:
         self._kernels.forbid_current(walk)
         return walk
 
-    def _advance(self, rounds: int) -> bool:
-        """Run up to ``rounds`` rounds; return whether the run has ended."""
-        done = self._kernels.improve(self._problem, self._weights, self._walk, rounds, PATIENCE, self._rng)
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:  # noqa: ARG002 - runs take turns
+        """Run up to ``iterations`` rounds of a run; where it ends before, the next one is begun."""
+        done = self._kernels.improve(self._problem, self._weights, self._walk, iterations, PATIENCE, self._rng)
         self._iterations += done
         self._keep_better()
-        return done < rounds
+        if done < iterations:
+            self._done += 1
+            self._walk = self._start_walk()
 
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
@@ -179,13 +164,5 @@ class _GraspRuns:
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
             self._improved_at = self._iterations
 
-    def _build_progress(self) -> Progress:
-        return Progress(
-            iterations=self._iterations,
-            since_improvement=self._iterations - self._improved_at,
-            seconds=self._watch.seconds,
-            value=self._evaluation.value,
-            uncovered=0,
-            feasible=not self._evaluation.violations,
-            impossible=self._impossible is not None,
-        )
+    def _rate_best(self) -> Standing:
+        return Standing(self._evaluation.value, 0, not self._evaluation.violations)

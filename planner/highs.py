@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,16 +12,7 @@ if TYPE_CHECKING:
     import highspy
 
 Matrix = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
-"""Where each row's (or column's) entries begin, the columns (or rows) that they are in, and what they are."""
-
-
-def build_row_matrix(rows: Sequence[Mapping[int, float]]) -> Matrix:
-    """Return rows that are given by columns and weights."""
-    return (
-        np.cumsum([0, *map(len, rows)]),
-        np.array([column for row in rows for column in row]),
-        np.array([weight for row in rows for weight in row.values()]),
-    )
+"""Where each column's entries begin, the rows that they are in, and what they are."""
 
 
 def build_program(
@@ -31,7 +22,6 @@ def build_program(
     matrix: Matrix,
     *,
     whole: Sequence[bool] = (),
-    by_columns: bool = False,
 ) -> highspy.Highs:
     """Return HiGHS with a program that it is to solve.
 
@@ -39,9 +29,8 @@ def build_program(
         cost: Of each column.
         most: Of each column, which is 0 at least.
         limits: What each row is at least, and at most.
-        matrix: Of rows and columns.
+        matrix: Of the columns, one after the other.
         whole: Which columns are whole numbers; none if not given.
-        by_columns: Whether the matrix is that of columns one after the other.
     """
     # Only here: it takes a tenth of a second to load, and few ever ask for a proof.
     import highspy
@@ -54,7 +43,7 @@ def build_program(
     lp.row_lower_, lp.row_upper_ = map(np.asarray, limits)
     lp.num_col_, lp.num_row_ = len(lp.col_cost_), len(lp.row_lower_)
     lp.col_lower_ = np.zeros(lp.num_col_)
-    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise if by_columns else highspy.MatrixFormat.kRowwise
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     lp.a_matrix_.start_, lp.a_matrix_.index_, lp.a_matrix_.value_ = matrix
     integer, real = highspy.HighsVarType.kInteger, highspy.HighsVarType.kContinuous
     lp.integrality_ = [integer if one else real for one in whole]

@@ -8,7 +8,7 @@ threads; they have no route in common, so the order in which threads end makes n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +18,12 @@ from planner.bounds import explain_infeasibility
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.decomposition import part_of, sort_along_curve, split_into_routes
 from planner.evaluate import cost_of, evaluate, route_energy_pct
-from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.plan_search import PlanSearch
 from planner.result import Result
-from planner.search import Search
-from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch
+from planner.search import Search, Standing, run_in_threads
+from planner.stop_rules import Iterations, StopRule, Stopwatch
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class _Region:
     cost: Cost
 
 
-class LargeSearch:
+class LargeSearch(Search):
     """One search on a large instance; ``run`` is all that there is to call."""
 
     def __init__(
@@ -49,12 +50,11 @@ class LargeSearch:
         starts: int = 1,
         params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
-        self._impossible = explain_infeasibility(instance)
+        super().__init__(watch, batch=params.large.spell, starts=starts, impossible=explain_infeasibility(instance))
         self._instance = instance
         self._cost = cost
         self._balances = cost.function.has_longest_term and not cost.function.is_longest_only
         self._all_vehicles = all_vehicles
-        self._watch = watch
         self._starts = starts
         self._params = params.large
         self._of_regions = replace(params, annealing=replace(params.annealing, hot=params.large.hot))
@@ -65,31 +65,15 @@ class LargeSearch:
         self._energies = np.zeros(len(instance.vehicles))
         self._route_of = np.full(instance.segments, -1, dtype=np.int64)
         self._record_routes(range(len(self._routes)))
-        self._iterations = 0
-        self._improved_at = 0
 
     def run(self, stop: StopRule) -> Result:
         """Improve until ``stop`` says so."""
-        with ThreadPoolExecutor(self._starts) as threads:
-            while True:
-                progress = self._build_progress()
-                verdict = stop(progress)
-                if verdict.allowed <= 0:
-                    break
-                self._run_round(min(self._params.spell * self._starts, verdict.allowed), threads)
+        reason = self._run_rounds(stop)
         plan = Plan(
             tuple(Route(vehicle, visits) for vehicle, visits in enumerate(self._routes)),
             tuple(int(segment) for segment in self._find_open_segments()),
         )
-        return Result(
-            plan=plan,
-            evaluation=evaluate(self._instance, plan, self._cost),
-            feasible=progress.feasible,
-            iterations=self._iterations,
-            seconds=self._watch.seconds,
-            stopped_by=verdict.reason,
-            impossible=self._impossible,
-        )
+        return self._build_result(plan, evaluate(self._instance, plan, self._cost), reason)
 
     def _build_first_routes(self, initial: Plan | None) -> list[tuple[int, ...]]:
         if initial is None:
@@ -102,7 +86,7 @@ class LargeSearch:
                 routes[vehicle] = self._search_region(region, [visits], seed=0, iterations=0)[0]
         return routes
 
-    def _run_round(self, iterations: int, threads: ThreadPoolExecutor) -> None:
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
         regions = self._choose_regions()
         shares = [iterations // len(regions) + int(place < iterations % len(regions)) for place in range(len(regions))]
         seeds = self._chance.integers(0, 2**62, len(regions)).tolist()
@@ -112,7 +96,7 @@ class LargeSearch:
             tours = [self._routes[vehicle] for vehicle in regions[place].vehicles]
             return self._search_region(regions[place], tours, seed=seeds[place], iterations=shares[place])
 
-        for region, routes in zip(regions, threads.map(improved, range(len(regions))), strict=True):
+        for region, routes in zip(regions, run_in_threads(threads, improved, range(len(regions))), strict=True):
             self._put_back(region, routes)
         self._iterations += iterations
         if self._objective_key() < before:
@@ -123,23 +107,17 @@ class LargeSearch:
     ) -> list[tuple[int, ...]]:
         """Return better routes for a region's vehicles, or the same."""
         number = {segment: place for place, segment in enumerate(region.segments)}
-        search = Search(
+        search = PlanSearch(
             part_of(self._instance, region.vehicles, region.segments),
             cost=region.cost,
             seed=seed,
-            initial=Plan(tuple(
-                Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
-                for place, visits in enumerate(routes)
-            )),
+            initial=Plan(tuple(Route(place, renumber_visits(visits, number)) for place, visits in enumerate(routes))),
             all_vehicles=self._all_vehicles,
             watch=Stopwatch(),
             params=self._of_regions,
-        )  # fmt: skip
+        )
         plan = search.run(Iterations(iterations)).plan
-        return [
-            tuple(visit_of(region.segments[segment_of(visit)], is_reversed(visit)) for visit in route.visits)
-            for route in plan.routes
-        ]
+        return [renumber_visits(route.visits, region.segments) for route in plan.routes]
 
     def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
@@ -220,14 +198,7 @@ class LargeSearch:
         left = float(self._instance.value[self._route_of < 0].sum())
         return left, cost_of(self._instance, self._energies.tolist(), self._cost)
 
-    def _build_progress(self) -> Progress:
-        return Progress(
-            iterations=self._iterations,
-            since_improvement=self._iterations - self._improved_at,
-            seconds=self._watch.seconds,
-            value=self._objective_key()[1],
-            uncovered=len(self._find_open_segments()),
-            feasible=not len(self._find_open_segments())
-            and bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT)),
-            impossible=self._impossible is not None,
-        )
+    def _rate_best(self) -> Standing:
+        uncovered = len(self._find_open_segments())
+        within = bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT))
+        return Standing(self._objective_key()[1], uncovered, within and not uncovered)

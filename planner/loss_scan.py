@@ -7,17 +7,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from planner.bounds import explain_infeasibility_fully
-from planner.construct import build_empty_state, build_random_state, copy_of, problem_of
+from planner.construct import build_random_state, build_state, copy_of, problem_of
 from planner.cost import BUDGET_TOLERANCE_PCT
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
 from planner.exact import find_covering_plan
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock
 from planner.kernels.repair import RepairWorkspace
-from planner.kernels.tours import measure
 from planner.kernels.window_scan import Repairs, try_loss
 from planner.loss_row import LossRow, RepairStatus
-from planner.model import Instance, Plan, Route, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
@@ -39,7 +38,7 @@ class LossScan:
         self._rng = build_random_state(seed)
         self._problem = problem_of(instance)
         self._timing = timing_of(instance)
-        self._base = base_of(self._problem, [route.visits for route in plan.routes])
+        self._base = build_state(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
         self._loss = loss_of(self._problem)
         self._repairs = build_empty_repairs(self._problem, len(plan.routes))
@@ -169,16 +168,6 @@ def timing_of(instance: Instance) -> LossTiming:
     )
 
 
-def base_of(problem: Problem, routes: Sequence[Sequence[int]]) -> State:
-    """Return the state of routes as they are, budgets or not."""
-    state = build_empty_state(problem)
-    for route, visits in enumerate(routes):
-        state.visits[route, : len(visits)] = visits
-        state.lengths[route] = len(visits)
-        measure(problem, state, route)
-    return state
-
-
 def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
     """Return when the visits of a measured state end."""
     clock = LossClock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
@@ -230,7 +219,4 @@ def _build_reduced_plan(routes: list[list[int]], lost: int) -> Plan:
     """Return new routes as a plan in the numbering of the reduced instance."""
     number = {opened: place for place, opened in enumerate(sorted(segment_of(v) for visits in routes for v in visits))}
     survivors = [visits for vehicle, visits in enumerate(routes) if vehicle != lost]
-    return Plan(tuple(
-        Route(place, tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits))
-        for place, visits in enumerate(survivors)
-    ))  # fmt: skip
+    return Plan(tuple(Route(place, renumber_visits(visits, number)) for place, visits in enumerate(survivors)))

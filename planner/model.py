@@ -7,6 +7,7 @@ segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,11 @@ def segment_of(visit: int) -> int:
 def is_reversed(visit: int) -> bool:
     """Return whether ``visit`` is flown from the segment's b to its a."""
     return bool(visit & 1)
+
+
+def renumber_visits(visits: Iterable[int], number: Mapping[int, int] | Sequence[int]) -> tuple[int, ...]:
+    """Return visits with the ``number`` of each of their segments instead of it."""
+    return tuple(visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in visits)
 
 
 @dataclass(frozen=True, slots=True)

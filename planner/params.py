@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 from planner.errors import ParamsError
 
@@ -83,21 +83,30 @@ def _read_ways(value: object) -> tuple[tuple[float, float], ...] | None:
     return tuple(ways)
 
 
-def _check(part: DataclassInstance) -> None:
-    """Take each field as its rule says."""
-    for one in fields(part):
-        rule: _Rule = one.metadata["rule"]
-        value = getattr(part, one.name)
-        taken = rule.taken(value)
-        if taken is None:
-            raise ParamsError(f"{one.name}: expected {rule.expected}, got {_format_value(value)}")
-        object.__setattr__(part, one.name, taken)  # frozen, and not yet anybody's
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A part of the parameters, checked when it is made."""
 
+    ASCENDING: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Fields of which the first must not be more than the second."""
 
-def _check_ascending(part: DataclassInstance, lower: str, upper: str) -> None:
-    low, high = getattr(part, lower), getattr(part, upper)
-    if low > high:
-        raise ParamsError(f"{lower}: expected at most {upper}, {high}, got {low}")
+    def __post_init__(self) -> None:
+        """Take each field as its rule says.
+
+        Raises:
+            ParamsError: one line that names the field and what was expected.
+        """
+        for one in fields(self):
+            rule: _Rule = one.metadata["rule"]
+            value = getattr(self, one.name)
+            taken = rule.taken(value)
+            if taken is None:
+                raise ParamsError(f"{one.name}: expected {rule.expected}, got {_format_value(value)}")
+            object.__setattr__(self, one.name, taken)  # frozen, and not yet anybody's
+        for lower, upper in self.ASCENDING:
+            low, high = getattr(self, lower), getattr(self, upper)
+            if low > high:
+                raise ParamsError(f"{lower}: expected at most {upper}, {high}, got {low}")
 
 
 def _format_value(value: object) -> str:
@@ -106,7 +115,7 @@ def _format_value(value: object) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class AnnealingParams:
+class AnnealingParams(_Part):
     """The search of up to ``LargeParams.above`` segments, and of each region of larger instances."""
 
     batch: int = _declare_whole(500)
@@ -136,14 +145,11 @@ class AnnealingParams:
     """The p of the p-norm that stands for MinMax, one for each stage of an annealing: a low p sees the second largest
     route too, a high one hardly anything but the largest."""
 
-    def __post_init__(self) -> None:
-        """Check all fields."""
-        _check(self)
-        _check_ascending(self, "cold", "hot")
+    ASCENDING = (("cold", "hot"),)
 
 
 @dataclass(frozen=True, slots=True)
-class LargeParams:
+class LargeParams(_Part):
     """The search of larger instances, region by region."""
 
     above: int = _declare_whole(500, least=0)
@@ -158,25 +164,17 @@ class LargeParams:
     hot: float = _declare_real(0.5)
     """Temperature at the begin of a spell, in mean transits. A low one keeps most of the plan."""
 
-    def __post_init__(self) -> None:
-        """Check all fields."""
-        _check(self)
-
 
 @dataclass(frozen=True, slots=True)
-class ExactParams:
+class ExactParams(_Part):
     """The proof of the best plan."""
 
     search_iterations: int = _declare_whole(3_000, least=0)
     """Iterations of the search for the plan that bounds the cost from above. A better plan leaves fewer columns."""
 
-    def __post_init__(self) -> None:
-        """Check all fields."""
-        _check(self)
-
 
 @dataclass(frozen=True, slots=True)
-class WindowSearchParams:
+class WindowSearchParams(_Part):
     """The search for the largest re-plan window: plans to begin with, then walks on the window itself."""
 
     minmax_searches: int = _declare_whole(2, most=1_000)
@@ -233,12 +231,7 @@ class WindowSearchParams:
     front_round: int = _declare_whole(150_000)
     """Iterations for each stretch in the first round of ``front``; each further round has half as many again."""
 
-    def __post_init__(self) -> None:
-        """Check all fields."""
-        _check(self)
-        _check_ascending(self, "cold", "hot")
-        _check_ascending(self, "cycle", "longest_cycle")
-        _check_ascending(self, "last_step", "first_step")
+    ASCENDING = (("cold", "hot"), ("cycle", "longest_cycle"), ("last_step", "first_step"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,10 +294,10 @@ DEFAULT_PARAMS = SearchParams()
 """What every search uses that is not told otherwise."""
 
 
-_Part = TypeVar("_Part", bound="DataclassInstance")
+_PartT = TypeVar("_PartT", bound=_Part)
 
 
-def _read_part(kind: type[_Part], content: Mapping[str, Any], name: str) -> _Part:
+def _read_part(kind: type[_PartT], content: Mapping[str, Any], name: str) -> _PartT:
     table = content.get(name, {})
     if not isinstance(table, Mapping):
         raise ParamsError(f"{name}: expected a table, got {_format_value(table)}")

@@ -39,23 +39,6 @@ class ParetoPlan:
     """Its ``earliest_s`` is the third figure."""
 
 
-@dataclass(slots=True)
-class _SharedStopRule:
-    """The stop rule over several searches: it is asked with the iterations of all of them."""
-
-    stop: StopRule
-    watch: Stopwatch
-    done: int = 0
-    """Iterations of the searches that have ended."""
-    over: bool = False
-
-    def __call__(self, progress: Progress) -> StopVerdict:
-        """Ask the rule."""
-        verdict = self.stop(replace(progress, iterations=self.done + progress.iterations, seconds=self.watch.seconds))
-        self.over = self.over or verdict.allowed <= 0
-        return verdict
-
-
 def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     instance: Instance,
     *,
@@ -90,28 +73,32 @@ def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search,
     if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")
     # Only here, as in solve.py: it loads numba.
-    from planner.robust_search import OuterStopRule, RobustSearch, plan_from_routes
+    from planner.robust_search import RobustSearch, plan_from_routes
 
-    shared = _SharedStopRule(stop, Stopwatch())
+    watch, done, over = Stopwatch(), 0, False
+
+    def ask_over_all(progress: Progress) -> StopVerdict:
+        """Ask the stop rule with the iterations of all searches."""
+        nonlocal over
+        verdict = stop(replace(progress, iterations=done + progress.iterations))
+        over = over or verdict.allowed <= 0
+        return verdict
+
     plans: dict[Plan, None] = {}
     length = params.window.front_round
     number = 0
     full = False
-    while not (shared.over or full):
+    while not (over or full):
         full = number > 0
         for stretch in sorted(stretches):
-            outer = OuterStopRule(
-                add_progress_report(combine_stop_rules(Iterations(length), shared), on_progress), shared.watch
-            )
             search = RobustSearch(
-                instance, outer, seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts,
-                fly_again=fly_again, params=params,
+                instance, add_progress_report(combine_stop_rules(Iterations(length), ask_over_all), on_progress), watch,
+                seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params,
             )  # fmt: skip
-            search.run(stretch=stretch, longest_s=None, initial=tuple(plans))
-            shared.done += outer.iterations
-            full = full and outer.earliest_s <= 0
+            done += search.run(stretch=stretch, longest_s=None, initial=tuple(plans)).iterations
+            full = full and search.earliest_s <= 0
             plans.update(dict.fromkeys(plan_from_routes(found.routes) for found in search.archive))
-            if shared.over:
+            if over:
                 break
         length += length // 2
         number += 1

@@ -210,7 +210,6 @@ def _solve_program(
         (problem.lower, problem.upper),
         (np.searchsorted(where, np.arange(len(columns) + 1)), rows, matrix[where, rows]),
         whole=[kind != PEAK for kind in problem.kind[columns]] if integer else (),
-        by_columns=True,
     )
 
     def on_event(event: highspy.highs.HighsCallbackEvent) -> None:

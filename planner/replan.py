@@ -18,7 +18,7 @@ from planner.cost import Cost
 from planner.decomposition import part_of
 from planner.errors import PlanError
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
-from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, Vehicle, is_reversed, renumber_visits, segment_of, visit_of
 from planner.moves import FloatArray
 from planner.result import Result
 from planner.solve import check_tails, solve
@@ -101,11 +101,10 @@ def build_remaining_problem(
         if survivor.finishing is not None:
             settled.add(segment_of(survivor.finishing))
     open_segments = tuple(segment for segment in range(instance.segments) if segment not in settled)
-    reduced = _reduce_instance(instance, survivors, open_segments)
+    starts = [build_survivor_start(instance, survivor) for survivor in survivors]
+    reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)
     number = {segment: place for place, segment in enumerate(open_segments)}
-    tails = [
-        [visit_of(number[segment_of(visit)], is_reversed(visit)) for visit in survivor.tail] for survivor in survivors
-    ]
+    tails = [renumber_visits(survivor.tail, number) for survivor in survivors]
     return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
 
 
@@ -163,23 +162,9 @@ def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again:
     return FreeVehicle(route.vehicle, completed, None, (), free_s, spent, left)
 
 
-def _reduce_instance(instance: Instance, survivors: Sequence[FreeVehicle], open_segments: Sequence[int]) -> Instance:
-    visits = [visit_of(segment, reverse) for segment in open_segments for reverse in (False, True)]
-    fleet = [survivor.vehicle for survivor in survivors]
-    starts = [_build_survivor_start(instance, survivor) for survivor in survivors]
-    return replace(
-        part_of(instance, fleet, open_segments),
-        vehicles=tuple(start.vehicle for start in starts),
-        start_s=np.array([start.row_s[visits] for start in starts]),
-        idle_s=np.array([start.idle_s for start in starts]),
-        start_pct=np.array([start.row_pct[visits] for start in starts]),
-        idle_pct=np.array([start.idle_pct for start in starts]),
-    )
-
-
 @dataclass(frozen=True, slots=True)
-class _SurvivorStart:
-    """Where a survivor starts: its vehicle, its rows over all original visits, its way home from there."""
+class RouteStart:
+    """Where a vehicle's route starts: the vehicle, its rows over all original visits, its way home from there."""
 
     vehicle: Vehicle
     row_s: FloatArray
@@ -188,7 +173,23 @@ class _SurvivorStart:
     idle_pct: float
 
 
-def _build_survivor_start(instance: Instance, survivor: FreeVehicle) -> _SurvivorStart:
+def reduce_instance(
+    instance: Instance, fleet: Sequence[int], segments: Sequence[int], starts: Sequence[RouteStart]
+) -> Instance:
+    """Return some vehicles and segments of an instance, each vehicle with a start of its own."""
+    visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
+    return replace(
+        part_of(instance, fleet, segments),
+        vehicles=tuple(start.vehicle for start in starts),
+        start_s=np.array([start.row_s[visits] for start in starts]),
+        idle_s=np.array([start.idle_s for start in starts]),
+        start_pct=np.array([start.row_pct[visits] for start in starts]),
+        idle_pct=np.array([start.idle_pct for start in starts]),
+    )
+
+
+def build_survivor_start(instance: Instance, survivor: FreeVehicle) -> RouteStart:
+    """Return where a survivor's next route starts: from the end of a visit, its own start or the landing place."""
     number, visit = survivor.vehicle, survivor.finishing
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
@@ -197,7 +198,7 @@ def _build_survivor_start(instance: Instance, survivor: FreeVehicle) -> _Survivo
         east_along_m, north_along_m = (
             float(along) for along in (instance.end_m[visit] - instance.end_m[visit ^ 1])[:2]
         )
-        return _SurvivorStart(
+        return RouteStart(
             replace(
                 vehicle,
                 start_m=(east_m, north_m),
@@ -211,8 +212,8 @@ def _build_survivor_start(instance: Instance, survivor: FreeVehicle) -> _Survivo
             float(instance.home_pct[number, visit]),
         )
     if not survivor.completed and not vehicle.airborne:
-        return _SurvivorStart(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
-    return _SurvivorStart(
+        return RouteStart(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
+    return RouteStart(
         replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, facing_m=(0.0, 0.0), airborne=False),
         instance.depot_s[number],
         vehicle.consumption * instance.depot_pct[number],

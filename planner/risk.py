@@ -78,6 +78,8 @@ class FlightChunk:
 
     flights: int
     seed: np.random.SeedSequence
+    first: int = 0
+    """The number of the first of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,9 +173,11 @@ def split_flights(flights: int, seed: int, *, per_chunk: int = FLIGHTS_PER_CHUNK
     """
     if flights < 1:
         raise InstanceError(f"flights is {flights}, expected one or more")
-    sizes = [min(per_chunk, flights - first) for first in range(0, flights, per_chunk)]
-    seeds = np.random.SeedSequence(seed).spawn(len(sizes))
-    return tuple(FlightChunk(size, own) for size, own in zip(sizes, seeds, strict=True))
+    firsts = range(0, flights, per_chunk)
+    seeds = np.random.SeedSequence(seed).spawn(len(firsts))
+    return tuple(
+        FlightChunk(min(per_chunk, flights - first), own, first) for first, own in zip(firsts, seeds, strict=True)
+    )
 
 
 def simulate_chunk(campaign: RiskCampaign, chunk: FlightChunk) -> tuple[ChunkTally, ...]:
@@ -201,7 +205,7 @@ def estimate_risks(campaign: RiskCampaign, tallies: Sequence[Sequence[ChunkTally
 def estimate_probability(successes: int, flights: int) -> ProbabilityEstimate:
     """Return a share with its 95 % interval (Wilson 1927), which also holds for shares near 0 and 1.
 
-    >>> wilson(10, 10).low
+    >>> estimate_probability(10, 10).low
     0.7224672001371107
     """
     share, square = successes / flights, Z_95 * Z_95 / flights

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.construct import build_random_state, copy_of, problem_of
+from planner.construct import build_random_state, build_state, copy_of, plan_of, problem_of
 from planner.cost import Cost
 from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
@@ -27,9 +27,10 @@ from planner.kernels.robust_walk import (
 )
 from planner.kernels.tours import measure
 from planner.kernels.window_scan import Repairs
-from planner.loss_scan import base_of, build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
+from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.search import Search, Standing, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
 from planner.window import WindowResult, replan_window
@@ -79,47 +80,14 @@ class Walker:
     """What it has found since that was last gathered."""
 
 
-@dataclass(slots=True)
-class OuterStopRule:
-    """The stop rule of the whole search, as the searches inside ask it."""
-
-    stop: StopRule
-    watch: Stopwatch
-    earliest_s: float = math.inf
-    iterations: int = 0
-    """Done before the search inside began."""
-    improved_at: int = 0
-    reason: str = ""
-
-    def __call__(self, progress: Progress) -> StopVerdict:
-        """Ask the outer rule, with all iterations so far."""
-        iterations = self.iterations + progress.iterations
-        known = math.isfinite(self.earliest_s)
-        verdict = self.stop(Progress(
-            iterations=iterations,
-            since_improvement=iterations - self.improved_at if known else 0,
-            seconds=self.watch.seconds,
-            value=self.earliest_s,
-            uncovered=0 if known else progress.uncovered,
-            feasible=known,
-            impossible=progress.impossible,
-        ))  # fmt: skip
-        if verdict.allowed <= 0:
-            self.reason = verdict.reason
-        return verdict
-
-    def check_now(self) -> StopVerdict:
-        """Ask it from where nothing else counts."""
-        return self(Progress(0, 0, 0.0, 0.0, 1, feasible=False, impossible=False))
-
-
-class RobustSearch:
+class RobustSearch(Search):
     """One search; ``run`` is all that there is to call."""
 
     def __init__(
         self,
         instance: Instance,
-        outer: OuterStopRule,
+        stop: StopRule,
+        watch: Stopwatch,
         *,
         seed: int,
         all_vehicles: bool,
@@ -127,8 +95,10 @@ class RobustSearch:
         fly_again: bool,
         params: SearchParams = DEFAULT_PARAMS,
     ) -> None:
+        super().__init__(watch, batch=params.window.batch, starts=max(1, starts))
         self._instance = instance
-        self._outer = outer
+        self._stop = stop
+        self._reason = ""
         self._seed = seed
         self._all_vehicles = all_vehicles
         self._starts = max(1, starts)
@@ -141,6 +111,9 @@ class RobustSearch:
         self._longest_s = 0.0
         self._rate = 0.0
         self._others = 0
+        self._walkers: list[Walker] = []
+        self.earliest_s = math.inf
+        """The earliest begin of a window so far."""
         self._looker = self._build_walker(seed, FoundPlan((), math.inf))
         self.archive: list[FoundPlan] = []
         """All complete plans looked at, and those that were the best when a walk found them."""
@@ -163,8 +136,32 @@ class RobustSearch:
             for plan in plans:
                 self._archive_plan(plan)
         if self.archive:
-            self._walk()
-        return self._build_result(plans)
+            self._place_walkers()
+            self._reason = self._run_rounds(self._allow_walk)
+        return self._choose_result(plans)
+
+    def _ask(self, progress: Progress) -> StopVerdict:
+        """Ask the stop rule from a search for a plan to begin with, with all iterations so far."""
+        own, known = self._build_progress(), math.isfinite(self.earliest_s)
+        verdict = self._stop(replace(
+            own, iterations=own.iterations + progress.iterations, impossible=progress.impossible,
+            since_improvement=own.since_improvement + progress.iterations if known else 0,
+            uncovered=0 if known else progress.uncovered,
+        ))  # fmt: skip
+        if verdict.allowed <= 0:
+            self._reason = verdict.reason
+        return verdict
+
+    def _allow_walk(self, progress: Progress) -> StopVerdict:
+        """Ask the stop rule between rounds of the walks, which all do the same number of iterations."""
+        if self.earliest_s <= 0:
+            return StopVerdict(0, "full window")
+        verdict = self._stop(progress)
+        return replace(verdict, allowed=verdict.allowed // self._starts * self._starts)
+
+    def _rate_best(self) -> Standing:
+        known = math.isfinite(self.earliest_s)
+        return Standing(self.earliest_s, 0 if known else 1, known)
 
     def _measure_flight_power(self, minmax: Plan) -> None:
         """Take from the best MinMax plan how much energy a second of flight costs."""
@@ -185,7 +182,7 @@ class RobustSearch:
 
     def _solve_limited(self, instance: Instance, cost: Cost, number: int, iterations: int) -> Plan:
         share = min(1.0, instance.segments / self._params.full_effort_from)
-        stop = combine_stop_rules(Iterations(int(share * iterations)), self._outer)
+        stop = combine_stop_rules(Iterations(int(share * iterations)), self._ask)
         result = solve(
             instance,
             cost=cost,
@@ -194,7 +191,7 @@ class RobustSearch:
             all_vehicles=self._all_vehicles,
             params=self._plans_params,
         )
-        self._outer.iterations += result.iterations
+        self._iterations += result.iterations
         return result.plan
 
     def _route_s(self, plan: Plan) -> float:
@@ -230,26 +227,23 @@ class RobustSearch:
     def _archive_found(self, found: FoundPlan) -> None:
         if math.isfinite(found.earliest_s):
             self.archive.append(found)
-            if found.earliest_s < self._outer.earliest_s:
-                self._outer.earliest_s = found.earliest_s
-                self._outer.improved_at = self._outer.iterations
+            if found.earliest_s < self.earliest_s:
+                self.earliest_s = found.earliest_s
+                self._improved_at = self._iterations
 
-    def _walk(self) -> None:
-        """Walk from the best plans, side by side, until the stop rule ends it or the window is full."""
+    def _place_walkers(self) -> None:
+        """Have walks begin from the best plans."""
         elite = sorted(self.archive, key=lambda found: found.earliest_s)
-        walkers = [
+        self._walkers = [
             self._build_walker(self._seed + 1_000 + number, elite[number % len(elite)])
             for number in range(self._starts)
         ]
-        with ThreadPoolExecutor(self._starts) as threads:
-            while self._outer.earliest_s > 0:
-                allowed = self._outer.check_now().allowed // self._starts
-                if allowed <= 0:
-                    break
-                batch = min(self._params.batch, allowed)
-                list(threads.map(self._advance, walkers, [batch] * len(walkers)))
-                self._outer.iterations += batch * len(walkers)
-                self._gather(walkers)
+
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
+        """Walk side by side."""
+        run_in_threads(threads, self._walk, self._walkers, [iterations // self._starts] * self._starts)
+        self._iterations += iterations
+        self._gather(self._walkers)
 
     def _gather(self, walkers: Sequence[Walker]) -> None:
         """Enter what the walks have found; those that long found nothing aim at the best of all, from elsewhere."""
@@ -270,7 +264,7 @@ class RobustSearch:
 
     def _build_walker(self, seed: int, best: FoundPlan) -> Walker:
         fleet = len(self._instance.vehicles)
-        base = base_of(self._problem, [()] * fleet)
+        base = build_state(self._problem, [()] * fleet)
         return Walker(
             here=self._build_walk(base), there=self._build_walk(copy_of(base)), loss=loss_of(self._problem),
             desk=workspace_of(base), own=workspace_of(base), full=build_empty_repairs(self._problem, fleet),
@@ -305,7 +299,7 @@ class RobustSearch:
             walker.full, walker.desk, self._params.look, walker.rng,
         )  # fmt: skip
 
-    def _advance(self, walker: Walker, iterations: int) -> None:
+    def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0 and not walker.waits:
             if walker.left <= 0:
                 self._begin_cycle(walker)
@@ -386,10 +380,7 @@ class RobustSearch:
         """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
         earliest_s, broken_s = self._find_window_begin(walker)
         if earliest_s < walker.best.earliest_s:
-            base = walker.here.base
-            routes = tuple(
-                tuple(int(visit) for visit in base.visits[route, :length]) for route, length in enumerate(base.lengths)
-            )
+            routes = tuple(route.visits for route in plan_of(walker.here.base).routes)
             walker.best = walker.start = FoundPlan(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(self._params.first_step, 1.5 * walker.step)
@@ -403,22 +394,21 @@ class RobustSearch:
             walker.probes_s[1] = broken_s
         self._aim(walker)
 
-    def _build_result(self, plans: Sequence[Plan]) -> WindowResult:
-        outer, fly_again = self._outer, self._fly_again
+    def _choose_result(self, plans: Sequence[Plan]) -> WindowResult:
         best = sorted(self.archive, key=lambda found: found.earliest_s)[: self._params.finalists]
         candidates = [plan_from_routes(found.routes) for found in best] or [
             min(plans, key=lambda plan: (len(plan.uncovered), self._route_s(plan)))
         ]
-        windows = [replan_window(self._instance, plan, fly_again=fly_again) for plan in candidates]
+        windows = [replan_window(self._instance, plan, fly_again=self._fly_again) for plan in candidates]
         chosen = min(range(len(windows)), key=lambda number: windows[number].earliest_s)
         return WindowResult(
             plan=candidates[chosen],
             window=windows[chosen],
             evaluation=evaluate(self._instance, candidates[chosen], Cost.MINMAX),
             feasible=bool(best),
-            iterations=outer.iterations,
-            seconds=outer.watch.seconds,
-            stopped_by=outer.reason or "full window",
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by=self._reason or "full window",
         )
 
 

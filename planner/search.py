@@ -1,43 +1,95 @@
-"""The improvement loop around the annealing kernel: cycles, batches, the stop rule, starts side by side.
+"""The loop of every search: the stop rule, rounds, and cycles of annealing with starts side by side.
 
 Annealing needs to know its length beforehand and a stop rule does not tell. So it runs in cycles of growing length,
 each starting from the best plan so far: whenever the search is stopped, a good part of the work has gone into one
 cycle. Several starts run the same cycle in threads and wait for each other at its end, so that the seed, the number of
 starts and of iterations decide the plan, however the threads take turns.
-
-While the best plan leaves something out, every second cycle is soft: it may pass through routes beyond their budgets.
-Where budgets just suffice that finds the complete plan five times as often; where they do not it finds nothing, so
-the hard cycles between choose what to leave out.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
 
-from planner.bounds import explain_infeasibility
-from planner.construct import (
-    build_guide_weights,
-    build_random_state,
-    build_true_weights,
-    insert_open_segments,
-    plan_of,
-    problem_of,
-    state_of,
-)
-from planner.cost import Cost
-from planner.evaluate import Evaluation, evaluate
-from planner.kernels.arrays import Problem, State, Weights
-from planner.model import Instance, Plan
-from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.evaluate import Evaluation
+from planner.model import Plan
 from planner.result import Result
-from planner.search_rounds import run_in_threads, run_rounds
-from planner.search_start import SearchStart
 from planner.stop_rules import Progress, StopRule, Stopwatch
+
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, slots=True)
-class _Cycle:
+class Standing:
+    """How good the best plan is, in the words of ``Progress``."""
+
+    value: float
+    uncovered: int
+    feasible: bool
+
+
+class Search(ABC):
+    """One search, from a first plan to the best found: it asks the stop rule, counts, and says where it stands."""
+
+    def __init__(self, watch: Stopwatch, *, batch: int, starts: int = 1, impossible: str | None = None) -> None:
+        self._watch = watch
+        self._batch = batch * starts
+        """Iterations between two questions to the stop rule, at most."""
+        self._threads = starts
+        self._impossible = impossible
+        self._iterations = 0
+        self._improved_at = 0
+
+    @abstractmethod
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
+        """Run ``iterations``, and count them."""
+
+    @abstractmethod
+    def _rate_best(self) -> Standing:
+        """Return how good the best plan is."""
+
+    def _run_rounds(self, stop: StopRule) -> str:
+        """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
+        with ThreadPoolExecutor(self._threads) if self._threads > 1 else nullcontext() as threads:
+            while (verdict := stop(self._build_progress())).allowed > 0:
+                self._advance(min(self._batch, verdict.allowed), threads)
+        return verdict.reason
+
+    def _build_progress(self) -> Progress:
+        best = self._rate_best()
+        return Progress(
+            iterations=self._iterations,
+            since_improvement=max(0, self._iterations - self._improved_at),
+            seconds=self._watch.seconds,
+            value=best.value,
+            uncovered=best.uncovered,
+            feasible=best.feasible,
+            impossible=self._impossible is not None,
+        )
+
+    def _build_result(self, plan: Plan, evaluation: Evaluation, stopped_by: str) -> Result:
+        return Result(
+            plan=plan,
+            evaluation=evaluation,
+            feasible=self._rate_best().feasible,
+            iterations=self._iterations,
+            seconds=self._watch.seconds,
+            stopped_by=stopped_by,
+            impossible=self._impossible,
+        )
+
+
+def run_in_threads(threads: Executor | None, work: Callable[..., R], *of_each: Iterable[object]) -> list[R]:
+    """Return what comes of all that is to be done, in threads where there are any."""
+    return list((map if threads is None else threads.map)(work, *of_each))
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
     """One annealing from hot to cold, the same for all starts."""
 
     length: int
@@ -45,122 +97,68 @@ class _Cycle:
     """The temperature at the begin."""
     cold: float
     """At the end."""
-    scale: float
-    """The largest load at the begin."""
-    soft: bool
-    """Whether routes may go beyond their budgets on the way."""
-    powers: tuple[float, ...]
-    """The p-norm's p in each stage."""
+    stages: int = 1
+    """Parts of the same length."""
 
     @property
     def cooling(self) -> float:
         """Factor on the temperature after each iteration."""
         return float((self.cold / self.hot) ** (1 / self.length))
 
-    def power(self, done: int) -> float:
-        """Return the p-norm's p at this point."""
-        return self.powers[done * len(self.powers) // self.length]
+    def stage(self, done: int) -> int:
+        """Return the stage at this point, the last one at the end."""
+        return min(done * self.stages // self.length, self.stages - 1)
 
     def stage_iterations(self, done: int) -> int:
-        """Return the iterations until the power changes or the cycle ends, 0 at its end."""
-        stages = len(self.powers)
-        stage = min(done * stages // self.length, stages - 1)
-        return -(-(stage + 1) * self.length // stages) - done
+        """Return the iterations until the stage ends, 0 at the end of the cycle."""
+        return -(-(self.stage(done) + 1) * self.length // self.stages) - done
 
 
-class Search:
-    """One search, from a first plan to the best found; ``run`` is all that there is to call."""
+class Start(Protocol):
+    """One of the walks of a search; they share nothing that changes, so each may run in a thread of its own."""
 
-    def __init__(
-        self,
-        instance: Instance,
-        *,
-        cost: Cost,
-        seed: int,
-        initial: Plan | None,
-        all_vehicles: bool,
-        watch: Stopwatch,
-        starts: int = 1,
-        params: SearchParams = DEFAULT_PARAMS,
-    ) -> None:
-        self._impossible = explain_infeasibility(instance)
-        self._instance = instance
-        self._cost = cost
-        self._all_vehicles = all_vehicles
-        self._watch = watch
-        self._params = params.annealing
-        self._problem: Problem = problem_of(instance)
-        self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
-        truth = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)
-        first = self._build_first_state(initial)
-        self._starts = [
-            SearchStart(self._problem, truth, first, build_random_state(seed + number)) for number in range(starts)
-        ]
-        self._leader = self._starts[0]
-        self._iterations = 0
-        self._improved_at = 0
-        soft = self._may_be_soft()
-        self._begin(self._params.first_cycle_leaving_out if soft else self._params.first_cycle, soft=soft)
+    done: int
+    """Iterations of the cycle under way."""
+
+    @property
+    def rank(self) -> list[float]:
+        """Of the best plan that it found: less is better, the first figure that differs decides."""
+        ...
+
+    def begin(self, leader: Self, temperature: float) -> None:
+        """Begin a cycle from the best plan of ``leader``."""
+        ...
+
+
+StartT = TypeVar("StartT", bound=Start)
+
+
+class AnnealingSearch(Search, Generic[StartT]):
+    """A search in cycles of annealing."""
+
+    def __init__(self, starts: Sequence[StartT], watch: Stopwatch, *, batch: int, impossible: str | None) -> None:
+        super().__init__(watch, batch=batch, starts=len(starts), impossible=impossible)
+        self._starts = starts
+        self._leader = starts[0]
+        self._begin_cycle(None)
         self._publish()
 
-    def run(self, stop: StopRule) -> Result:
-        """Improve until ``stop`` says so."""
-        batch = self._params.batch * len(self._starts)
-        reason = run_rounds(
-            stop,
-            self._build_progress,
-            lambda most, threads: self._advance(min(batch, most), threads),
-            len(self._starts),
-        )
-        return Result(
-            plan=self._plan,
-            evaluation=self._evaluation,
-            feasible=self._build_progress().feasible,
-            iterations=self._iterations,
-            seconds=self._watch.seconds,
-            stopped_by=reason,
-            impossible=self._impossible,
-        )
+    @abstractmethod
+    def _build_cycle(self, before: Cycle | None) -> Cycle:
+        """Return the cycle that follows another one, from the leader's best plan; the first one follows none."""
 
-    def _build_first_state(self, initial: Plan | None) -> State:
-        routes = [route.visits for route in initial.routes] if initial is not None else []
-        state = state_of(self._problem, routes)
-        weights = self._build_weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
-        insert_open_segments(self._problem, weights, state)
-        return state
+    @abstractmethod
+    def _improve(self, start: StartT, iterations: int) -> int:
+        """Run iterations of one start within a stage; return the last that found a new best, from 1, or 0."""
 
-    def _build_weights(self, scale: float, power: float, *, soft: bool) -> Weights:
-        return build_guide_weights(
-            self._problem, self._cost, self._params,
-            scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft,
-        )  # fmt: skip
+    def _publish(self) -> None:
+        """Take the leader's best plan for that of the search."""
+        self._best_rank = self._leader.rank
 
-    def _may_be_soft(self) -> bool:
-        return self._impossible is None and bool((self._leader.best.route_of < 0).any())
-
-    def _begin(self, length: int, *, soft: bool) -> None:
-        best = self._leader.best
-        transit = self._mean_transit(best)
-        params = self._params
-        self._cycle = _Cycle(
-            length, params.hot * transit, params.cold * transit, float(best.loads.max()), soft, params.powers
-        )
+    def _begin_cycle(self, before: Cycle | None) -> None:
+        self._cycle = self._build_cycle(before)
         for start in self._starts:
             start.begin(self._leader, self._cycle.hot)
-
-    def _begin_next_cycle(self) -> None:
-        """Begin the next cycle, twice as long; after a soft one a hard one of its length."""
-        if self._cycle.soft:
-            self._begin(self._cycle.length, soft=False)
-        else:
-            self._begin(2 * self._cycle.length, soft=self._may_be_soft())
-
-    def _mean_transit(self, best: State) -> float:
-        """Return the mean energy that the best plan spends from visit to visit, inspections not counted."""
-        covered = best.route_of >= 0
-        moves = int(covered.sum()) + int((best.lengths > 0).sum())
-        transit = float(best.loads.sum() - self._inspections[covered].sum()) / max(1, moves)
-        return max(transit, 1e-6 * float(self._problem.effort.max()), 1e-9)
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:
         """Run ``iterations`` over all starts; how they are split over calls makes no difference to a single one."""
@@ -169,45 +167,29 @@ class Search:
 
     def _run_round(self, iterations: int, threads: Executor | None) -> int:
         """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
-        shares: list[tuple[SearchStart, Weights, int]] = []
-        given = 0
+        going: list[StartT] = []
+        shares: list[int] = []
         for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
-            fair = -(-(iterations - given) // (len(self._starts) - number))
+            fair = -(-(iterations - sum(shares)) // (len(self._starts) - number))
             share = min(fair, self._cycle.stage_iterations(start.done))
             if share > 0:
-                power = self._cycle.power(start.done)
-                shares.append((start, self._build_weights(self._cycle.scale, power, soft=self._cycle.soft), share))
-                given += share
-        cooling = self._cycle.cooling
-        found = run_in_threads(threads, lambda work: work[0].run(work[1], cooling, work[2]), shares)
+                going.append(start)
+                shares.append(share)
+        found = run_in_threads(threads, self._improve, going, shares)
+        for start, share in zip(going, shares, strict=True):
+            start.done += share
         self._take_best(max(found))
-        self._iterations += given
+        self._iterations += sum(shares)
         if all(start.done == self._cycle.length for start in self._starts):
-            self._begin_next_cycle()
-        return given
+            self._begin_cycle(self._cycle)
+        return sum(shares)
 
     def _take_best(self, latest: int) -> None:
         """Publish the best start's plan if one improved, in the iteration ``latest`` of its round at the latest."""
         if latest == 0:
             return
-        leader = min(self._starts, key=lambda start: start.key.tolist())
-        if leader.key.tolist() < self._best_key:
+        leader = min(self._starts, key=lambda start: start.rank)
+        if leader.rank < self._best_rank:
             self._leader = leader
             self._improved_at = self._iterations + latest * len(self._starts)
             self._publish()
-
-    def _publish(self) -> None:
-        self._best_key: list[float] = self._leader.key.tolist()
-        self._plan = plan_of(self._leader.best)
-        self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
-
-    def _build_progress(self) -> Progress:
-        return Progress(
-            iterations=self._iterations,
-            since_improvement=max(0, self._iterations - self._improved_at),
-            seconds=self._watch.seconds,
-            value=self._evaluation.value,
-            uncovered=len(self._plan.uncovered),
-            feasible=not self._plan.uncovered and not self._evaluation.violations,
-            impossible=self._impossible is not None,
-        )

@@ -56,10 +56,10 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
         return _build_empty_result(instance, cost)
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
     from planner.large import LargeSearch
-    from planner.search import Search
+    from planner.plan_search import PlanSearch
 
     watch = Stopwatch()
-    search = (LargeSearch if instance.segments > params.large.above else Search)(
+    search = (LargeSearch if instance.segments > params.large.above else PlanSearch)(
         instance, cost=cost, seed=seed, initial=initial, all_vehicles=all_vehicles, watch=watch, starts=starts,
         params=params,
     )  # fmt: skip

@@ -61,10 +61,10 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     for plan in initial:
         check_tails(instance, [route.visits for route in plan.routes])
     # Only here, as in solve.py: it loads numba.
-    from planner.robust_search import OuterStopRule, RobustSearch
+    from planner.robust_search import RobustSearch
 
-    outer = OuterStopRule(add_progress_report(stop, on_progress), Stopwatch())
     search = RobustSearch(
-        instance, outer, seed=seed, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params
-    )
+        instance, add_progress_report(stop, on_progress), Stopwatch(), seed=seed, all_vehicles=all_vehicles,
+        starts=starts, fly_again=fly_again, params=params,
+    )  # fmt: skip
     return search.run(stretch=stretch, longest_s=longest_s, initial=initial)

@@ -30,8 +30,6 @@ MANNERS = AirframeSettings(LIMITS, spool_s=3.0, disarm_landed_s=2.2)
 SINK_M_S = 2.5
 SILENT_BATTERY_S = 2.0
 """After boot SYS_STATUS says 0 V, -1, -1: no fault."""
-CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 13
-"""Missions in float and int, parameters as floats, COMMAND_INT, MAVLink 2."""
 SENSORS_BOOT = (0x5371FC0F, 0x52419C0F, 0x47519C0F)
 SENSORS_IDLE = (0x5371FC2F, 0x53619C2F, 0x57719C2F)
 SENSORS_ARMED = (0x5371FC2F, 0x5361FC2F, 0x5771FC2F)
@@ -73,12 +71,19 @@ FS_LAND, FS_RTL = 1, frozenset({2, 3, 4})
 class ArduPilot(Autopilot):
     """One vehicle."""
 
+    mission: ArduPilotMission
     STREAMS_S: ClassVar = {"HEARTBEAT": 1.0, "TIMESYNC": 10.0}
     REFUSED: ClassVar = Result.FAILED
-    NO_MESSAGE: ClassVar = Result.FAILED
+    INVALID: ClassVar = Result.FAILED
     ACKNOWLEDGES_FIRST: ClassVar = True
     ON_ITS_BACK: ClassVar = "Arm: Leaning"
     KILLED: ClassVar = "Arm: Motors Emergency Stopped"
+    KILL_SAYS: ClassVar = "RC: Motors Emergency Stopped"
+    WORDS: ClassVar = Mode.__members__
+    FIX: ClassVar = 6
+    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 13
+    """Missions in float and int, parameters as floats, COMMAND_INT, MAVLink 2."""
+    VERSION: ClassVar = (4, 7, 0, DEV)
 
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
@@ -108,7 +113,6 @@ class ArduPilot(Autopilot):
             MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
             MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
             MavCommand.NAV_TAKEOFF: self._take_off,
-            MavCommand.DO_CHANGE_SPEED: self._change_speed,
         }
 
     # Modes.
@@ -133,10 +137,6 @@ class ArduPilot(Autopilot):
         elif self.frame.armed:
             self._enter(Mode(mode))
         return Result.ACCEPTED
-
-    def mode_of(self, word: str) -> int:
-        """Return the number of a mode that a person chooses."""
-        return Mode[word]
 
     def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
@@ -203,13 +203,6 @@ class ArduPilot(Autopilot):
         self.frame.pilot.fly(self.frame.take_off(command.params[6], LIMITS.climb_m_s))
         return Result.ACCEPTED
 
-    def _change_speed(self, command: Command) -> Result:
-        if command.params[1] <= 0:
-            return Result.FAILED
-        self.mission.asked_m_s = command.params[1]
-        self.frame.pilot.change_speed(self.mission.speed_m_s)
-        return Result.ACCEPTED
-
     def _refuse_arming(self) -> str | None:
         if not self.is_ready:
             return "Arm: Need Position Estimate"
@@ -233,12 +226,6 @@ class ArduPilot(Autopilot):
         self.voice.send_text(Severity.INFO, "Disarming motors")
         self._breached = self._outside = False
         self.mission.apply_disarm()
-
-    def _on_stick_input(self) -> None:
-        """Go on: in AUTO the sticks move nothing."""
-
-    def _on_kill(self) -> None:
-        self.voice.send_text(Severity.CRITICAL, "RC: Motors Emergency Stopped")
 
     def _on_breach(self) -> None:
         self._breached, self._breaches = True, self._breaches + 1
@@ -434,24 +421,12 @@ class ArduPilot(Autopilot):
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
                 return telemetry.build_ekf_status(self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT)
-            case "GPS_RAW_INT":
-                fix = 6 if self.is_ready and not self.positioning.without_s(self.now_s) else 1
-                return telemetry.build_gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
                 # The count leaves home out, so it is the last item's number.
                 return build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=max(len(self.store.items) - 1, 0),
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
-            case "AUTOPILOT_VERSION":
-                return telemetry.build_autopilot_version(
-                    capabilities=CAPABILITIES, version=(4, 7, 0, DEV), uid=self.vehicle.sysid
-                )
-            case _:
-                return self._build_rare(name)
-
-    def _build_rare(self, name: str) -> Outbound | None:
-        match name:
             case "WIND":
                 return telemetry.build_wind(self.vehicle.wind_m_s)
             case "FENCE_STATUS":

@@ -36,11 +36,15 @@ from simulator.messages import (
     build_message,
     describe_order,
 )
-from simulator.mission_store import MissionStore, StoreStep
+from simulator.mission_ardupilot import ArduPilotMission
+from simulator.mission_px4 import Px4Mission
+from simulator.mission_store import StoreStep
 from simulator.params import ParamTable, defaults_for
 from simulator.physics import Home, Place
 from simulator.positioning import Positioning
 from simulator.route import mission_length_m
+from simulator.store_ardupilot import ArduPilotStore
+from simulator.store_px4 import Px4Store
 from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
 from simulator.vehicle_outbox import VehicleOutbox
 
@@ -70,16 +74,29 @@ class Autopilot(ABC):
     """What is sent without being asked for, and its interval."""
     REFUSED: ClassVar[Result]
     """The result of arming or disarming that is refused."""
-    NO_MESSAGE: ClassVar[Result]
-    """The result of a request for a message that it does not have."""
+    INVALID: ClassVar[Result]
+    """The result of a request for a message that it does not have, or for a speed of nothing."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
     ON_ITS_BACK: ClassVar[str]
     """Why a wreck is not armed again."""
     KILLED: ClassVar[str]
     """Why it is not armed while its kill switch is on."""
+    KILL_SAYS: ClassVar[str]
+    """What it says when somebody stops its motors."""
+    WORDS: ClassVar[Mapping[str, int]]
+    """Numbers of the modes that a person chooses."""
+    FIX: ClassVar[int]
+    """GPS_FIX_TYPE of its receiver when it knows where it is."""
+    CAPABILITIES: ClassVar[int]
+    """MAV_PROTOCOL_CAPABILITY."""
+    VERSION: ClassVar[tuple[int, int, int, int]]
+    """Three numbers and FIRMWARE_VERSION_TYPE."""
+    mission: ArduPilotMission | Px4Mission
 
-    def __init__(self, vehicle: SimVehicle, manners: AirframeSettings, store: MissionStore, home: Home) -> None:
+    def __init__(
+        self, vehicle: SimVehicle, manners: AirframeSettings, store: ArduPilotStore | Px4Store, home: Home
+    ) -> None:
         self.vehicle = vehicle
         self.home = home
         self.frame = Airframe(vehicle, manners)
@@ -121,12 +138,21 @@ class Autopilot(ABC):
             MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
             MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._handle_reboot_command,
             MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._handle_gimbal_command,
+            MavCommand.DO_CHANGE_SPEED: self._change_speed,
             **self._own_commands(),
         }
-        body = self.frame.body
-        self._builders: Mapping[str, Callable[[], Outbound]] = {
+        self._builders = self._make_common_builders()
+
+    def _make_common_builders(self) -> Mapping[str, Callable[[], Outbound]]:
+        """Return what makes the telemetry that both dialects fill alike, by the message's name."""
+        home, body = self.home, self.frame.body
+        return {
             "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
+            ),
+            "GPS_RAW_INT": lambda: telemetry.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
+            "AUTOPILOT_VERSION": lambda: telemetry.build_autopilot_version(
+                capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
             ),
             "LOCAL_POSITION_NED": lambda: telemetry.build_local_position(body, self.boot_ms),
             "ATTITUDE": lambda: telemetry.build_attitude(body, self.boot_ms),
@@ -164,7 +190,7 @@ class Autopilot(ABC):
         """Follow a person who switches the mode by remote control, and holds the sticks."""
         self.frame.record_event(f"pilot {word}")
         self.hands, self.killed = True, False
-        self.set_mode(self.mode_of(word))
+        self.set_mode(self.WORDS[word])
 
     def drift(self) -> None:
         """Hold the height alone: the air carries it a few metres away."""
@@ -184,7 +210,7 @@ class Autopilot(ABC):
             case InjectionKind.KILL:
                 self.frame.record_event("kill")
                 self.killed = True
-                self._on_kill()
+                self.voice.send_text(Severity.CRITICAL, self.KILL_SAYS)
                 self.frame.kill()
             case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
                 self._apply_ground_handling(kind, value)
@@ -194,7 +220,7 @@ class Autopilot(ABC):
                 self.frame.record_event("failsafe fence")
                 self._on_breach()
             case InjectionKind.EMERGENCY:
-                self._on_emergency(self.mode_of(word or "LAND"))
+                self._on_emergency(self.WORDS[word or "LAND"])
             case InjectionKind.EKF if self.frame.armed:  # disarmed, neither autopilot looks at it
                 self.frame.record_event("failsafe ekf")
                 self._on_lost_estimate()
@@ -237,6 +263,11 @@ class Autopilot(ABC):
     def is_ready(self) -> bool:
         """Whether the vehicle has booted far enough to be armed."""
         return self.now_s - self.boot_s >= self.vehicle.ready_after_s
+
+    @property
+    def gps_fix(self) -> int:
+        """GPS_FIX_TYPE."""
+        return self.FIX if self.is_ready and not self.positioning.without_s(self.now_s) else 1
 
     @property
     def gcs_silence_s(self) -> float | None:
@@ -302,20 +333,8 @@ class Autopilot(ABC):
         """Change the mode, or refuse."""
 
     @abstractmethod
-    def mode_of(self, word: str) -> int:
-        """Return the number of a mode that a person chooses."""
-
-    @abstractmethod
     def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
-
-    @abstractmethod
-    def _on_stick_input(self) -> None:
-        """React to a person who moves the sticks."""
-
-    @abstractmethod
-    def _on_kill(self) -> None:
-        """Say what is said when somebody stops the motors."""
 
     @abstractmethod
     def _on_breach(self) -> None:
@@ -366,12 +385,15 @@ class Autopilot(ABC):
         """React to a heartbeat that counts, just before it is noted."""
 
     @abstractmethod
-    def _is_mission_locked(self) -> bool:
-        """Return whether the mission may not be cleared."""
-
-    @abstractmethod
     def _build_own(self, name: str) -> Outbound | None:
         """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
+
+    def _on_stick_input(self) -> None:  # noqa: B027 - as ArduPilot does on its mission
+        """React to a person who moves the sticks: here they move nothing."""
+
+    def _is_mission_locked(self) -> bool:
+        """Return whether the mission may not be cleared."""
+        return False
 
     # One step.
 
@@ -485,6 +507,13 @@ class Autopilot(ABC):
         self.frame.disarm()
         return Result.ACCEPTED
 
+    def _change_speed(self, command: Command) -> Result:
+        if command.params[1] <= 0:
+            return self.INVALID
+        self.mission.asked_m_s = command.params[1]
+        self.frame.pilot.change_speed(self.mission.speed_m_s)
+        return Result.ACCEPTED
+
     def _refuse_disarming(self) -> Result:
         return self.REFUSED
 
@@ -512,7 +541,7 @@ class Autopilot(ABC):
         if message is None and self.payload is not None:
             message = self.payload.build_manager_message(number)
         if message is None:
-            return self.NO_MESSAGE
+            return self.INVALID
         if self.ACKNOWLEDGES_FIRST:
             self._after_ack.append(message)
         else:

@@ -125,7 +125,7 @@ Goal = SpoolUp | Climb | Leg | TimedLeg | Px4Leg | Hover | ThrottleDescent | Lan
 
 def distance_m(a: Place, b: Place) -> float:
     """Return the straight distance."""
-    return math.sqrt((a.east_m - b.east_m) ** 2 + (a.north_m - b.north_m) ** 2 + (a.up_m - b.up_m) ** 2)
+    return a.subtract(b).length_m
 
 
 def find_stopping_place(body: Body, limits: Limits) -> Place:
@@ -219,9 +219,7 @@ def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
 def can_join_timed_leg(ride: TimedLeg, body: Body) -> bool:
     """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
     place, velocity = compute_target(ride.base, ride.strands, 0.0)
-    speeds = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
-    wanted = (velocity.east_m_s, velocity.north_m_s, velocity.up_m_s)
-    return distance_m(place, body.place) < RIDE_M and math.dist(speeds, wanted) < RIDE_M_S
+    return distance_m(place, body.place) < RIDE_M and math.dist(body.velocity, velocity) < RIDE_M_S
 
 
 def _landing_speed_m_s(goal: Land, up_m: float) -> float:
@@ -346,7 +344,7 @@ class GoalFollower:
             wanted = compute_desired_velocity(goal, self.body, self._age_s, limits)
             if isinstance(goal, Climb):
                 # Its trajectory stands still over the ground, so that no swing is ahead of it.
-                wanted = replace(wanted, up_m_s=wanted.up_m_s * moving_share(*self._wander.offset_m(self._now_s)))
+                wanted = wanted._replace(up_m_s=wanted.up_m_s * moving_share(*self._wander.offset_m(self._now_s)))
             self.body.fly(wanted, limits, dt_s)
             over = is_finished(goal, self.body, self._age_s)
         if self._goals and over:

@@ -1,6 +1,6 @@
-"""ArduPilot's lists: how an upload of any of them goes on and ends; and its fence and rally points.
+"""ArduPilot's lists: the dialogue that each of them has of its own; and what is particular to fence and rally points.
 
-The latter have a dialogue of their own each, and take effect at its last item.
+Those take effect at the last item of an upload.
 
 Measured on Copter 4.7-dev unless a line says otherwise.
 """
@@ -15,6 +15,7 @@ from simulator.enums import MissionResult, Severity
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
+    MissionAckReceived,
     MissionClearAll,
     MissionCount,
     MissionMessage,
@@ -43,14 +44,42 @@ _SHAPES = frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT})
 _POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX})
 
 
-class ArduPilotUploads:
-    """The uploads of one list: who sends one, and what is asked for next."""
+class ArduPilotList:
+    """A list of items and the dialogue that changes it: a fence, rally points, or a mission that adds its own."""
 
-    def __init__(self, kind: int, patience_s: float) -> None:
+    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
         self.kind = kind
         self.fault = UploadFault.NONE
+        self._items: tuple[MissionItem, ...] = ()
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self._upload: Transfer | None = None
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """What is on board."""
+        return self._items
+
+    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+        """Follow the protocol; ``locked`` is that it cannot be cleared now."""
+        if isinstance(message, MissionAckReceived):
+            # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
+            return StoreStep()
+        reads = isinstance(message, MissionRequestList | MissionRequest)
+        if self._upload is not None and (reads or self._upload.partner != sender):
+            return self._build_ack(sender, MissionResult.DENIED)
+        match message:
+            case MissionCount(count):
+                return self._begin(count, sender, now_s)
+            case ItemReceived():
+                return self._take(message, sender, now_s)
+            case MissionClearAll() if locked:
+                return self._build_ack(sender, MissionResult.ERROR)
+            case MissionClearAll():
+                return self._clear(sender)
+            case MissionRequestList():
+                return StoreStep((build_mission_count(sender, len(self.items), mission_type=self.kind),))
+            case MissionRequest():
+                return self._read(message, sender)
 
     def tick(self, now_s: float) -> StoreStep:
         """Ask again after a second, give up after eight or what the simulation demands."""
@@ -69,18 +98,74 @@ class ArduPilotUploads:
         """Drop what is under way."""
         self._upload = None
 
-    def _refuse_upload(self, count: int, sender: Peer) -> StoreStep | None:
-        """Return why an upload of so many items does not begin."""
+    # What a mission does differently.
+
+    def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
         if self.fault is UploadFault.REFUSE:
             return self._build_ack(sender, MissionResult.DENIED)
         if count > MOST[self.kind]:
             text = ((Severity.WARNING, f"Only {MOST[self.kind]} items are supported"),)
             return self._build_ack(sender, MissionResult.NO_SPACE, text)
-        return None
+        upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
+        self._upload = upload if count > 0 else None
+        step = self._finish(upload, sender) if count == 0 else self._request_next_item(upload, now_s)
+        return replace(step, truncated=self._truncate(count))
 
-    def _begin_upload(self, count: int, sender: Peer, now_s: float) -> StoreStep:
-        self._upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
-        return self._request_next_item(self._upload, now_s)
+    def _truncate(self, count: int) -> bool:  # noqa: ARG002 - it is replaced at its last item
+        """Shorten what is on board to an upload's length; returns whether that is done as it is announced."""
+        return False
+
+    def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        upload = self._upload
+        if upload is None:
+            return self._build_ack(sender, MissionResult.ERROR)
+        if message.seq != upload.next:
+            # A warning only: the upload goes on.
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
+        refusal = self._refuse_item(message)
+        if refusal is not None:
+            self._upload = None
+            return self._build_ack(sender, refusal)
+        self._keep_item(upload, to_item(message))
+        upload.next += 1
+        upload.heard_s = now_s
+        if upload.next == upload.count:
+            self._upload = None
+            return self._comment(message, self._finish(upload, sender))
+        stalled = upload.is_stalled(self.fault)
+        return self._comment(message, StoreStep() if stalled else self._request_next_item(upload, now_s))
+
+    def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
+        """Return what an item that was taken leads to, with what is said of it."""
+        return step
+
+    def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
+        known = _SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}
+        return None if message.command in known else MissionResult.UNSUPPORTED
+
+    def _keep_item(self, upload: Transfer, item: MissionItem) -> None:
+        upload.items.append(_to_stored(item))
+
+    def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
+        if self.kind == FENCE and not is_whole(upload.items):
+            return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
+        return self._replace_items(tuple(upload.items), sender)
+
+    def _clear(self, sender: Peer) -> StoreStep:
+        return self._replace_items((), sender)
+
+    def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
+        if not 0 <= message.seq < len(self.items):
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
+        item = self.items[message.seq]
+        return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=self.kind),))
+
+    # Answers.
+
+    def _replace_items(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
+        self._items = items
+        texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
+        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
 
     def _request_next_item(self, upload: Transfer, now_s: float) -> StoreStep:
         upload.asked_s = now_s
@@ -88,70 +173,6 @@ class ArduPilotUploads:
 
     def _build_ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
         return StoreStep((build_mission_ack(sender, result, self.kind),), texts)
-
-
-class ArduPilotList(ArduPilotUploads):
-    """A fence, or rally points."""
-
-    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
-        super().__init__(kind, patience_s)
-        self.items: tuple[MissionItem, ...] = ()
-
-    def handle(self, message: MissionMessage, sender: Peer, now_s: float) -> StoreStep:  # noqa: PLR0911 - one each
-        """Follow the protocol."""
-        if self._upload is not None and self._upload.partner != sender:
-            return self._build_ack(sender, MissionResult.DENIED)
-        match message:
-            case MissionCount(count):
-                return self._begin(count, sender, now_s)
-            case ItemReceived():
-                return self._take(message, sender, now_s)
-            case MissionRequestList() | MissionRequest() if self._upload is not None:
-                return self._build_ack(sender, MissionResult.DENIED)
-            case MissionRequestList():
-                return StoreStep((build_mission_count(sender, len(self.items), mission_type=self.kind),))
-            case MissionRequest(seq):
-                if not 0 <= seq < len(self.items):
-                    return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
-                item = self.items[seq]
-                return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=self.kind),))
-            case MissionClearAll():
-                return self._replace_items((), sender)
-            case _:
-                return StoreStep()
-
-    def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
-        refusal = self._refuse_upload(count, sender)
-        if refusal is not None:
-            return refusal
-        if count == 0:
-            self._upload = None
-            return self._replace_items((), sender)
-        return self._begin_upload(count, sender, now_s)
-
-    def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
-        upload = self._upload
-        if upload is None:
-            return self._build_ack(sender, MissionResult.ERROR)
-        if message.seq != upload.next:
-            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
-        if message.command not in (_SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}):
-            self._upload = None
-            return self._build_ack(sender, MissionResult.UNSUPPORTED)
-        upload.items.append(_to_stored(to_item(message)))
-        upload.next += 1
-        upload.heard_s = now_s
-        if upload.next < upload.count:
-            return StoreStep() if upload.is_stalled(self.fault) else self._request_next_item(upload, now_s)
-        self._upload = None
-        if self.kind == FENCE and not is_whole(upload.items):
-            return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
-        return self._replace_items(tuple(upload.items), sender)
-
-    def _replace_items(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
-        self.items = items
-        texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
-        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
 
 
 def is_whole(items: Sequence[MissionItem]) -> bool:

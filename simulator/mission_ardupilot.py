@@ -16,7 +16,7 @@ from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.route import place_of
-from simulator.scurves import DelayedCurve, LegLimits, SCurve, Vector, overlap_s, turn_s
+from simulator.scurves import DelayedCurve, LegLimits, SCurve, overlap_s, turn_s
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.vehicle_outbox import VehicleOutbox
 
@@ -309,25 +309,22 @@ class ArduPilotMission:
     def _build_timed_leg(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> TimedLeg | None:
         """Return the leg by the clock; None when the vehicle is not where the clock would have it."""
         turning, self._turning = self._turning, None
-        way, body, pace = (
-            _vector_between(leg.origin, leg.target),
-            self._frame.body,
-            self._build_leg_limits(leg.speed_m_s),
-        )
-        if way.length < SHORTEST_M or (after is not None and changes):
+        way, body = leg.target.subtract(leg.origin), self._frame.body
+        pace = self._build_leg_limits(leg.speed_m_s)
+        if way.length_m < SHORTEST_M or (after is not None and changes):
             return None
         curve = SCurve.build(way, pace)
         base = leg.origin
-        upright = math.hypot(way.east, way.north) < UPRIGHT_M
-        turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east, way.north) - body.yaw_rad)
+        upright = math.hypot(way.east_m, way.north_m) < UPRIGHT_M
+        turns_s = UPRIGHT_S if upright else turn_s(math.atan2(way.east_m, way.north_m) - body.yaw_rad)
         strands = [DelayedCurve(curve, settles_s + turns_s)]
         if turning is not None:
             base, before, early_s = turning
             strands = [DelayedCurve(before, early_s / 2 - before.duration_s), DelayedCurve(curve, -early_s / 2)]
         lasts_s = strands[-1].begins_s + curve.duration_s
         if after is not None:
-            way_on = _vector_between(leg.target, after)
-            if way_on.length < SHORTEST_M:
+            way_on = after.subtract(leg.target)
+            if way_on.length_m < SHORTEST_M:
                 return None
             following = SCurve.build(way_on, pace)
             early_s = overlap_s(curve, following, pace)
@@ -382,10 +379,6 @@ def land_goal(over: Place, params: ParamTable) -> Land:
     slow_m_s = params["LAND_SPEED"] * CM
     slow_from_m = params["LAND_ALT_LOW"] * CM + slow_m_s
     return Land(over, params["WPNAV_SPEED_DN"] * CM, slow_m_s, slow_from_m, slow_from_m + APPROACH_M)
-
-
-def _vector_between(origin: Place, target: Place) -> Vector:
-    return Vector(target.east_m - origin.east_m, target.north_m - origin.north_m, target.up_m - origin.up_m)
 
 
 def build_home_goals(frame: Airframe, params: ParamTable, to: Place) -> Iterator[Goal]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol
 
 from missions.items import PAYLOAD, Command, Frame, MissionItem
 from simulator.enums import MissionResult
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
-    MissionMessage,
     Outbound,
     Peer,
     build_message,
@@ -69,44 +67,6 @@ class Transfer:
     def is_stalled(self, fault: UploadFault) -> bool:
         """Return whether an injected fault keeps the vehicle from asking on."""
         return fault is UploadFault.HALF and self.next >= self.count // 2
-
-
-class MissionStore(Protocol):
-    """The mission on board and the dialogue that changes it."""
-
-    @property
-    def items(self) -> tuple[MissionItem, ...]:
-        """The mission."""
-        ...
-
-    @property
-    def mission_id(self) -> int:
-        """The mission's identity, 0 where the dialect has none."""
-        ...
-
-    @property
-    def fence(self) -> tuple[MissionItem, ...]:
-        """The fence on board."""
-        ...
-
-    @property
-    def rally(self) -> tuple[MissionItem, ...]:
-        """The rally points on board."""
-        ...
-
-    fault: UploadFault
-
-    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        """Follow the protocol; ``locked`` is that a mission is being flown."""
-        ...
-
-    def tick(self, now_s: float) -> StoreStep:
-        """Ask again or give up, when the time has come."""
-        ...
-
-    def forget_transfers(self) -> None:
-        """Drop what is under way, as a restart does."""
-        ...
 
 
 def to_item(received: ItemReceived) -> MissionItem:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 GRAVITY_M_S2 = 9.81
 TERMINAL_FALL_M_S = 25.0
@@ -25,13 +26,32 @@ ECCENTRICITY2 = 6.69437999014e-3
 """WGS 84."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A point in local metres."""
+class Vector(NamedTuple):
+    """A place, or a way, in local metres."""
 
     east_m: float
     north_m: float
     up_m: float
+
+    @property
+    def length_m(self) -> float:
+        """How long it is."""
+        return math.sqrt(self.east_m**2 + self.north_m**2 + self.up_m**2)
+
+    def scale(self, factor: float) -> Vector:
+        """Return it longer or shorter."""
+        return Vector(self.east_m * factor, self.north_m * factor, self.up_m * factor)
+
+    def add(self, other: Vector) -> Vector:
+        """Return the sum."""
+        return Vector(self.east_m + other.east_m, self.north_m + other.north_m, self.up_m + other.up_m)
+
+    def subtract(self, other: Vector) -> Vector:
+        """Return the way from another place to this one."""
+        return Vector(self.east_m - other.east_m, self.north_m - other.north_m, self.up_m - other.up_m)
+
+
+Place = Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +68,7 @@ class Limits:
     yaw_rad_s: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Velocity:
+class Velocity(NamedTuple):
     """A wish or a fact, in m/s."""
 
     east_m_s: float = 0.0
@@ -110,6 +129,11 @@ class Body:
         return Place(self.east_m, self.north_m, self.up_m)
 
     @property
+    def velocity(self) -> Velocity:
+        """How it moves."""
+        return Velocity(self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+
+    @property
     def ground_speed_m_s(self) -> float:
         """Horizontal speed."""
         return math.hypot(self.v_east_m_s, self.v_north_m_s)
@@ -121,7 +145,7 @@ class Body:
 
     def fly(self, wish: Velocity, limits: Limits, dt_s: float) -> None:
         """Move for ``dt_s`` with velocity going towards ``wish`` as fast as the limits allow."""
-        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+        before = self.velocity
         d_east, d_north = wish.east_m_s - self.v_east_m_s, wish.north_m_s - self.v_north_m_s
         change = math.hypot(d_east, d_north)
         slowing = math.hypot(wish.east_m_s, wish.north_m_s) < self.ground_speed_m_s
@@ -139,8 +163,8 @@ class Body:
 
     def carry(self, velocity: Velocity, dt_s: float) -> None:
         """Move for ``dt_s`` and have this velocity after it: somebody else has seen to the limits."""
-        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
-        self.v_east_m_s, self.v_north_m_s, self.v_up_m_s = velocity.east_m_s, velocity.north_m_s, velocity.up_m_s
+        before = self.velocity
+        self.v_east_m_s, self.v_north_m_s, self.v_up_m_s = velocity
         self._sink(before[2], dt_s)
         self._move(before, dt_s)
         d_east, d_north = velocity.east_m_s - before[0], velocity.north_m_s - before[1]
@@ -155,7 +179,7 @@ class Body:
         if self.up_m <= 0.0:
             self.stop()
             return 0.0
-        before = (self.v_east_m_s, self.v_north_m_s, self.v_up_m_s)
+        before = self.velocity
         self.v_up_m_s = max(self.v_up_m_s - GRAVITY_M_S2 * dt_s, -TERMINAL_FALL_M_S)
         self.v_east_m_s -= DRAG_PER_S * self.v_east_m_s * dt_s
         self.v_north_m_s -= DRAG_PER_S * self.v_north_m_s * dt_s

@@ -30,8 +30,6 @@ CLIMB = Climb(Place(0.0, 0.0, 0.0), 0.0, slow_below_m=FAST_LANDING_M, accept_m=H
 """At MPC_TKO_SPEED up to MPC_LAND_ALT1; over when the item's height is nearly reached (mission_block.cpp)."""
 MANNERS = AirframeSettings(LIMITS, spool_s=4.1, disarm_landed_s=2.0, climb=CLIMB, wander_m=0.2)
 """Measured: 4 to 5.5 s from arming to lift-off, of which COM_SPOOLUP_TIME is 1 and MPC_TKO_RAMP_T 3; the swing."""
-CAPABILITIES = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
-"""Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
 SENSORS_BOOT = (0x0, 0x0, 0x321C83F)
 SENSORS = (0x300402F, 0x301402F, 0x1320C83F)
 """From the recorded flights: (present, enabled, healthy)."""
@@ -52,11 +50,18 @@ OFFICIAL = 255
 class Px4(Autopilot):
     """One vehicle."""
 
+    mission: Px4Mission
     REFUSED: ClassVar = Result.TEMPORARILY_REJECTED
-    NO_MESSAGE: ClassVar = Result.DENIED
+    INVALID: ClassVar = Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
     ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
     KILLED: ClassVar = "Preflight Fail: Kill switch engaged"
+    KILL_SAYS: ClassVar = "Kill engaged"
+    WORDS: ClassVar = WORDS
+    FIX: ClassVar = 3
+    CAPABILITIES: ClassVar = 1 << 0 | 1 << 1 | 1 << 2 | 1 << 3 | 1 << 4 | 1 << 13
+    """Missions in float and int, COMMAND_INT, parameters as floats and bytewise, MAVLink 2."""
+    VERSION: ClassVar = (1, 17, 0, OFFICIAL)
     STREAMS_S: ClassVar = {
         "HEARTBEAT": 1.0, "SYS_STATUS": 1.0, "BATTERY_STATUS": 2.0, "GLOBAL_POSITION_INT": 0.25, "ATTITUDE": 0.25,
         "VFR_HUD": 0.5, "GPS_RAW_INT": 1.0, "HOME_POSITION": 2.0, "EXTENDED_SYS_STATE": 1.0, "MISSION_CURRENT": 1.0,
@@ -96,7 +101,6 @@ class Px4(Autopilot):
             MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
             MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
             MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
-            MavCommand.DO_CHANGE_SPEED: self._change_speed,
         }
 
     # Modes.
@@ -118,10 +122,6 @@ class Px4(Autopilot):
         if mode != self.mode or (mode == Mode.MISSION and not self.mission.running):
             self._switch(Mode(mode))
         return Result.ACCEPTED
-
-    def mode_of(self, word: str) -> int:
-        """Return the number of a mode that a person chooses."""
-        return WORDS[word]
 
     def build_mode_order(self, word: str) -> Command:
         """Return the order of a mode as a ground station gives it."""
@@ -231,13 +231,6 @@ class Px4(Autopilot):
             return Result.ACCEPTED
         return self.set_mode(Mode.MISSION)
 
-    def _change_speed(self, command: Command) -> Result:
-        if command.params[1] <= 0:
-            return Result.DENIED
-        self.mission.asked_m_s = command.params[1]
-        self.frame.pilot.change_speed(self.mission.speed_m_s)
-        return Result.ACCEPTED
-
     def _refuse_arming(self) -> str | None:
         if not self.is_ready:
             return "Arming denied: Resolve system health failures first"
@@ -284,9 +277,6 @@ class Px4(Autopilot):
         self.mission.apply_reboot()
 
     # The mission on board.
-
-    def _is_mission_locked(self) -> bool:
-        return False
 
     def _on_mission_change(self, step: StoreStep) -> None:
         if step.fenced:
@@ -457,9 +447,6 @@ class Px4(Autopilot):
             self.voice.send_text(Severity.INFO, "Pilot took over using sticks")
             self.apply_pilot_takeover("POSCTL")
 
-    def _on_kill(self) -> None:
-        self.voice.send_text(Severity.CRITICAL, "Kill engaged")
-
     def _on_breach(self) -> None:
         self.voice.send_text(Severity.WARNING, "Geofence violation")
         if not self.frame.armed:
@@ -504,9 +491,6 @@ class Px4(Autopilot):
                     consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
                 )  # fmt: skip
-            case "GPS_RAW_INT":
-                fix = 3 if self.is_ready and not self.positioning.without_s(self.now_s) else 1
-                return telemetry.build_gps_raw(self.home, self.frame.body, self.boot_ms, fix=fix)
             case "MISSION_CURRENT":
                 return build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
@@ -514,15 +498,6 @@ class Px4(Autopilot):
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
-            case "AUTOPILOT_VERSION":
-                return telemetry.build_autopilot_version(
-                    capabilities=CAPABILITIES, version=(1, 17, 0, OFFICIAL), uid=self.vehicle.sysid
-                )
-            case _:
-                return self._build_rare(name)
-
-    def _build_rare(self, name: str) -> Outbound | None:
-        match name:
             case "ESTIMATOR_STATUS":
                 return telemetry.estimator_status(
                     self.positioning.flags(self.now_s) if self.is_ready else 0, self.boot_ms

@@ -9,6 +9,7 @@ each: they last as long as there within a second.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simulator.physics import Body, Place, Velocity
@@ -46,8 +47,6 @@ DRAG_PER_S = 1.0
 """Its simulator's: SIH_KDV 1 on SIH_MASS 1. At 10 m/s it leans as far as it may."""
 PUSH_MOST_M_S2 = 9.0
 
-Point = tuple[float, float, float]
-
 
 @dataclass(frozen=True, slots=True)
 class Px4Leg:
@@ -66,9 +65,9 @@ class Px4Leg:
 class _Line:
     """What it flies along at the moment: not always from the origin to the target."""
 
-    origin: Point
-    target: Point
-    after: Point
+    origin: Place
+    target: Place
+    after: Place
 
 
 class Px4Trajectory:
@@ -76,14 +75,9 @@ class Px4Trajectory:
 
     def __init__(self, body: Body, wander: PositionDrift) -> None:
         self._wander = wander
-        self._axes = tuple(
-            Axis(at_m, speed)
-            for at_m, speed in zip(
-                _to_point(body.place), (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s), strict=True
-            )
-        )
+        self._axes = tuple(Axis(at_m, speed) for at_m, speed in zip(body.place, body.velocity, strict=True))
         self._goal: Px4Leg | None = None
-        self._line = _Line(_to_point(body.place), _to_point(body.place), _to_point(body.place))
+        self._line = _Line(body.place, body.place, body.place)
         self._state = ""
         self._age_s = 0.0
         self._reached_s: float | None = None
@@ -103,7 +97,7 @@ class Px4Trajectory:
                 self._age_s, self._reached_s = 0.0, None
             self._goal, self._state = goal, ""
         self._age_s += dt_s
-        here = _to_point(body.place)
+        here = body.place
         if self._age_s > NAVIGATOR_S:
             self._find_line(goal, here)
         self._plan_speeds(goal)
@@ -113,20 +107,19 @@ class Px4Trajectory:
         return self._is_leg_done(goal, body)
 
     def _is_leg_done(self, goal: Px4Leg, body: Body) -> bool:
-        east, north, up = (a - b for a, b in zip(_to_point(goal.target), _to_point(body.place), strict=True))
+        east, north, up = (a - b for a, b in zip(goal.target, body.place, strict=True))
         if self._reached_s is None and math.hypot(east, north) <= goal.accept_m and abs(up) <= HEIGHT_M:
             self._reached_s = self._age_s
         return self._reached_s is not None and self._age_s - self._reached_s >= goal.hold_s
 
-    def _find_line(self, goal: Px4Leg, here: Point) -> None:
+    def _find_line(self, goal: Px4Leg, here: Place) -> None:
         """Choose what to fly along (_getCurrentState, _updateInternalWaypoints)."""
-        origin, target = _to_point(goal.origin), _to_point(goal.target)
-        after = _to_point(goal.after or goal.target)
+        origin, target, after = goal.origin, goal.target, goal.after or goal.target
         length, done, nearest = math.dist(origin, target), 0.0, origin
         if length > 0:
-            ahead = [(b - a) / length for a, b in zip(origin, target, strict=True)]
+            ahead = Place(*((b - a) / length for a, b in zip(origin, target, strict=True)))
             done = sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True))
-            nearest = _shift_point(origin, ahead, done)
+            nearest = origin.add(ahead.scale(done))
         state = "on"
         if length > 0 and done > length:
             state = "beyond"
@@ -148,7 +141,7 @@ class Px4Trajectory:
 
     def _plan_speeds(self, goal: Px4Leg) -> None:
         """Choose the speeds that the axes go for (_generateVelocitySetpoint)."""
-        line, here = self._line, (self._axes[0].at_m, self._axes[1].at_m, self._axes[2].at_m)
+        line, here = self._line, Place(*(axis.at_m for axis in self._axes))
         level, upright = self._horizontal_speed_m_s(goal, here), self._vertical_speed_m_s(here)
         aim = line.target
         if self._is_turning(goal, here):
@@ -179,7 +172,7 @@ class Px4Trajectory:
     def _vertical(self) -> tuple[float, float]:
         return UP if self._rises else DOWN
 
-    def _horizontal_speed_m_s(self, goal: Px4Leg, here: Point) -> float:
+    def _horizontal_speed_m_s(self, goal: Px4Leg, here: Place) -> float:
         """Return the horizontal speed that line and corner allow (computeXYSpeedFromWaypoints)."""
         line, corner = self._line, 0.0
         onward = math.dist(line.target[:2], line.after[:2])
@@ -191,7 +184,7 @@ class Px4Trajectory:
         left_m = math.dist(here[:2], line.target[:2])
         return min(goal.speed_m_s, braking_speed_m_s(left_m, LEVEL, JERK, corner))
 
-    def _vertical_speed_m_s(self, here: Point) -> float:
+    def _vertical_speed_m_s(self, here: Place) -> float:
         """Return the vertical speed (_getMaxZSpeed, whose distances are from the origin of its map)."""
         line, (accelerate, most) = self._line, self._vertical
         exit_m_s = 0.0
@@ -202,7 +195,7 @@ class Px4Trajectory:
         left_m = abs(line.target[2] - here[2])
         return min(most, braking_speed_m_s(left_m, accelerate, JERK, exit_m_s))
 
-    def _is_turning(self, goal: Px4Leg, here: Point) -> bool:
+    def _is_turning(self, goal: Px4Leg, here: Place) -> bool:
         east, north = self._line.target[0] - here[0], self._line.target[1] - here[1]
         speed, left_m = math.hypot(self._axes[0].speed_m_s, self._axes[1].speed_m_s), math.hypot(east, north)
         if speed <= 0.2 or left_m <= goal.accept_m:
@@ -210,15 +203,15 @@ class Px4Trajectory:
         along = self._axes[0].speed_m_s * east + self._axes[1].speed_m_s * north
         return along < 0.98 * speed * left_m
 
-    def _find_point_ahead(self, goal: Px4Leg, here: Point) -> Point:
+    def _find_point_ahead(self, goal: Px4Leg, here: Place) -> Place:
         origin, target = self._line.origin, self._line.target
         length = math.dist(origin, target) or 1.0
-        ahead = [(b - a) / length for a, b in zip(origin, target, strict=True)]
-        nearest = _shift_point(origin, ahead, sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True)))
+        ahead = Place(*((b - a) / length for a, b in zip(origin, target, strict=True)))
+        nearest = origin.add(ahead.scale(sum(u * (h - o) for u, h, o in zip(ahead, here, origin, strict=True))))
         reach = max(goal.accept_m, AHEAD_M) ** 2 - math.dist(nearest, here) ** 2
-        return _shift_point(nearest, ahead, math.sqrt(max(reach, 0.0)))
+        return nearest.add(ahead.scale(math.sqrt(max(reach, 0.0))))
 
-    def _advance(self, here: Point, now_s: float, dt_s: float) -> None:
+    def _advance(self, here: Place, now_s: float, dt_s: float) -> None:
         """Move the trajectory, less the farther the vehicle seems to be off it, unless it seems to be ahead."""
         off_m = self._wander.offset_m(now_s)
         east, north = self._axes[0].at_m - here[0] - off_m[0], self._axes[1].at_m - here[1] - off_m[1]
@@ -229,9 +222,9 @@ class Px4Trajectory:
 
     def _follow(self, body: Body, dt_s: float) -> Velocity:
         """Return the velocity with which the vehicle follows (PositionControl.cpp, and a body with drag)."""
-        moves = (body.v_east_m_s, body.v_north_m_s, body.v_up_m_s)
+        moves = body.velocity
         speeds = []
-        for index, (axis, at_m, speed) in enumerate(zip(self._axes, _to_point(body.place), moves, strict=True)):
+        for index, (axis, at_m, speed) in enumerate(zip(self._axes, body.place, moves, strict=True)):
             wish = axis.speed_m_s + FOLLOW_PER_S[index] * (axis.at_m - at_m)
             if index == 2:
                 wish = min(max(wish, -DOWN[1]), UP[1])
@@ -251,16 +244,7 @@ def moving_share(east_m: float, north_m: float) -> float:
     return 1 - min(math.hypot(east_m, north_m) / LAG_M, 1.0)
 
 
-def _to_point(place: Place) -> Point:
-    return (place.east_m, place.north_m, place.up_m)
-
-
-def _shift_point(origin: Point, ahead: list[float], distance_m: float) -> Point:
-    east, north, up = (a + distance_m * u for a, u in zip(origin, ahead, strict=True))
-    return (east, north, up)
-
-
-def _corner_angle_rad(start: Point, corner: Point, end: Point) -> float:
+def _corner_angle_rad(start: Sequence[float], corner: Sequence[float], end: Sequence[float]) -> float:
     """Return the angle between the ways from a corner back and onward, seen from above; straight on is pi."""
     back = (start[0] - corner[0], start[1] - corner[1])
     onward = (end[0] - corner[0], end[1] - corner[1])

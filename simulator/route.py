@@ -30,6 +30,6 @@ def mission_length_m(items: Iterable[MissionItem], home: Home) -> float:
             over = place_of(item, home, here)
             stops = [Place(over.east_m, over.north_m, here.up_m), Place(over.east_m, over.north_m, 0.0)]
         for stop in stops:
-            length += math.dist((here.east_m, here.north_m, here.up_m), (stop.east_m, stop.north_m, stop.up_m))
+            length += math.dist(here, stop)
             here = stop
     return length

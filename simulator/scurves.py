@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from simulator.physics import Place, Velocity
+from simulator.physics import Place, Vector, Velocity
 
 JERK_M_S3 = 1.0
 """WPNAV_JERK."""
@@ -22,27 +22,6 @@ ACCELERATE_Z_M_S2 = 1.0
 TURN_S = 0.45
 """Measured: a leg that begins with a turn on the spot by an angle lasts longer by this, times (1 - its cosine)."""
 SEARCH_S = 0.05
-
-
-class Vector(NamedTuple):
-    """Metres, or a direction."""
-
-    east: float
-    north: float
-    up: float
-
-    @property
-    def length(self) -> float:
-        """How long it is."""
-        return math.sqrt(self.east**2 + self.north**2 + self.up**2)
-
-    def scale(self, factor: float) -> Vector:
-        """Return it longer or shorter."""
-        return Vector(self.east * factor, self.north * factor, self.up * factor)
-
-    def add(self, other: Vector) -> Vector:
-        """Return the sum."""
-        return Vector(self.east + other.east, self.north + other.north, self.up + other.up)
 
 
 class TargetState(NamedTuple):
@@ -66,7 +45,7 @@ class LegLimits:
 
     def speed_m_s(self, way: Vector) -> float:
         """Return the greatest speed along a line (kinematic_limit in control.cpp)."""
-        return _combine_limits(way, self.level_m_s, self.up_m_s if way.up > 0 else self.down_m_s)
+        return _combine_limits(way, self.level_m_s, self.up_m_s if way.up_m > 0 else self.down_m_s)
 
     def acceleration_m_s2(self, way: Vector) -> float:
         """Return the greatest acceleration along a line."""
@@ -84,7 +63,7 @@ class SCurve:
     @classmethod
     def build(cls, way: Vector, pace: LegLimits) -> SCurve:
         """Return the way that is flown as fast as the pace allows."""
-        top, most, length = pace.speed_m_s(way), pace.acceleration_m_s2(way), way.length
+        top, most, length = pace.speed_m_s(way), pace.acceleration_m_s2(way), way.length_m
         if top * ramp_s(top, most) > length:
             low = 0.0
             for _ in range(40):
@@ -95,7 +74,7 @@ class SCurve:
     @property
     def duration_s(self) -> float:
         """From rest to rest."""
-        return self.way.length / self.top_m_s + self.ramp_s
+        return self.way.length_m / self.top_m_s + self.ramp_s
 
     def state_at(self, age_s: float) -> TargetState:
         """Return where its target is."""
@@ -103,7 +82,7 @@ class SCurve:
         left_s = self.duration_s - age_s
         if left_s < self.ramp_s:
             done, speed, accelerates = self._ramp_state(left_s)
-            return TargetState(self.way.length - done, speed, -accelerates)
+            return TargetState(self.way.length_m - done, speed, -accelerates)
         return self._ramp_state(age_s)
 
     def _ramp_state(self, age_s: float) -> TargetState:
@@ -138,18 +117,18 @@ def overlap_s(one: SCurve, two: SCurve, pace: LegLimits) -> float:
     curved.
     """
     lasts_s = min(one.ramp_s, two.ramp_s)
-    ahead, after = one.way.scale(1 / one.way.length), two.way.scale(1 / two.way.length)
+    ahead, after = one.way.scale(1 / one.way.length_m), two.way.scale(1 / two.way.length_m)
     slowest = min(pace.speed_m_s(one.way), pace.speed_m_s(two.way))
     while lasts_s > 0:
         before, behind = one.state_at(one.duration_s - lasts_s / 2), two.state_at(lasts_s / 2)
-        cut = ahead.scale(before.done_m - one.way.length).add(after.scale(behind.done_m))
+        cut = ahead.scale(before.done_m - one.way.length_m).add(after.scale(behind.done_m))
         speed = ahead.scale(before.speed_m_s).add(after.scale(behind.speed_m_s))
         curved = ahead.scale(before.accelerates_m_s2).add(after.scale(behind.accelerates_m_s2))
         if (
-            cut.length < pace.corner_m
-            and speed.length < slowest
-            and math.hypot(curved.east, curved.north) < 2 * pace.accelerate_m_s2
-            and abs(curved.up) < ACCELERATE_Z_M_S2
+            cut.length_m < pace.corner_m
+            and speed.length_m < slowest
+            and math.hypot(curved.east_m, curved.north_m) < 2 * pace.accelerate_m_s2
+            and abs(curved.up_m) < ACCELERATE_Z_M_S2
         ):
             return lasts_s
         lasts_s -= SEARCH_S
@@ -163,16 +142,16 @@ def turn_s(turn_rad: float) -> float:
 
 def compute_target(base: Place, strands: tuple[DelayedCurve, ...], age_s: float) -> tuple[Place, Velocity]:
     """Return where the target of several strands is and how it moves, ``base`` being where the first one begins."""
-    place, velocity = Vector(base.east_m, base.north_m, base.up_m), Vector(0.0, 0.0, 0.0)
+    place, velocity = base, Vector(0.0, 0.0, 0.0)
     for strand in strands:
         moment, way = strand.curve.state_at(age_s - strand.begins_s), strand.curve.way
-        place = place.add(way.scale(moment.done_m / way.length))
-        velocity = velocity.add(way.scale(moment.speed_m_s / way.length))
-    return Place(*place), Velocity(*velocity)
+        place = place.add(way.scale(moment.done_m / way.length_m))
+        velocity = velocity.add(way.scale(moment.speed_m_s / way.length_m))
+    return place, Velocity(*velocity)
 
 
 def _combine_limits(way: Vector, level: float, upright: float) -> float:
-    flat = math.hypot(way.east, way.north)
-    if flat * upright >= abs(way.up) * level:
-        return level * way.length / flat
-    return upright * way.length / abs(way.up)
+    flat = math.hypot(way.east_m, way.north_m)
+    if flat * upright >= abs(way.up_m) * level:
+        return level * way.length_m / flat
+    return upright * way.length_m / abs(way.up_m)

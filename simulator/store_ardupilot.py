@@ -10,28 +10,23 @@ from dataclasses import replace
 
 from missions.items import PAYLOAD, Command, Frame, MissionItem
 from simulator.enums import MissionResult, Severity
-from simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList, ArduPilotUploads
+from simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
     MissionAckReceived,
-    MissionClearAll,
-    MissionCount,
     MissionMessage,
     MissionRequest,
-    MissionRequestList,
     Peer,
 )
 from simulator.mission_store import (
     StoreStep,
+    Transfer,
     build_mission_ack,
     build_mission_count,
-    build_mission_item,
     is_relative,
-    to_item,
 )
 
-_Order = MissionCount | ItemReceived | MissionRequestList | MissionRequest | MissionClearAll
 COMMANDS = frozenset(Command)
 FRAMES = frozenset(Frame)
 RECEIVED = ((Severity.INFO, "Flight plan received"),)
@@ -39,7 +34,7 @@ REQUEST_ADVICE = "got MISSION_REQUEST; use MISSION_REQUEST_INT!"
 ITEM_ADVICE = "got MISSION_ITEM; GCS should send MISSION_ITEM_INT"
 
 
-class ArduPilotStore(ArduPilotUploads):
+class ArduPilotStore(ArduPilotList):
     """The mission on board; item 0 is the vehicle's own home and never overwritten."""
 
     mission_id = 0
@@ -81,19 +76,14 @@ class ArduPilotStore(ArduPilotUploads):
         return self._memory[seq] if 0 <= seq < len(self._memory) else None
 
     def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        """Follow the protocol; ``locked`` is that the mission runs, armed: then it cannot be cleared."""
-        if isinstance(message, MissionAckReceived):
-            # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
-            return StoreStep()
-        if message.mission_type in self._lists:
-            beside = self._lists[message.mission_type]
-            beside.fault = self.fault
-            return beside.handle(message, sender, now_s)
-        if message.mission_type != MISSION_TYPE_MISSION:
+        """Follow the protocol of the list that is spoken of; ``locked`` is that the mission runs, armed."""
+        if isinstance(message, MissionAckReceived) or message.mission_type == self.kind:
+            return super().handle(message, sender, now_s, locked=locked)
+        beside = self._lists.get(message.mission_type)
+        if beside is None:
             return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
-        if self._upload is not None and self._upload.partner != sender:
-            return self._build_ack(sender, MissionResult.DENIED)
-        return self._handle_mission_message(message, sender, now_s, locked=locked)
+        beside.fault = self.fault
+        return beside.handle(message, sender, now_s, locked=False)
 
     def tick(self, now_s: float) -> StoreStep:
         """Let the uploads of all three lists go on."""
@@ -111,69 +101,40 @@ class ArduPilotStore(ArduPilotUploads):
         for one in self._lists.values():
             one.forget_transfers()
 
-    def _handle_mission_message(self, message: _Order, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
-        match message:
-            case MissionCount():
-                return self._begin(message, sender, now_s)
-            case ItemReceived():
-                return self._store(message, sender, now_s)
-            case MissionRequestList() | MissionRequest() if self._upload is not None:
-                return self._build_ack(sender, MissionResult.DENIED)
-            case MissionRequestList():
-                return StoreStep((build_mission_count(sender, self._count),))
-            case MissionRequest():
-                return self._read(message, sender)
-            case MissionClearAll():
-                if locked:
-                    return self._build_ack(sender, MissionResult.ERROR)
-                self._count = 0
-                self._upload = None
-                return replace(self._build_ack(sender, MissionResult.ACCEPTED), cleared=True)
+    def _truncate(self, count: int) -> bool:
+        self._count = min(
+            self._count, count
+        )  # measured: 0 is accepted in AUTO too, and it flies on to its old waypoint
+        return True
 
-    def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        refusal = self._refuse_upload(message.count, sender)
-        if refusal is not None:
-            return refusal
-        self._count = min(self._count, message.count)
-        if message.count == 0:
-            # Measured: accepted in AUTO too, where the vehicle flies on to its old waypoint.
-            self._upload = None
-            return replace(self._build_ack(sender, MissionResult.ACCEPTED, RECEIVED), truncated=True)
-        return replace(self._begin_upload(message.count, sender, now_s), truncated=True)
-
-    def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
-        upload = self._upload
-        if upload is None:
-            return self._build_ack(sender, MissionResult.ERROR)
-        if message.seq != upload.next:
-            # A warning only: the upload goes on.
-            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
-        if message.frame not in FRAMES or message.command not in COMMANDS:
-            self._upload = None
-            known = message.frame in FRAMES
-            return self._build_ack(sender, MissionResult.UNSUPPORTED if known else MissionResult.UNSUPPORTED_FRAME)
-        if message.seq > 0:
-            item = _to_stored(to_item(message))
-            self._memory[message.seq : message.seq + 1] = [item]
-        self._count = max(self._count, message.seq + 1)
-        upload.next += 1
-        upload.heard_s = now_s
-        stored = message.seq > 0
+    def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:
         advice = () if message.integer else self._recommend_int_messages(ITEM_ADVICE)
-        if upload.next == upload.count:
-            self._upload = None
-            return replace(self._build_ack(sender, MissionResult.ACCEPTED, (*advice, *RECEIVED)), stored=stored)
-        asked = StoreStep() if upload.is_stalled(self.fault) else self._request_next_item(upload, now_s)
-        return replace(asked, texts=advice, stored=stored)
+        return replace(step, texts=(*advice, *step.texts), stored=message.seq > 0)
+
+    def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
+        if message.frame not in FRAMES:
+            return MissionResult.UNSUPPORTED_FRAME
+        return None if message.command in COMMANDS else MissionResult.UNSUPPORTED
+
+    def _keep_item(self, upload: Transfer, item: MissionItem) -> None:  # noqa: ARG002 - it lies in its place at once
+        if item.seq > 0:
+            self._memory[item.seq : item.seq + 1] = [_to_stored(item)]
+        self._count = max(self._count, item.seq + 1)
+
+    def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:  # noqa: ARG002 - all is in place
+        return self._build_ack(sender, MissionResult.ACCEPTED, RECEIVED)
+
+    def _clear(self, sender: Peer) -> StoreStep:
+        self._count = 0
+        self._upload = None
+        return replace(self._build_ack(sender, MissionResult.ACCEPTED), cleared=True)
 
     def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
-        item = self.item_at(message.seq)
-        if item is None:
+        step = super()._read(message, sender)
+        if self.item_at(message.seq) is None:
             # It tells how many there are.
-            refusal = build_mission_ack(sender, MissionResult.INVALID_SEQUENCE)
-            return StoreStep((build_mission_count(sender, self._count), refusal))
-        advice = () if message.integer else self._recommend_int_messages(REQUEST_ADVICE)
-        return StoreStep((build_mission_item(sender, item, integer=message.integer),), advice)
+            return StoreStep((build_mission_count(sender, self._count), *step.send))
+        return replace(step, texts=() if message.integer else self._recommend_int_messages(REQUEST_ADVICE))
 
     def _recommend_int_messages(self, text: str) -> tuple[tuple[int, str], ...]:
         """Recommend the younger messages, once."""

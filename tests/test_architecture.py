@@ -9,14 +9,11 @@ import sys
 from collections.abc import Iterator
 from enum import IntEnum
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 
-import missions
-import planner
 from executor.protocols import command, upload, vehicle_commands
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
 from simulator import enums
@@ -89,16 +86,6 @@ def test_nothing_imports_the_tests() -> None:
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert not any(name.partition(".")[0] == "tests" for name in names), path
-
-
-@pytest.mark.parametrize("package", [planner, missions], ids=lambda package: str(package.__name__))
-def test_all_is_exact(package: ModuleType) -> None:
-    public = {
-        name for name, value in vars(package).items() if not name.startswith("_") and not isinstance(value, ModuleType)
-    }
-    exported: list[str] = package.__all__
-    assert set(exported) == public
-    assert len(exported) == len(set(exported))
 
 
 @pytest.mark.parametrize("package", PACKAGES)

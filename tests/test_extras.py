@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.extras import MODULES, Extra, packages_of
-from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
-from executor.flight.kept_parameters import write_kept_parameters
+from executor.core.preflight.board_changes import ChangeStage, KeptParameter
+from executor.flight.board_record import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -114,7 +114,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
             archive.writestr(inside, b"")
     (folder / "flight.tlog").write_bytes(b"")
     (folder / "run").mkdir()
-    changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "its RTL", ChangeStage.SET)
+    changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.SET)
     write_kept_parameters(folder / "run", [changed])
     (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
     return called(folder, [*GOES_ON, *REFUSED, NOT_FLOWN])

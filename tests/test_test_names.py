@@ -10,7 +10,6 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
-    "tests/executor/flight/test_fencing.py": ("executor/flight/kept_lists.py",),
     "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
@@ -134,6 +133,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_upload.py": (
         "benchmarks/mavsdk_upload.py",
         "benchmarks/commands.py",
+        "benchmarks/options.py",
     ),
     "tests/executor/cli/test_network.py": (
         "executor/analysis/pictures/network_figure.py",
@@ -152,12 +152,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/background.py",
         "missions/readers/imagery.py",
         "missions/readers/mbtiles.py",
-        "missions/readers/picture_window.py",
     ),
     "tests/missions/readers/test_elevation_rasters.py": (
         "missions/elevation.py",
         "missions/readers/geoids.py",
         "missions/readers/kept_elevation.py",
+        "missions/readers/rasters.py",
     ),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
@@ -198,7 +198,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/kml.py",
         "missions/readers/osm.py",
         "missions/readers/shapes.py",
-        "missions/readers/network_geojson.py",
+        "missions/readers/network_import.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (
@@ -235,8 +235,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/flight/test_checkpoint_files.py": ("executor/flight/checkpointer.py",),
     "tests/executor/flight/test_parameter_changes.py": (
-        "executor/flight/kept_parameters.py",
-        "executor/runtime/parameter_restore.py",
+        "executor/flight/board_record.py",
+        "executor/runtime/board_restore.py",
     ),
     "tests/executor/flight/test_resume_flight.py": (
         "executor/adapters/clock.py",
@@ -263,7 +263,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/separation.py",
     ),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
-    "tests/benchmarks/test_sorties.py": ("benchmarks/sortiespage.py", "executor/virtual/pad_crew.py"),
+    "tests/benchmarks/test_sorties.py": (
+        "benchmarks/sortiespage.py",
+        "benchmarks/pad_crew.py",
+        "benchmarks/virtual_day.py",
+    ),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
         "benchmarks/failurespage.py",
@@ -272,12 +276,13 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/failures_command.py",
     ),
     "tests/benchmarks/test_window.py": (
-        "executor/virtual/branches.py",
-        "executor/virtual/virtual_site.py",
+        "benchmarks/branches.py",
+        "benchmarks/virtual_site.py",
         "benchmarks/windowpage.py",
         "benchmarks/flight_commands.py",
     ),
-    "tests/executor/virtual/test_virtual_flight.py": (
+    "tests/benchmarks/test_virtual_flight.py": (
+        "executor/virtual/memory_flight.py",
         "executor/virtual/radio.py",
         "executor/virtual/in_process_solver.py",
     ),
@@ -331,15 +336,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/autopilots/ardupilot.py",
         "missions/autopilots/px4.py",
     ),
-    "tests/missions/test_plan_file.py": ("missions/plan_json.py",),
+    "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
-    "tests/benchmarks/scenarios/test_losses.py": ("planner/road_graph.py",),
-    "tests/benchmarks/scenarios/test_search.py": (
-        "benchmarks/scenarios/evaluate.py",
-        "benchmarks/scenarios/model.py",
-        "benchmarks/scenarios/solve.py",
-    ),
+    "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
         "planner/partition.py",
@@ -347,10 +347,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": (
         "planner/decomposition.py",
-        "planner/synthetic.py",
+        "benchmarks/synthetic.py",
     ),
     "tests/planner/test_risk.py": ("planner/after_losses.py",),
     "tests/planner/test_window_search.py": (
+        "benchmarks/table/window_bound.py",
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
         "planner/pareto_front.py",
@@ -362,14 +363,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/model.py",
         "planner/result.py",
         "planner/solve.py",
-        "planner/search_rounds.py",
-        "planner/search_start.py",
-    ),
-    "tests/benchmarks/scenarios/test_properties.py": (
-        "benchmarks/scenarios/construct.py",
-        "benchmarks/scenarios/kernels/day.py",
-        "benchmarks/scenarios/kernels/dayinsertion.py",
-        "benchmarks/scenarios/kernels/daysearch.py",
+        "planner/plan_search.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/loss_problem.py",
@@ -398,16 +392,14 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/planner/sorties/test_sortie_exact.py": ("planner/sorties/sortie_model.py",),
+    "tests/benchmarks/test_exact_sorties.py": ("planner/sorties/sortie_model.py",),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
-        "executor/site/day_problem.py",
         "executor/site/tables/day_tables.py",
         "missions/day_plan.py",
-        "missions/day_plan_json.py",
-        "missions/sortie_pricing.py",
     ),
+    "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",

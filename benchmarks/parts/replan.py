@@ -13,6 +13,7 @@ from benchmarks.parts.setting import Setting
 from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance, with_budget
 from benchmarks.store import Json
+from benchmarks.synthetic import generate_network
 from executor.adapters.worker_pool import start_worker_pool
 from planner import (
     Cost,
@@ -31,7 +32,6 @@ from planner import (
     solve,
     warm_up,
 )
-from planner.synthetic import generate_network
 
 TITLE = "Re-plans"
 PEER_TITLE = "Given up, asked of PyVRP"

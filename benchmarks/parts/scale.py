@@ -14,9 +14,9 @@ from benchmarks.markdown import figure, markdown_table
 from benchmarks.parts.setting import Setting
 from benchmarks.problems import PAPER_S, line_instance
 from benchmarks.store import Json
+from benchmarks.synthetic import generate_network
 from planner import Cost, Progress, Seconds, Stopwatch, solve, warm_up
 from planner.instance import TABLES_UP_TO
-from planner.synthetic import generate_network
 
 TITLE = "Scale"
 SIZES = (100, 300, 1000, 3000, 10_000)

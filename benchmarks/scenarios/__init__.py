@@ -1,55 +1,35 @@
-"""Days of several trips: several depots, recharging between trips, vehicles lost one after another.
+"""The public failure scenarios as days of sorties: a graph of streets, depots, vehicles lost one after another.
 
-    >>> ways = build_road_graph(places, edges)                                             # doctest: +SKIP
-    >>> instance = day_instance(ways.times_s, tasks, depots, vehicles, capacity_s=20)   # doctest: +SKIP
-    >>> found = solve_day(instance, stop=Seconds(0.5))                            # doctest: +SKIP
+    >>> left = build_day_left(day, timelines, lost=[0], at_s=12.0)                        # doctest: +SKIP
+    >>> plan = solve_sorties(left.instance, stop=Seconds(0.5), initial=left.tails).plan    # doctest: +SKIP
+    >>> timelines = day_after(day, left, plan)                                        # doctest: +SKIP
 
-Importing this package is cheap; the first plan, or ``warm_up_day``, loads the compiled kernels.
+Trips are planned by ``planner.sorties``: a task is a segment, a trip a sortie that uses its share of the longest trip.
 """
 
-from benchmarks.scenarios.evaluate import DayEvaluation, evaluate_day, trip_s
-from benchmarks.scenarios.exact import MOST_COLUMNS, least_last_end_s, solve_day_exact
+from benchmarks.scenarios.day import Day, Stand, TimedTrip, Timeline, build_day_instance
+from benchmarks.scenarios.least_end import MOST_COLUMNS, least_last_end_s
 from benchmarks.scenarios.losses import (
-    Day,
     DayLeft,
-    TimedTrip,
-    Timeline,
     build_day_left,
     build_day_left_with_foresight,
     day_after,
     open_tasks,
     replan_losses,
 )
-from benchmarks.scenarios.model import DayInstance, DayPlan, DayTask, DayVehicle, Trip, day_instance
-from benchmarks.scenarios.result import DayResult
-from benchmarks.scenarios.solve import solve_day, warm_up_day
-from planner.road_graph import RoadGraph, build_road_graph
 
 __all__ = [
     "MOST_COLUMNS",
     "Day",
-    "DayEvaluation",
-    "DayInstance",
     "DayLeft",
-    "DayPlan",
-    "DayResult",
-    "DayTask",
-    "DayVehicle",
-    "RoadGraph",
+    "Stand",
     "TimedTrip",
     "Timeline",
-    "Trip",
+    "build_day_instance",
     "build_day_left",
     "build_day_left_with_foresight",
-    "build_road_graph",
     "day_after",
-    "day_instance",
-    "evaluate_day",
     "least_last_end_s",
     "open_tasks",
     "replan_losses",
-    "solve_day",
-    "solve_day_exact",
-    "trip_s",
-    "warm_up_day",
 ]

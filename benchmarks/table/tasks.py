@@ -12,6 +12,7 @@ from benchmarks.problems import line_instance, network_of, with_budget
 from benchmarks.solvers import run_solver
 from benchmarks.store import Json
 from benchmarks.table.settings import DRONE, INSPECTION_M_S, TRANSIT_M_S, VEHICLES, TableSettings
+from benchmarks.table.window_bound import earliest_window_bound_s
 from executor.site.site_planning import PlanSolver
 from planner import (
     PRESETS,
@@ -20,7 +21,6 @@ from planner import (
     Plan,
     ReplanWindow,
     Route,
-    earliest_window_bound_s,
     evaluate,
     replan_window,
     solve_window,

@@ -340,8 +340,8 @@ def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
     return dict(head)
 
 
-def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[float, object]]:
-    """Yield what the log holds beside events, with its time: lines that were said, and commands as plain data.
+def read_notes(path: Path, since: LogPlace | None = None) -> Iterator[dict[str, Any]]:
+    """Yield what the log holds beside events, each with its time as ``t_s``.
 
     A line that cannot be read is passed over; `read_events` says what is wrong with it.
     """
@@ -356,9 +356,15 @@ def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[
             except (ValueError, RecursionError):
                 continue
             if isinstance(content, dict) and is_time(content.get("t_s")):
-                decided = content.get("command", content.get("said"))
-                if decided is not None:
-                    yield content["t_s"], decided
+                yield content
+
+
+def read_decisions(path: Path, since: LogPlace | None = None) -> Iterator[tuple[float, object]]:
+    """Yield what was decided, with its time: lines that were said, and commands as plain data."""
+    for note in read_notes(path, since):
+        decided = note.get("command", note.get("said"))
+        if decided is not None:
+            yield note["t_s"], decided
 
 
 def read_events(

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from executor.adapters.document import Document, Number, Whole, YesNo
+from executor.adapters.document import Document, Hundredths, Number, Tenths, Thousandths, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight.vehicle_checks import Severity
@@ -27,9 +27,9 @@ class FaultRow(Document):
     code: FaultCode | None = None
     """None in what was written before there were codes."""
     reason: str
-    happened_s: Number | None
+    happened_s: Hundredths | None
     """Where a simulator knows it."""
-    detected_s: Number
+    detected_s: Hundredths
 
 
 class ReplanRow(Document):
@@ -41,22 +41,22 @@ class ReplanRow(Document):
     """What it was needed for."""
     feasible: YesNo
     """Whether every segment that was open is covered."""
-    solve_s: Number
+    solve_s: Thousandths
     """In real time."""
-    upload_s: Number
-    total_s: Number
+    upload_s: Hundredths
+    total_s: Hundredths
     """From the need to the missions verified on board."""
     uncovered: tuple[Whole, ...]
     """Ids of the segments that nobody can fly; without those that the first plan left over."""
     gained: Whole | None = None
     """How many more segments it covers than what was on board; None if the solver did not say, or has not ended."""
-    gained_m: Number | None = None
+    gained_m: Tenths | None = None
     """How much longer they are together."""
     taken_up: Whole | None = None
     """How many more it covers of those that the first plan left over; negative if it gives some of them back."""
-    longest_route_s: Number | None = None
+    longest_route_s: Tenths | None = None
     """Each from where its vehicle becomes free."""
-    carried_route_s: Number | None = None
+    carried_route_s: Tenths | None = None
     """The longest of what was on board, as far as the budgets last."""
     over_budget: tuple[str, ...] = ()
     """Vehicles whose budgets do not last for all that they have on board."""
@@ -72,7 +72,7 @@ class LastFix(Document):
     accuracy_m: Number | None = None
     ground_speed_m_s: Number
     """There: it has flown on."""
-    at_s: Number
+    at_s: Tenths
 
 
 class LastPosition(Document):
@@ -82,7 +82,7 @@ class LastPosition(Document):
     lon_deg: Number
     alt_rel_m: Number
     """Over its pad."""
-    at_s: Number
+    at_s: Tenths
     known: str = ""
     """fix: by GPS. reckoned: GPS was lost before. unsaid: it said nothing of its GPS. Empty in older reports."""
     accuracy_m: Number | None = None
@@ -97,7 +97,7 @@ class VehicleRow(Document):
     name: str
     segments: tuple[Whole, ...]
     """Ids of what it inspected."""
-    energy_used_pct: Number
+    energy_used_pct: Tenths
     landed: YesNo
     """Whether it stands on its pad."""
     min_reserve_pct: Number | None
@@ -178,8 +178,8 @@ class HeightsPart(Document):
 class AbsenceRow(Document):
     """A time in which the ground station was not there."""
 
-    until_s: Number
-    pause_s: Number
+    until_s: Tenths
+    pause_s: Tenths
     restarted: YesNo
 
 
@@ -191,11 +191,11 @@ class InspectionRow(Document):
     vehicle: str
     inspected_at_m: Annotated[Number | None, Field(exclude_if=is_none)] = None
     """How high over the pylon tops, or the depot's ground, by its mission, where vehicles leave their layers."""
-    speed_mean_m_s: Number
-    speed_max_m_s: Number | None
-    deviation_mean_m: Number
+    speed_mean_m_s: Hundredths
+    speed_max_m_s: Hundredths | None
+    deviation_mean_m: Hundredths
     """From the planned track."""
-    deviation_max_m: Number
+    deviation_max_m: Hundredths
 
 
 class NotCountedRow(Document):
@@ -236,12 +236,12 @@ class LegRow(Document):
     """What it is for: takeoff, transit, inspect, return or land."""
     segment: Whole | None = None
     """Id of the segment that is inspected, or flown to."""
-    planned_s: Number
-    flown_s: Number | None
+    planned_s: Tenths
+    flown_s: Tenths | None
     """None where its begin or its end was not heard."""
-    planned_pct: Number
+    planned_pct: Thousandths
     """Of a full battery."""
-    flown_pct: Number | None
+    flown_pct: Thousandths | None
     """By what the battery reported; None where that is not known."""
 
 
@@ -253,15 +253,15 @@ class RouteRow(Document):
     """Of the mission on board; the legs of one that a re-plan continued are those up to the change."""
     whole: YesNo
     """Whether it is a whole flight, from take-off to landing."""
-    began_s: Number
-    ended_s: Number
-    planned_s: Number
-    flown_s: Number
+    began_s: Tenths
+    ended_s: Tenths
+    planned_s: Tenths
+    flown_s: Tenths
     time_error_pct: Number | None
     """By how much more was flown than planned, in percent of what was planned."""
-    planned_pct: Number
+    planned_pct: Hundredths
     """Of a full battery."""
-    flown_pct: Number | None
+    flown_pct: Hundredths | None
     energy_error_pct: Number | None
     legs: tuple[LegRow, ...]
 
@@ -274,8 +274,8 @@ class SortieRow(Document):
     """Of this vehicle's, from 1."""
     pack: str
     """The id of its pack, as the crew said; empty if nobody did."""
-    began_s: Number
-    ended_s: Number | None
+    began_s: Tenths
+    ended_s: Tenths | None
     """None where it did not land."""
     began_pct: Number | None
     """By its own report."""
@@ -326,7 +326,7 @@ class FlightReport(Document):
     """Every segment's name by its id."""
     finished: YesNo
     """Whether everything was inspected."""
-    duration_s: Number
+    duration_s: Tenths
     """To the end of the supervision."""
     faults: tuple[FaultRow, ...]
     replans: tuple[ReplanRow, ...]
@@ -341,7 +341,7 @@ class FlightReport(Document):
     """What assets asked of cameras."""
     inferred: tuple[Whole, ...] = ()
     """Ids of segments that count by evidence, not by positions, after an absence."""
-    min_separation_m: Number | None
+    min_separation_m: Hundredths | None
     """The least distance of any two flying vehicles that was measured."""
     inspection_speed_m_s: Number | None = None
     """That was asked for."""

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.flight_record import FaultRecord, FlightRecord, VehicleRecord
+from executor.analysis.documents import FaultRow
+from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord, find_last_row
 from executor.analysis.read_run import read_run
 from executor.errors import LogError
 from executor.site.site_file import read_site
@@ -45,8 +46,6 @@ from missions.inspection_height import build_first_paths
 from missions.plan_setup import setup_of_plan
 from planner import is_reversed, segment_of, visit_of
 
-GAP_S = 5.0
-"""Where nothing was heard for longer than this, nothing is drawn."""
 DECIMALS = 6
 """Of a degree: more than a decimetre no position carries."""
 STEP_S = 0.5
@@ -191,20 +190,19 @@ def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:
 def _build_loss_places(record: FlightRecord, setup: FlightSetup) -> Iterator[MapPoint]:
     """Yield where each vehicle that was lost was by GPS last before that was declared, and how long before."""
     for vehicle, fault in record.losses:
-        by_gps = np.ones(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else ~vehicle.reckoned
-        heard = np.flatnonzero((vehicle.track[:, 0] <= fault.detected_s) & by_gps)
-        if len(heard) == 0:
+        row = find_last_row(vehicle, fault.detected_s)
+        if row is None:
             continue
-        at_s, east_m, north_m, _ = vehicle.track[heard[-1]].tolist()
+        at_s, east_m, north_m, _ = vehicle.track[row].tolist()
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(east_m, north_m)
-        place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[heard[-1]]))
+        place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[row]))
         yield MapPoint(
             MapFeatureKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, Reference.SEA, vehicle.name,
             _format_time(record, fault.detected_s), _describe_fault(record, fault, fault.detected_s - at_s),
         )  # fmt: skip
 
 
-def _describe_fault(record: FlightRecord, fault: FaultRecord, age_s: float) -> dict[str, Fact]:
+def _describe_fault(record: FlightRecord, fault: FaultRow, age_s: float) -> dict[str, Fact]:
     happened = None if fault.happened_s is None else _format_time(record, fault.happened_s)
     return {
         "event": "fault",

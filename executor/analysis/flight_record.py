@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from executor.analysis.documents import FaultRow
 from executor.core.interface.commands import Level
 from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
-from executor.core.state.vehicle_state import FaultKind
 from missions import PlanFile
 from missions.areas import Area
 from missions.geo import FloatArray
@@ -31,6 +31,8 @@ Place = tuple[float, float]
 
 SWAP_PCT = 20.0
 """A percentage that rises by more than this is a restart or another pack, not a charge in flight."""
+GAP_S = 5.0
+"""Where nothing was heard for longer than this, no track is drawn."""
 JOIN_M = 10.0
 """A vehicle that came as near as this to where its new route starts has begun it."""
 OFF_GROUND_M = 1.0
@@ -59,17 +61,6 @@ class SegmentRecord:
         return self.name or str(self.id)
 
 
-@dataclass(frozen=True, slots=True)
-class FaultRecord:
-    """Why a vehicle did not finish its route."""
-
-    kind: FaultKind
-    reason: str
-    detected_s: float
-    happened_s: float | None
-    """None where nobody knows but the vehicle; a simulator does."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleRecord:
     """One vehicle's flight as it was heard."""
@@ -84,16 +75,12 @@ class VehicleRecord:
     """(n, 4) float64: seconds, east, north, and height over its own home in metres."""
     battery: FloatArray
     """(m, 2) float64: seconds, and percent that remain."""
-    fault: FaultRecord | None
+    fault: FaultRow | None
+    """The last that was declared."""
     sea_m: FloatArray
     """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
     reckoned: npt.NDArray[np.bool_] | None = None
     """(n,) bool: whether each of them came while GPS was lost; None where all are by GPS."""
-
-    @property
-    def by_gps(self) -> FloatArray:
-        """The rows of the track that are by GPS."""
-        return self.track if self.reckoned is None else self.track[~self.reckoned]
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +142,7 @@ class FlightRecord:
     """Names of segments that lie in an area or behind one, and why they could not be inspected."""
 
     @property
-    def losses(self) -> tuple[tuple[VehicleRecord, FaultRecord], ...]:
+    def losses(self) -> tuple[tuple[VehicleRecord, FaultRow], ...]:
         """Vehicles that did not finish, in the order in which that was declared."""
         at_fault = [(vehicle, vehicle.fault) for vehicle in self.vehicles if vehicle.fault is not None]
         return tuple(sorted(at_fault, key=lambda pair: pair[1].detected_s))
@@ -280,10 +267,11 @@ def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
     return float(np.interp(t_s, account[:, 0], account[:, 1]))
 
 
-def find_last_place_m(vehicle: VehicleRecord, t_s: float) -> Place | None:
-    """Return where a vehicle was by GPS last until a time; None if it was not heard."""
-    heard = vehicle.by_gps[vehicle.by_gps[:, 0] <= t_s]
-    return (float(heard[-1, 1]), float(heard[-1, 2])) if len(heard) else None
+def find_last_row(vehicle: VehicleRecord, t_s: float) -> int | None:
+    """Return which row of its track says where a vehicle was by GPS last until a time; None if it was not heard."""
+    by_gps = True if vehicle.reckoned is None else ~vehicle.reckoned
+    heard = np.flatnonzero((vehicle.track[:, 0] <= t_s) & by_gps)
+    return int(heard[-1]) if len(heard) else None
 
 
 def take_off_time_s(track: FloatArray, after_s: float) -> float:

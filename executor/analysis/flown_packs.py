@@ -27,25 +27,16 @@ def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> Packs
             # A pack without a label is another one for each sortie: nobody knows better.
             number = numbers.setdefault((one.pack, 0 if one.pack else at), len(numbers) + 1)
             entries.append(
-                PackEntry(
+                PackEntry.build_from(
+                    one,
                     log=log,
                     vehicle=name,
                     pack=number,
                     label=one.pack or None,
                     began_usec=round((began_unix_s + one.began_s) * USEC),
                     minutes=round((one.ended_s - one.began_s) / 60.0, 2),
-                    cells=one.cells,
                     rest_cell_v=None if one.rest_v is None else round(one.rest_v / one.cells, 3),
                     end_cell_v=round(one.end_v / one.cells, 3),
-                    began_pct=one.began_pct,
-                    ended_pct=one.ended_pct,
-                    sag_cell_v=None,
-                    ohm=None,
-                    ohm_sd=None,
-                    counted_ah=None,
-                    set_ah=None,
-                    least_ah=None,
-                    most_ah=None,
                 )
             )
     return PacksDocument(format=FORMAT, flights=tuple(entries))

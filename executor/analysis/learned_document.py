@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from executor.adapters.document import Document, Whole
 from executor.adapters.run_directory import RunDirectory
@@ -20,9 +21,10 @@ from executor.core.vehicle_learning import BOUNDS, FACTOR_BOUNDS, KnownVehicle, 
 from missions import Performance
 from missions.validation import Figure
 
-Ratio = Annotated[Figure, Field(ge=BOUNDS[0], le=BOUNDS[1])]
-Power = Annotated[Figure, Field(ge=FACTOR_BOUNDS[0], le=FACTOR_BOUNDS[1])]
-Deviation = Annotated[Figure, Field(gt=0, le=1)]
+FourDigits = AfterValidator(partial(round, ndigits=4))
+Ratio = Annotated[Figure, Field(ge=BOUNDS[0], le=BOUNDS[1]), FourDigits]
+Power = Annotated[Figure, Field(ge=FACTOR_BOUNDS[0], le=FACTOR_BOUNDS[1]), FourDigits]
+Deviation = Annotated[Figure, Field(gt=0, le=1), FourDigits]
 Count = Annotated[Whole, Field(ge=0)]
 
 
@@ -40,7 +42,7 @@ class ConsumptionPart(Document):
 
     mean: Power
     sd: Deviation
-    minutes: Annotated[Figure, Field(ge=0)]
+    minutes: Annotated[Figure, Field(ge=0), AfterValidator(partial(round, ndigits=1))]
     """In the air that it was learned from."""
 
 
@@ -147,21 +149,13 @@ def describe_learned(vehicle: LearnedVehicle) -> str:
 
 
 def _build_part(name: str, known: KnownVehicle) -> LearnedVehicle:
-    return LearnedVehicle(
+    return LearnedVehicle.build_from(
+        known,
         name=name,
-        autopilot=known.autopilot,
-        drone=known.drone,
-        inspect=_build_pace_part(known.inspect),
-        transit=_build_pace_part(known.transit),
-        consumption=ConsumptionPart(
-            mean=round(known.consumption.factor, 4), sd=round(known.consumption.sd, 4), minutes=round(known.minutes, 1)
-        ),
-        performance=known.performance,
+        inspect=PacePart.build_from(known.inspect),
+        transit=PacePart.build_from(known.transit),
+        consumption=ConsumptionPart.build_from(known.consumption, mean=known.consumption.factor, minutes=known.minutes),
     )
-
-
-def _build_pace_part(known: PaceEstimate) -> PacePart:
-    return PacePart(mean=round(known.mean, 4), sd=round(known.sd, 4), legs=known.legs)
 
 
 def _parse_known(row: LearnedVehicle) -> KnownVehicle:

@@ -61,13 +61,13 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
         vehicle=vehicle,
         revision=revision,
         whole=legs[0].phase is Phase.TAKEOFF and legs[-1].phase is Phase.LAND,
-        began_s=round(began.at_s - launched_s, 1),
-        ended_s=round(end.at_s - launched_s, 1),
-        planned_s=round(planned_s, 1),
-        flown_s=round(flown_s, 1),
+        began_s=began.at_s - launched_s,
+        ended_s=end.at_s - launched_s,
+        planned_s=planned_s,
+        flown_s=flown_s,
         time_error_pct=error_pct(flown_s, planned_s),
-        planned_pct=round(planned_pct, 2),
-        flown_pct=None if flown_pct is None else round(flown_pct, 2),
+        planned_pct=planned_pct,
+        flown_pct=flown_pct,
         energy_error_pct=error_pct(flown_pct, planned_pct),
         legs=tuple(map(_build_leg_row, legs)),
     )
@@ -75,16 +75,13 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
 
 def _build_leg_row(leg: FlownLeg) -> LegRow:
     began, ended = leg.began, leg.ended
-    flown_s = None if began is None or ended is None else ended.at_s - began.at_s
-    flown_pct = _draw_pct(began, ended)
-    return LegRow(
-        waypoint=leg.waypoint,
+    return LegRow.build_from(
+        leg,
         phase=leg.phase.value,
-        segment=leg.segment,
-        planned_s=round(leg.planned.duration_s, 1),
-        flown_s=None if flown_s is None else round(flown_s, 1),
-        planned_pct=round(leg.planned.energy_pct, 3),
-        flown_pct=None if flown_pct is None else round(flown_pct, 3),
+        planned_s=leg.planned.duration_s,
+        flown_s=None if began is None or ended is None else ended.at_s - began.at_s,
+        planned_pct=leg.planned.energy_pct,
+        flown_pct=_draw_pct(began, ended),
     )
 
 

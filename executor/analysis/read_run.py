@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, Field
 
-from executor.adapters.eventlog import read_events, read_head
+from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FlightReport, read_report
 from executor.analysis.flight_record import (
     DecisionLine,
-    FaultRecord,
     FlightRecord,
     PlanRevision,
     SegmentRecord,
@@ -40,15 +37,6 @@ from executor.site import site_model
 from executor.site.site_file import Site, read_site
 from executor.site.site_packs import load_site_packs
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
-
-
-class _DecisionText(BaseModel):
-    """A line of the log that holds what the operator saw."""
-
-    t_s: float
-    said: Annotated[str, Field(validation_alias=AliasChoices("said", "told"))]
-    """A decision; or what was told of something else, such as a broker."""
-    level: Level
 
 
 @dataclass(slots=True)
@@ -127,7 +115,7 @@ def read_run(run: Path) -> FlightRecord:
         decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
         duration_s=report.duration_s,
         areas=first.areas,
-        never=tuple(zip(first.unreachable_names, (one.why for one in first.unreachable), strict=True)),
+        never=tuple((one.name, one.why) for one in first.unreachable),
         launched_unix_s=read_head(RunDirectory(run).events).began_unix_s + log.launched_s,
     )
 
@@ -167,19 +155,18 @@ def _take_event(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup:
 
 
 def _read_decisions(path: Path, launched_s: float) -> Iterator[DecisionLine]:
-    with path.open(encoding="utf-8") as file:
-        for line in file:
-            # Most lines are events, which `read_events` has parsed already; a cheap look tells them apart.
-            if ('"said":' in line or '"told":' in line) and '"event":' not in line and line.endswith("\n"):
-                said = _DecisionText.model_validate_json(line)
-                yield DecisionLine(said.t_s - launched_s, said.level, said.said)
+    """Yield what the operator saw: what was decided, or told of something else, such as a broker."""
+    for note in read_notes(path):
+        text = note.get("said", note.get("told"))
+        if text is not None:
+            yield DecisionLine(note["t_s"] - launched_s, Level(note["level"]), text)
 
 
 def _build_vehicles(
     site: Site, packs: Mapping[str, PackHistory], report: FlightReport, log: _Log
 ) -> tuple[VehicleRecord, ...]:
     drone = site_model.drone_of(site)
-    faults = {row.vehicle: FaultRecord(row.kind, row.reason, row.detected_s, row.happened_s) for row in report.faults}
+    faults = {row.vehicle: row for row in report.faults}
     vehicles = []
     for layer, table in enumerate(site.vehicle):
         heard = log.heard[table.name]

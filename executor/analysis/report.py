@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 from executor.analysis.documents import (
     AbsenceRow,
@@ -31,15 +30,14 @@ from executor.analysis.documents import (
 from executor.analysis.plan_comparison import build_route_rows
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
-from executor.core.interface.events import Gain
 from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import height_checks
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
-from executor.core.state.fleet_state import FleetState, GroundStationAbsence, ReplanRecord
+from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_position import is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
 from executor.core.telemetry import firmware
-from executor.images.index_rows import AssetRow, build_asset_rows
+from executor.images.index_rows import build_asset_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +66,7 @@ class PreflightRecord:
 
     def build_check_rows(self) -> tuple[CheckRow, ...]:
         """Return the checklist as a document has it."""
-        return tuple(map(build_check_row, self.checks)) if self.kept is None else self.kept.checks
+        return tuple(map(CheckRow.build_from, self.checks)) if self.kept is None else self.kept.checks
 
     def firmware_of(self, name: str) -> dict[str, str | None]:
         """Return what a vehicle is and which firmware it has."""
@@ -86,13 +84,12 @@ def build_vehicle_answers(context: Context, said: PreflightRecord) -> AskedVehic
     """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
     return AskedVehicles(
         vehicles=tuple(
-            AskedVehicle(
-                name=name,
+            AskedVehicle.build_from(
+                facts,
                 sysid=context.vehicles[name].sysid,
                 **_describe_firmware(facts),
-                remaining_pct=facts.remaining_pct,
                 link_timeout_s=context.vehicles[name].link_timeout_s,
-                pad=_build_pad(context, name),
+                pad=PadPart.build_from(context.setup.pad_of(name)),
                 gps_fix=None if facts.gps is None else facts.gps.fix,
                 gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
                 parameters=dict(sorted(facts.parameters.items())),
@@ -100,19 +97,9 @@ def build_vehicle_answers(context: Context, said: PreflightRecord) -> AskedVehic
             )
             for name, facts in said.facts.items()
         ),
-        checks=tuple(map(build_check_row, said.checks)),
+        checks=tuple(map(CheckRow.build_from, said.checks)),
         earlier=said.earlier,
     )
-
-
-def _build_pad(context: Context, name: str) -> PadPart:
-    pad = context.setup.pad_of(name)
-    return PadPart(east_m=pad.east_m, north_m=pad.north_m, alt_m=pad.alt_m)
-
-
-def build_check_row(check: Check) -> CheckRow:
-    """Return a line of the checklist as a document has it."""
-    return CheckRow(severity=check.severity, code=check.code, subject=check.subject, text=check.text)
 
 
 def _describe_firmware(facts: VehicleFacts | None) -> dict[str, str | None]:
@@ -157,16 +144,12 @@ def build_report(
         uncovered_names=tuple(map(context.segment_name, uncovered)),
         left_over=tuple(sorted(state.coverage.left_over - set(state.coverage.inspected))),
         unreachable=tuple(
-            UnreachableRow(segment=one.segment, name=context.segment_name(one.segment), why=one.why)
-            for one in context.unreachable
+            UnreachableRow.build_from(one, name=context.segment_name(one.segment)) for one in context.unreachable
         ),
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
-        duration_s=round(ended_s - began_s, 1),
-        faults=tuple(
-            _build_fault_row(name, fault, began_s, truths)
-            for name, fault in (*state.replanning.mended, *_find_faults(state))
-        ),
+        duration_s=ended_s - began_s,
+        faults=_build_fault_rows(state, began_s, truths),
         replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
             _build_vehicle_row(
@@ -177,10 +160,12 @@ def build_report(
         checks=said.build_check_rows(),
         parameters=tuple(parameters),
         heights=_build_heights(context, state),
-        absences=tuple(_build_absence_row(absence, began_s) for absence in state.listening.absences),
-        seen=tuple(_build_seen_row(row, state.coverage.inspected_at_m) for row in build_asset_rows(context, state)),
+        absences=tuple(
+            AbsenceRow.build_from(absence, until_s=absence.until_s - began_s) for absence in state.listening.absences
+        ),
+        seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
-        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
+        min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
         inspections=tuple(
             _build_inspection_row(context, state, segment)
@@ -197,14 +182,6 @@ def build_report(
     )
 
 
-def _build_absence_row(absence: GroundStationAbsence, began_s: float) -> AbsenceRow:
-    return AbsenceRow(
-        until_s=round(absence.until_s - began_s, 1),
-        pause_s=round(absence.pause_s, 1),
-        restarted=absence.restarted,
-    )
-
-
 def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
     """Return every sortie, in the order of their take-offs; none of a flight of one each."""
     turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
@@ -216,59 +193,29 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
         for number, one in enumerate(turn.sorties):
             then = set(turn.sorties[number + 1].before) if number + 1 < len(turn.sorties) else own
             rows.append(
-                SortieRow(
+                SortieRow.build_from(
+                    one,
                     vehicle=name,
-                    number=one.number,
-                    pack=one.pack,
-                    began_s=round(one.began_s - began_s, 1),
-                    ended_s=None if one.ended_s is None else round(one.ended_s - began_s, 1),
-                    began_pct=one.began_pct,
-                    ended_pct=one.ended_pct,
-                    rest_v=one.rest_v,
+                    began_s=one.began_s - began_s,
+                    ended_s=None if one.ended_s is None else one.ended_s - began_s,
                     segments=tuple(sorted((then & own) - set(one.before))),
                 )
             )
     return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
-def _build_seen_row(row: AssetRow, at_m: Mapping[int, float]) -> SeenRow:
-    return SeenRow(
-        segment=row.segment,
-        name=row.asset,
-        camera=row.camera,
-        take=row.take,
-        state=row.state,
-        vehicle=row.vehicle,
-        inspected_at_m=at_m.get(row.segment),
-        pictures=row.pictures,
-        missing=row.missing,
-    )
-
-
 def _build_replan_row(record: ReplanRecord) -> ReplanRow:
-    return ReplanRow(
-        revision=record.revision,
-        trigger=record.trigger,
-        feasible=record.feasible,
-        solve_s=round(record.solve_s, 3),
-        upload_s=round(record.upload_s, 2),
-        total_s=round(record.ended_s - record.begun_s, 2),
-        uncovered=tuple(record.uncovered),
-        **_describe_gain(record.gain),
-    )
-
-
-def _describe_gain(gain: Gain | None) -> dict[str, Any]:
-    if gain is None:
-        return {}
-    return {
-        "gained": gain.segments,
-        "gained_m": round(gain.length_m, 1),
-        "taken_up": gain.left_over,
-        "longest_route_s": round(gain.longest_s, 1),
-        "carried_route_s": round(gain.carried_s, 1),
-        "over_budget": gain.short,
-    }
+    gain, compared = record.gain, dict[str, object]()
+    if gain is not None:
+        compared = {
+            "gained": gain.segments,
+            "gained_m": gain.length_m,
+            "taken_up": gain.left_over,
+            "longest_route_s": gain.longest_s,
+            "carried_route_s": gain.carried_s,
+            "over_budget": gain.short,
+        }
+    return ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
 
 
 def _build_heights(context: Context, state: FleetState) -> HeightsPart:
@@ -280,32 +227,38 @@ def _build_heights(context: Context, state: FleetState) -> HeightsPart:
 
 def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:
     flown = state.coverage.flown[segment]
-    return InspectionRow(
+    return InspectionRow.build_from(
+        flown,
         segment=segment,
         name=context.segment_name(segment),
         vehicle=state.coverage.inspected[segment],
         inspected_at_m=state.coverage.inspected_at_m.get(segment),
-        speed_mean_m_s=round(flown.mean_m_s, 2),
-        speed_max_m_s=None if flown.max_m_s is None else round(flown.max_m_s, 2),
-        deviation_mean_m=round(flown.deviation_mean_m, 2),
-        deviation_max_m=round(flown.deviation_max_m, 2),
+        speed_mean_m_s=flown.mean_m_s,
+        speed_max_m_s=flown.max_m_s,
     )
 
 
-def _find_faults(state: FleetState) -> list[tuple[str, Fault]]:
-    return [(name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None]
+def _build_fault_rows(state: FleetState, began_s: float, truths: Sequence[InjectedFault]) -> tuple[FaultRow, ...]:
+    now = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
+    return tuple(_build_fault_row(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *now))
+
+
+def _build_seen_rows(context: Context, state: FleetState) -> tuple[SeenRow, ...]:
+    at_m = state.coverage.inspected_at_m
+    return tuple(
+        SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
+        for row in build_asset_rows(context, state)
+    )
 
 
 def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> FaultRow:
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
-    return FaultRow(
+    return FaultRow.build_from(
+        fault,
         vehicle=name,
-        kind=fault.kind,
-        code=fault.code,
-        reason=fault.reason,
-        happened_s=round(max(before) - began_s, 2) if before else None,
-        detected_s=round(fault.detected_s - began_s, 2),
+        happened_s=max(before) - began_s if before else None,
+        detected_s=fault.detected_s - began_s,
     )
 
 
@@ -321,7 +274,7 @@ def _build_vehicle_row(
     return VehicleRow(
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
-        energy_used_pct=round(battery.given_pct, 1),
+        energy_used_pct=battery.given_pct,
         landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and is_over_pad(context, vehicle),
         min_reserve_pct=battery.least_pct,
         state=vehicle_state_word(context, vehicle),
@@ -340,21 +293,9 @@ def _build_last_position(context: Context, vehicle: VehicleState, began_s: float
     if fix is None or at is None:
         return None
     last = at.last_fix
-    return LastPosition(
-        lat_deg=at.lat_deg,
-        lon_deg=at.lon_deg,
+    return LastPosition.build_from(
+        at,
         alt_rel_m=at.relative_alt_m,
-        at_s=round(fix.at_s - began_s, 1),
-        known=at.known,
-        accuracy_m=at.accuracy_m,
-        last_fix=None
-        if last is None
-        else LastFix(
-            lat_deg=last.lat_deg,
-            lon_deg=last.lon_deg,
-            alt_rel_m=last.relative_alt_m,
-            accuracy_m=last.accuracy_m,
-            ground_speed_m_s=last.ground_speed_m_s,
-            at_s=round(fix.at_s - last.age_s - began_s, 1),
-        ),
+        at_s=fix.at_s - began_s,
+        last_fix=last and LastFix.build_from(last, alt_rel_m=last.relative_alt_m, at_s=fix.at_s - last.age_s - began_s),
     )

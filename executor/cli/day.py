@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,25 +11,26 @@ import typer
 
 from executor.cli.console import TerminalConsole
 from executor.cli.options import require_finite
-from executor.cli.plan_inputs import write_named_file
-from executor.core.interface.commands import Level
+from executor.cli.plan_inputs import announce_planning, write_named_file
 from executor.errors import SiteError
-from executor.site.campaign_runner import CampaignRunner, open_campaign_runner
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day, spares_of
+from executor.site.campaign_runner import CampaignRunner
+from executor.site.day_flight import name_sortie_rounds
+from executor.site.day_problem import build_day_problem, list_spares, solve_day
 from executor.site.day_summary import (
     compute_base_needs,
     compute_rule_packs,
-    describe_base_needs,
-    describe_day_sorties,
+    describe_day,
     describe_loss_windows,
     describe_spares,
-    describe_uncovered,
     find_enough_spares,
 )
+from executor.site.plan_summary import find_left_over
+from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, build_day_plan_document, check_day_plan, write_day_plan
+from executor.site.site_planning import PlanRequest
+from missions import DayPlanFile, build_plan_document, check_day_plan, write_plan
 from missions.files import json_text
-from planner import Progress, Seconds
+from planner import Progress
 from planner.sorties import (
     Objective,
     SparesEstimate,
@@ -51,13 +51,9 @@ DayOption = Annotated[
         "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
     ),
 ]
-ObjectiveName = Annotated[
-    str,
-    typer.Option(
-        "--objective", metavar="[finish|flight|swaps]",
-        help="Day plan objective: earliest finish, least flight time or fewest sorties.",
-    ),
-]  # fmt: skip
+ObjectiveOption = Annotated[
+    Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")
+]
 MtbfOption = Annotated[
     float | None,
     typer.Option(
@@ -77,18 +73,13 @@ SamplesOption = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
-class DayOptions:
-    """What the options of `plan --day` ask for."""
+class SurvivalOptions:
+    """What is asked of days in which vehicles are lost."""
 
-    objective: str
-    seconds: float
-    seed: int
-    starts: int
     mtbf_h: float | None
     probability: str
     samples: int
-    dask: str | None = None
-    jobs: int | None = None
+    fly: CampaignRunner
 
 
 def parse_shares(text: str) -> list[float]:
@@ -109,7 +100,8 @@ def parse_shares(text: str) -> list[float]:
 def plan_day(
     ground: SiteModel,
     console: TerminalConsole,
-    asked: DayOptions,
+    wanted: PlanRequest,
+    survival: SurvivalOptions,
     output: Path | None,
     picture: Path | None,
     left: Sequence[int] | None,
@@ -121,101 +113,54 @@ def plan_day(
     Raises:
         SiteError: the site or an option cannot be used.
         ExecutorError: a process or a worker was lost.
-        ConnectionFailed: the cluster is away.
-        ExtraMissing: the cluster's client is not installed.
     """
-    shares = parse_shares(asked.probability)
-    spares: list[SparesEstimate] = []
-    with open_campaign_runner(jobs=asked.jobs, dask=asked.dask) as fly:
-        content = plan_site_day(ground, console, asked, left)
-        if asked.mtbf_h is not None:
-            spares = _evaluate_spares(content, console, asked, fly, asked.mtbf_h, max(shares))
+    shares, mtbf_h = parse_shares(survival.probability), survival.mtbf_h
+    content = plan_day_and_report(ground, console, wanted, left)
+    spares = _evaluate_spares(content, console, survival, wanted.seed, shares)
     console.show_progress("")
+    heights = compute_planned_heights(ground, name_sortie_rounds(content))
     if output is not None:
-        write_named_file(output, lambda: write_day_plan(output, content))
+        write_named_file(output, lambda: write_plan(output, content))
     if picture is not None:
         from executor.analysis.pictures import draw_gantt_figure, save_figure
 
         write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
-        print(
-            json_text({**build_day_plan_document(content), **build_day_document(content, spares, shares, asked.mtbf_h)})
-        )
+        document = build_plan_document(content)
+        # What plans of days called these before there was one format.
+        document |= {"objective": content.objective.value, "sorties": document["routes"]}
+        more = build_day_document(content, spares, shares, mtbf_h)
+        print(json_text({**document, **more, **heights.to_json()}))
     else:
-        _print_day(content, spares, shares, asked.mtbf_h)
-    if content.plan.uncovered:
+        for line in (*describe_day(content), *heights.lines):
+            print(line)
+        if spares:
+            print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
+            for line in describe_spares(content, spares, shares):
+                print(line)
+    if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 
-def plan_site_day(
-    ground: SiteModel, console: TerminalConsole, asked: DayOptions, left: Sequence[int] | None
+def plan_day_and_report(
+    ground: SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
 ) -> DayPlanFile:
-    """Return the days of a site, planned.
-
-    Args:
-        ground: The site.
-        console: Where it is said how far it is.
-        asked: How to plan.
-        left: What is to be inspected; everything if not given.
+    """Plan the days of a site, or of some of its segments, and say how it goes.
 
     Raises:
-        SiteError: the site or an option cannot be used.
+        SiteError: the site or an option cannot be used, or the plan does not hold what it must.
     """
-    return _solve_day(
-        build_day_problem(ground, left), console, asked, parse_objective(asked.objective), spares_of(ground)
-    )
-
-
-def describe_day(content: DayPlanFile) -> list[str]:
-    """Return the days in words."""
-    return [
-        line
-        for lines in (describe_day_sorties, describe_base_needs, describe_uncovered, describe_loss_windows)
-        for line in lines(content)
-    ]
-
-
-def parse_objective(text: str) -> Objective:
-    """Return what `--objective` asks for.
-
-    Raises:
-        SiteError: there is no such.
-    """
-    known = [one.value for one in Objective]
-    if text not in known:
-        raise SiteError(f"--objective: expected one of {', '.join(known)}, got '{text}'")
-    return Objective(text)
-
-
-def _print_day(content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None) -> None:
-    for line in describe_day(content):
-        print(line)
-    if spares:
-        print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
-        for line in describe_spares(content, spares, shares):
-            print(line)
-
-
-def _solve_day(
-    content: DayPlanFile, console: TerminalConsole, asked: DayOptions, objective: Objective, spares: frozenset[str]
-) -> DayPlanFile:
-    console.say(
-        Level.INFO,
-        f"planning {len(content.segments)} segments for {len(content.vehicles)} vehicles from {len(content.bases)} "
-        f"bases on {len(content.days)} days at most ({asked.objective}, {asked.seconds:g} s)",
-    )
+    content, name = build_day_problem(ground, segments), wanted.objective.value
+    what = f"from {len(content.bases)} bases on {len(content.days)} days at most "
+    told = announce_planning(console, (len(content.segments), len(content.vehicles)), name, name, wanted.length, what)
 
     def progressed(progress: Progress) -> None:
-        value = progress.value if objective is Objective.SWAPS else progress.value / 3600
-        console.show_progress(
-            f"{progress.iterations} iterations, {asked.objective} {value:.2f}, {progress.uncovered} left out"
-        )
+        told(progress if wanted.objective is Objective.SWAPS else replace(progress, value=progress.value / 3600))
 
-    wanted = DayPlanRequest(objective, Seconds(asked.seconds), asked.seed, asked.starts or os.cpu_count() or 1, spares)
-    content = solve_day(content, wanted, progressed)
+    content = solve_day(content, wanted, list_spares(ground), progressed)
     for line in check_day_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
-    return add_loss_windows(content, console, asked.seed)
+    return add_loss_windows(content, console, wanted.seed)
 
 
 def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
@@ -229,10 +174,24 @@ def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) 
     return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
 
 
+def print_loss_windows(content: DayPlanFile, seed: int, *, as_json: bool) -> None:
+    """Search anew for the time from which on each vehicle of days may be lost, and print it."""
+    console = TerminalConsole(quiet=as_json, yes=True)
+    found = add_loss_windows(replace(content, windows=()), console, seed)
+    console.show_progress("")
+    if as_json:
+        print(json_text({"windows": build_plan_document(found)["windows"]}))
+        return
+    for line in list(describe_loss_windows(found)) or ["no window: segments are left over, or nothing is flown"]:
+        print(line)
+
+
 def _evaluate_spares(
-    content: DayPlanFile, console: TerminalConsole, asked: DayOptions, fly: CampaignRunner, mtbf_h: float, share: float
+    content: DayPlanFile, console: TerminalConsole, asked: SurvivalOptions, seed: int, shares: Sequence[float]
 ) -> list[SparesEstimate]:
-    """Return what each number of spares comes to, up to the first that is enough."""
+    """Return what each number of spares comes to, up to the first that is enough; none where nobody asked for it."""
+    if asked.mtbf_h is None:
+        return []
     instance, found = content.build_instance(), list[SparesEstimate]()
     busy_s = [sum(own) for own in content.evaluation.lasts_s]
     order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
@@ -242,10 +201,10 @@ def _evaluate_spares(
             console.show_progress(f"{count} spares: {done} of {of} times flown")
 
         chosen = tuple(order[number % len(order)] for number in range(count))
-        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, mtbf_h, asked.seed)
-        lives = summarise_samples(fly(simulate_days, campaign, split_samples(asked.samples), told))
+        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, asked.mtbf_h, seed)
+        lives = summarise_samples(asked.fly(simulate_days, campaign, split_samples(asked.samples), told))
         found.append(SparesEstimate(chosen, lives))
-        if lives.finished.estimate >= share:
+        if lives.finished.estimate >= max(shares):
             break
     return found
 
@@ -254,13 +213,16 @@ def build_day_document(
     content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
     """Return what `--json` says beside the day plan itself."""
-    document: dict[str, object] = {"needs": [asdict(one) for one in compute_base_needs(content)]}
+    document: dict[str, object] = {
+        "needs": [asdict(one) for one in compute_base_needs(content)],
+        "left_over": [asdict(one) for one in find_left_over(content)],
+    }
     if mtbf_h is None:
         return document
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
     document["rule_packs"] = {
-        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.places)
+        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.bases)
     }
     document["fleets"] = [
         {
@@ -278,7 +240,7 @@ def build_day_document(
                 fleet + len(one.spares) for one in spares if one.lives is lives
             ),
             "packs": None if lives is None else dict(
-                zip((place.name for place in content.places), lives.packs_for_share(share), strict=True)
+                zip((place.name for place in content.bases), lives.packs_for_share(share), strict=True)
             ),
         }
         for share, lives in enough

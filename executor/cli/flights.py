@@ -13,12 +13,11 @@ import typer
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
-from executor.analysis.documents import FlightReport
+from executor.analysis.documents import CheckRow, FlightReport
 from executor.analysis.earlier_flights import describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
-from executor.analysis.report import build_check_row
 from executor.cli.console import TerminalConsole
-from executor.cli.day import DAY_SECONDS, DayOptions, ObjectiveName, describe_day, plan_site_day
+from executor.cli.day import DAY_SECONDS, ObjectiveOption, plan_day_and_report
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
@@ -49,12 +48,10 @@ from executor.cli.plan_inputs import (
     parse_plan_request,
     plan_and_report,
     plan_request_for,
-    select_day_plan,
-    select_flight_plan,
+    select_flown_plan,
 )
 from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
-from executor.core.preflight.parameter_proposals import format_number
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
@@ -62,7 +59,7 @@ from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
-from executor.flight.parameter_changes import check_run, find_open_changes
+from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import (
     OTHER_LOSS,
@@ -76,12 +73,14 @@ from executor.simulated.demo_site import (
 )
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_flight, site_model
+from executor.site.day_summary import describe_day
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import check_site, read_signing_key, read_site
-from executor.site.site_planning import DEFAULT, PlanRequest
+from executor.site.site_planning import DEFAULT
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
+from planner.sorties import Objective
 
 DEMO_PLAN_S = 3.0
 DEMO_ITERATIONS = 300_000
@@ -222,7 +221,7 @@ def fly(
     wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
-    day, routes = _select_flown_plan(made.ground, console, asked, wanted, plan, after)
+    day, routes = select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
 
 
@@ -230,7 +229,7 @@ def fly_day(
     site: SiteArgument,
     after: AfterOption = None,
     learned: LearnedOption = None,
-    objective: ObjectiveName = "finish",
+    objective: ObjectiveOption = Objective.FINISH,
     seconds: Annotated[
         float, typer.Option(min=0.1, callback=require_finite, metavar="S", help="Time for the planning.")
     ] = DAY_SECONDS,
@@ -249,7 +248,8 @@ def fly_day(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
     left = None if after is None else read_segments_left(after, made.ground)
-    planned = plan_site_day(made.ground, console, DayOptions(objective, seconds, seed, starts, None, "95,99", 1), left)
+    wanted = replace(DEFAULT, seconds=seconds, seed=seed, starts=starts, objective=objective)
+    planned = plan_day_and_report(made.ground, console, wanted, left)
     console.show_progress("")
     for line in describe_day(planned):
         console.say(Level.INFO, line)
@@ -298,23 +298,6 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
     return of, first
 
 
-def _select_flown_plan(
-    ground: site_model.SiteModel,
-    console: TerminalConsole,
-    asked: typer.Context,
-    wanted: PlanRequest,
-    plan: Path | None,
-    after: Path | None,
-) -> tuple[DayPlanFile | None, PlanFile]:
-    """Return what is flown: the day, where it is one, and the first plan."""
-    day = select_day_plan(asked, plan)
-    if day is None:
-        return None, select_flight_plan(ground, console, asked, wanted, plan=plan, after=after)
-    routes = day_flight.build_first_sorties_plan(day, ground)
-    console.say(Level.INFO, f"the day is that of {plan}")
-    return day, routes
-
-
 def preflight(
     asked: typer.Context,
     site: SiteArgument,
@@ -339,13 +322,13 @@ def preflight(
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
     ground = load_site_with_learned(content, site.parent, learned, console)
-    day, routes = _select_flown_plan(ground, console, asked, wanted, plan, after)
+    day, routes = select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
     order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
     found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     if as_json:
-        print(json_text({"ready": not stops, "checks": [build_check_row(check).to_plain() for check in found]}))
+        print(json_text({"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}))
     elif not quiet:
         print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
     if stops:
@@ -387,9 +370,9 @@ def resume(
         )
         return
     console.say(Level.INFO, f"{directory}: this flight is over")
-    for one in find_open_changes(directory):
+    for one in find_open_parameters(directory):
         restore = command_line("restore", directory)
-        text = f"{one.vehicle}: {one.name} (was {format_number(one.old)}) not restored: {restore}"
+        text = f"{one.vehicle}: {one.words_open} not restored: {restore}"
         console.say(Level.WARNING, text)
     _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 

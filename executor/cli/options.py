@@ -65,15 +65,6 @@ class AutopilotName(StrEnum):
 
 
 FIRST_AUTOPILOT = AutopilotName(AUTOPILOTS[0].name)
-RESULTS = Path("docs") / "results"
-"""Where what is measured is kept."""
-
-
-def make_output_option(names: str) -> object:
-    """Return the option for the directory of what a command measures, in files of these names."""
-    return typer.Option("--out", "-o", metavar="DIR", help=f"Write {names} there.")
-
-
 MOST_SECONDS = 86_400.0
 MOST_SEED = 2**31 - 1
 
@@ -125,15 +116,8 @@ MINMAX_COST = CostName(Cost.MINMAX.value)
 DEFAULT_REPLAN_COST = MINMAX_COST if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 AutopilotOption = Annotated[AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")]
-AutopilotsOption = Annotated[
-    AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
-]
 NetworkOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
-]
-DataOption = Annotated[
-    Path | None,
-    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
 ]
 FaultOption = Annotated[
     list[str] | None,

@@ -17,7 +17,7 @@ from executor.cli.options import PlanCostName, SolverName
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_flight import read_segments_left
-from executor.site import site_model, site_planning
+from executor.site import day_flight, site_model, site_planning
 from executor.site.site_file import Site
 from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
 from missions import DayPlanFile, PlanFile, check_plan, is_day_plan, read_day_plan, read_plan
@@ -91,7 +91,7 @@ def load_site_with_learned(
 PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
 
 
-def select_flight_plan(
+def select_flown_plan(
     ground: site_model.SiteModel,
     console: TerminalConsole,
     asked: typer.Context,
@@ -99,7 +99,7 @@ def select_flight_plan(
     *,
     plan: Path | None,
     after: Path | None = None,
-) -> PlanFile:
+) -> tuple[DayPlanFile | None, PlanFile]:
     """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
 
     Args:
@@ -107,7 +107,7 @@ def select_flight_plan(
         console: Where it is said.
         asked: The command, with what was given to it.
         wanted: What to plan without a file.
-        plan: The file.
+        plan: The file; of a plan of days its first sorties are flown first.
         after: The run directory whose rest is planned.
 
     Raises:
@@ -115,31 +115,19 @@ def select_flight_plan(
         SiteError: options of a new plan beside the file of another.
     """
     if plan is None:
-        return plan_and_report(ground, console, wanted, None if after is None else read_segments_left(after, ground))
-    _refuse_planning_options(asked)
-    content = read_plan(plan)
-    site_planning.check_plan_fits(content, ground, str(plan))
-    console.say(Level.INFO, f"the plan is that of {plan}")
-    return content
-
-
-def select_day_plan(asked: typer.Context, plan: Path | None) -> DayPlanFile | None:
-    """Return the day plan that is to be flown; None where another plan is, or none.
-
-    Raises:
-        PlanFileError: it cannot be read.
-        SiteError: options of a new plan beside it.
-    """
-    if plan is None or not is_day_plan(plan):
-        return None
-    _refuse_planning_options(asked)
-    return read_day_plan(plan)
-
-
-def _refuse_planning_options(asked: typer.Context) -> None:
+        left = None if after is None else read_segments_left(after, ground)
+        return None, plan_and_report(ground, console, wanted, left)
     for name in PLANNING:
         if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
+    day = read_day_plan(plan) if is_day_plan(plan) else None
+    if day is None:
+        content = read_plan(plan)
+        site_planning.check_plan_fits(content, ground, str(plan))
+    else:
+        content = day_flight.build_first_sorties_plan(day, ground)
+    console.say(Level.INFO, f"the {'plan' if day is None else 'day'} is that of {plan}")
+    return day, content
 
 
 def is_option_given(asked: typer.Context, name: str) -> bool:
@@ -159,7 +147,7 @@ def plan_and_report(
     """
     task = site_model.build_first_task(ground, segments)
     wanted = wanted.adapt_to_task(task)
-    progressed = announce_planning(ground, console, wanted, len(task.segment_ids))
+    progressed = announce_plan(ground, console, wanted, len(task.segment_ids))
     content = site_planning.plan_site(ground, wanted, progressed, task)
     console.show_progress("")
     for line in check_plan(content, search_window=False):
@@ -167,14 +155,28 @@ def plan_and_report(
     return content
 
 
-def announce_planning(
+def announce_plan(
     ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: int
 ) -> Callable[[Progress], None]:
-    """Say what is planned, and return how to say how far it is."""
-    vehicles = len(ground.names)
+    """Say what is planned for one flight, and return how to say how far it is."""
     name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
-    length = f"{wanted.seconds:g} s" if wanted.iterations is None else f"{wanted.iterations} iterations"
-    console.say(Level.INFO, f"planning {segments} segments for {vehicles} vehicles ({name}, {length})")
+    return announce_planning(console, (segments, len(ground.names)), name, unit, wanted.length)
+
+
+def announce_planning(
+    console: TerminalConsole, sizes: tuple[int, int], name: str, unit: str, length: str, where: str = ""
+) -> Callable[[Progress], None]:
+    """Say what is planned, and return how to say how far it is.
+
+    Args:
+        console: Where.
+        sizes: How many segments, and how many vehicles.
+        name: What the plan is chosen by.
+        unit: What its value is called.
+        length: How long it is searched.
+        where: From where and when.
+    """
+    console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {length})")
 
     def progressed(progress: Progress) -> None:
         console.show_progress(

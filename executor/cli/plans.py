@@ -13,12 +13,13 @@ from executor.cli.console import TerminalConsole
 from executor.cli.day import (
     DAY_SECONDS,
     DayOption,
-    DayOptions,
     MtbfOption,
-    ObjectiveName,
+    ObjectiveOption,
     ProbabilityOption,
     SamplesOption,
+    SurvivalOptions,
     plan_day,
+    print_loss_windows,
 )
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
@@ -44,7 +45,7 @@ from executor.cli.options import (
     require_finite,
 )
 from executor.cli.plan_inputs import (
-    announce_planning,
+    announce_plan,
     check_can_draw,
     check_can_write,
     is_option_given,
@@ -57,6 +58,7 @@ from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import site_model, site_planning
+from executor.site.campaign_runner import open_campaign_runner
 from executor.site.ground_view import GroundView, view_for
 from executor.site.plan_summary import (
     but_left_over,
@@ -71,17 +73,18 @@ from executor.site.planned_heights import PlannedHeights, compute_planned_height
 from executor.site.site_file import read_site
 from executor.site.site_planning import DEFAULT, PlanRequest
 from missions import (
+    DayPlanFile,
     PlanFile,
     build_plan_document,
     check_day_plan,
     check_plan,
-    is_day_plan,
-    read_day_plan,
+    read_any_plan,
     read_plan,
     write_plan,
 )
 from missions.files import json_text
 from planner import Cost, ReplanWindow, SearchParams, find_repairs_at, replan_window
+from planner.sorties import Objective
 
 if TYPE_CHECKING:
     from executor.analysis.pictures import FrontPoint
@@ -121,7 +124,7 @@ def plan(
     search: SearchOption = None,
     front: FrontOption = False,
     day: DayOption = False,
-    objective: ObjectiveName = "finish",
+    objective: ObjectiveOption = Objective.FINISH,
     mtbf_hours: MtbfOption = None,
     probability: ProbabilityOption = "95,99",
     samples: SamplesOption = 300,
@@ -157,15 +160,17 @@ def plan(
     left = None if after is None else next_flight.read_segments_left(after, ground)
     if day:
         seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
-        wishes = DayOptions(objective, seconds, seed, starts, mtbf_hours, probability, samples, dask, jobs)
-        plan_day(ground, console, wishes, output, picture, left, as_json=as_json)
+        wanted = replace(wanted, seconds=seconds, objective=objective)
+        with open_campaign_runner(jobs=jobs, dask=dask) as runner:
+            survival = SurvivalOptions(mtbf_hours, probability, samples, runner)
+            plan_day(ground, console, wanted, survival, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
     below = None if picture is None else view_for(ground, site.parent)
     content = plan_and_report(ground, console, wanted, left)
-    heights = compute_planned_heights(ground, content)
+    heights = compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
     if output is not None:
         write_named_file(output, lambda: write_plan(output, content))
     _draw(ground, content, (picture, below), profile)
@@ -236,10 +241,13 @@ def _plan_front(
     as_json: bool,
 ) -> None:
     plans = site_planning.plan_front(
-        ground, wanted, announce_planning(ground, console, wanted, len(ground.network.segments))
+        ground, wanted, announce_plan(ground, console, wanted, len(ground.network.segments))
     )
     console.show_progress("")
-    heights = [compute_planned_heights(ground, content) for content in plans]
+    heights = [
+        compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
+        for content in plans
+    ]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -282,7 +290,8 @@ def _print_trade(name: str, content: PlanFile) -> None:
 
 def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
-    wrong = check_day_plan(read_day_plan(plan)) if is_day_plan(plan) else check_plan(read_plan(plan))
+    content = read_any_plan(plan)
+    wrong = check_day_plan(content) if isinstance(content, DayPlanFile) else check_plan(content)
     if as_json:
         print(json_text({"ok": not wrong, "wrong": wrong}))
     else:
@@ -306,10 +315,16 @@ def window(
     """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
 
     The window is the share of the longest route's time, counted from its end, in which every single loss has a re-plan
-    that was found and checked. The certified time is a bound: before it at least one loss certainly has none.
+    that was found and checked. The certified time is a bound: before it at least one loss certainly has none. Of a plan
+    of days: from when on each vehicle may be lost for good.
     """
     check_can_draw("--picture", picture)
-    content = read_plan(plan)
+    content = read_any_plan(plan)
+    if isinstance(content, DayPlanFile):
+        if picture is not None:
+            raise SiteError("--picture: expected none for a plan of days; `plan --day --picture` draws its sorties")
+        print_loss_windows(content, seed, as_json=as_json)
+        return
     found = replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
         from executor.analysis.pictures import draw_window_figure, save_figure
@@ -387,7 +402,7 @@ def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> N
 
 def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
     if as_json:
-        more = {} if heights is None else {"heights": heights.document, "warnings": list(heights.warnings)}
+        more = {} if heights is None else heights.to_json()
         left = {"left_over": [asdict(one) for one in find_left_over(content)]}
         print(json_text({**build_plan_document(content), **left, **more}))
         return
@@ -396,9 +411,5 @@ def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | N
     print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
     for line in (*describe_window(content), *describe_distances(content)):
         print(line)
-    if heights is not None:
-        print(f"heights: {heights.words}")
-        for line in heights.warnings:
-            print(f"warning: {line}")
-    for line in describe_left_over(content):
+    for line in (*(() if heights is None else heights.lines), *describe_left_over(content)):
         print(line)

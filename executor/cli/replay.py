@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Annotated
 
 import typer
+from pydantic import TypeAdapter
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
@@ -34,6 +35,8 @@ LogsArgument = Annotated[
     list[Path],
     typer.Argument(metavar="LOG...", help=".tlog, .BIN, .log or .ulg files, run directories, folders of logs."),
 ]
+NOT_SHOWN = {"samples", "packs"}
+"""What the JSON leaves out of a vehicle."""
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
 
 
@@ -178,31 +181,13 @@ def build_replay_document(done: Sequence[_ReplayedLog]) -> dict[str, object]:
 
 
 def _build_vehicle_entries(found: LogReplay) -> list[dict[str, object]]:
+    rows = TypeAdapter(tuple[VehicleReplay, ...]).dump_python(
+        found.vehicles, mode="json", exclude={"__all__": NOT_SHOWN}
+    )
     return [
-        {
-            "log": str(found.path),
-            "sysid": vehicle.sysid,
-            "name": vehicle.name,
-            "autopilot": vehicle.autopilot,
-            "flown_s": round(vehicle.flown_s, 1),
-            "declarations": [
-                {"kind": one.kind.value, "reason": one.reason, "t_usec": one.t_usec, "evidence": one.evidence}
-                for one in vehicle.declarations
-            ],
-            "degraded": [
-                {
-                    "kind": one.kind.value, "reason": one.reason, "from_usec": one.from_usec, "to_usec": one.to_usec,
-                    "evidence": one.evidence,
-                }
-                for one in vehicle.degraded
-            ],
-            "modes": [
-                {"t_usec": one.t_usec, "mode": one.mode, "by": one.by.value, "why": one.why} for one in vehicle.modes
-            ],
-            "skipped": found.skipped.counts(),
-        }
-        for vehicle in found.vehicles
-    ]  # fmt: skip
+        {"log": str(found.path), **row, "flown_s": round(row["flown_s"], 1), "skipped": found.skipped.counts()}
+        for row in rows
+    ]
 
 
 BY: Mapping[Actor, str] = MappingProxyType(

@@ -12,9 +12,8 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
-from executor.core.preflight.parameter_proposals import KeptParameter
-from executor.flight.kept_lists import KeptList, read_kept_lists
-from executor.flight.kept_parameters import build_parameter_rows, read_kept_parameters
+from executor.core.preflight.board_changes import KeptList, KeptParameter
+from executor.flight.board_record import build_parameter_rows, read_kept_lists, read_kept_parameters
 from executor.runtime import fair_event_loop
 from missions.files import json_text
 
@@ -35,10 +34,10 @@ def restore(
         )
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
-    for words in (*(one.words for one in waiting), *(one.description for one in lists)):
+    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
         console.say(Level.INFO, words)
     counted = [format_count(len(waiting), "parameter")] if waiting else []
-    counted += list(dict.fromkeys(one.list_name for one in lists))
+    counted += list(dict.fromkeys(one.words_open for one in lists))
     asked = " and ".join(counted)
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
@@ -50,7 +49,7 @@ def restore(
 def _finish(
     directory: Path, kept: Sequence[KeptParameter], lists: Sequence[KeptList], *, as_json: bool, quiet: bool
 ) -> None:
-    stay = sum(one.open for one in kept) + sum(one.is_open for one in lists)
+    stay = sum(one.is_open for one in kept) + sum(one.is_open for one in lists)
     if as_json:
         rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
         if lists:

@@ -11,7 +11,7 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, require_finite
 from executor.cli.plan_inputs import check_can_draw, write_named_file
-from executor.site.campaign_risk import compute_campaign_risks, sweep_mtbf
+from executor.site.campaign_risk import compute_campaign_risks, describe_policy, sweep_mtbf
 from executor.site.campaign_runner import open_campaign_runner
 from missions import read_plan
 from missions.files import json_text
@@ -132,7 +132,7 @@ def _print_risk(found: RiskEstimate, names: Sequence[str]) -> None:
     print(f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:")
     for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
         print(
-            f"  {_describe_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
+            f"  {describe_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
             f"{100 * chance.high:.2f} %), {undone_m:.1f} m left on average"
         )
     none, one, more = (100 * share for share in found.losses_share)
@@ -150,9 +150,3 @@ def _print_risk(found: RiskEstimate, names: Sequence[str]) -> None:
         f"most of them: {names[worst.vehicle]} between {worst.from_s:.0f} and {worst.to_s:.0f} s "
         f"({100 * worst.share:.0f} %)"
     )
-
-
-def _describe_policy(replans: int) -> str:
-    if replans == 0:
-        return "as planned, without a re-plan"
-    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

@@ -77,6 +77,7 @@ from executor.core.state.fleet_state import (
     OperatorLine,
     Question,
     ReportedWarnings,
+    Stepped,
 )
 from executor.core.state.positioning import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
@@ -93,8 +94,6 @@ from executor.core.telemetry.camera_reports import apply_payload_message
 from executor.core.telemetry.foreign_systems import describe_new_foreign_systems
 from executor.core.telemetry.message_update import apply_message
 from missions.fences import Fence
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 
 def build_initial_state(
@@ -161,9 +160,7 @@ def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
             return _apply_mission_findings(context, state, event, now_s)
         case Asked(question, text, lines):
             asked = Question(question, text, lines)
-            return replace(
-                state, crew=replace(state.crew, briefing=replace(state.crew.briefing, question=asked, answered=""))
-            ), ()
+            return state.with_crew(briefing=replace(state.crew.briefing, question=asked, answered="")), ()
 
 
 def _apply_mission_findings(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
@@ -185,7 +182,7 @@ def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -
     if event.revision != state.replanning.revision:
         return state
     outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
-    return replace(state, replanning=replace(state.replanning, outlook=MappingProxyType(outlook)))
+    return state.with_replanning(outlook=MappingProxyType(outlook))
 
 
 def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
@@ -217,7 +214,7 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
-        state = replace(state, coverage=replace(state.coverage, inferred=state.coverage.inferred - broken))
+        state = state.with_coverage(inferred=state.coverage.inferred - broken)
     if isinstance(event.message, Position):
         state = record_separation(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
@@ -243,11 +240,11 @@ def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, 
     if vehicle.custody.cause is ModeCause.PERSON and before.custody.cause is not ModeCause.PERSON:
         commands = (HandsOff(vehicle.name),)  # whether it is certain or not: nothing more is said to it
         if vehicle.stage is Stage.STARTING:
-            state = state.put(replace(vehicle, orders=replace(vehicle.orders, start_let_go=True)))
+            state = state.put(vehicle.with_orders(start_let_go=True))
     if before.stage is Stage.LOST:
         state, more = _recover_lost_vehicle(context, state, vehicle, now_s)
         if state.progress.finished:  # it is heard in the very moment in which the flight ended without it
-            state = replace(state, progress=replace(state.progress, finished=False))
+            state = state.with_progress(finished=False)
         return state, (*commands, *more)
     return state, commands
 
@@ -259,27 +256,17 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
         state, more = pilot_takeover.apply_takeover(context, state, vehicle)
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
-        vehicle = replace(
-            change_stage(vehicle, Stage.RETURNING),
-            motion=replace(vehicle.motion, anchor=None),
-            sortie=replace(vehicle.sortie, left_s=now_s),
-        )
+        vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = return_home.bring_home(context, state, vehicle, now_s)
         if is_coming_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
     if not is_over_pad(context, vehicle):
         state = state.put(
-            replace(
-                change_stage(vehicle, Stage.DOWN),
-                orders=replace(vehicle.orders, ordered_mode_s=now_s),
-                sortie=replace(vehicle.sortie, place_told=True),
-            )
+            change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
         )
         return state, (Say(Level.FAULT, f"{heard}, {describe_down_place(context, vehicle)}"),)
-    state = state.put(
-        replace(change_stage(vehicle, Stage.LANDED), orders=replace(vehicle.orders, ordered_mode_s=now_s))
-    )
+    state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
     if not is_on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
@@ -319,19 +306,17 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     view = WatchView(context, setup, vehicle, False, now_s)
     told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
     if told is not state.crew.told.get(name):
-        state = replace(state, crew=replace(state.crew, told=MappingProxyType({**state.crew.told, name: told})))
+        state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
     if (
         vehicle.stage is not Stage.PILOT
         and not mode_causes.is_under_foreign_control(vehicle)
         and stream_watch.is_stream_request_due(view)
     ):
-        vehicle = replace(vehicle, orders=replace(vehicle.orders, streams_asked_s=now_s))
+        vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name))
     if mission_check.is_mission_read_due(vehicle, now_s):
-        vehicle = replace(
-            vehicle, assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=now_s))
-        )
+        vehicle = vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=now_s))
         commands.append(ReadMission(name))
     judgement = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
     vehicle = watchpoints.store_watches(vehicle, judgement)
@@ -395,7 +380,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
         return state, ()
     if vehicle.stage is Stage.DOWN:
         if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
-            state = state.put(replace(vehicle, sortie=replace(vehicle.sortie, place_told=True)))
+            state = state.put(vehicle.with_sortie(place_told=True))
             return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
         if not down.is_flying_again(vehicle):
             return state, ()
@@ -415,11 +400,7 @@ def _bring_home_flying_vehicle(
 ) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
     text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
-    back = replace(
-        change_stage(vehicle, Stage.RETURNING),
-        motion=replace(vehicle.motion, anchor=None),
-        sortie=replace(vehicle.sortie, left_s=now_s),
-    )
+    back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
 
@@ -448,7 +429,7 @@ def _report_unproven_segment(context: Context, state: FleetState, name: str) -> 
     )
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
-    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, owed=None)))
+    state = state.put(vehicle.with_assignment(owed=None))
     segment = vehicle.assignment.board.tracks[visit].segment
     if segment in state.coverage.inspected:
         return state, ()
@@ -468,7 +449,7 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
     )
     state, more = return_home.bring_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
-    state = replace(state, replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s))
+    state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
     return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
 
 
@@ -507,7 +488,7 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
     reason = "all segments inspected" if missing == 0 else f"{format_count(missing, 'segment')} not inspected"
     if left := state.coverage.left_over - set(state.coverage.inspected):
         reason += f", {len(left)} of them planned for the next sortie"
-    return replace(state, progress=replace(state.progress, finished=True)), (Finish(reason),)
+    return state.with_progress(finished=True), (Finish(reason),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -597,7 +578,7 @@ PHASES: tuple[TickPhase, ...] = (
 
 
 def _apply_tick(context: Context, state: FleetState, late_s: float, now_s: float) -> Stepped:
-    state = replace(state, listening=replace(state.listening, late_s=late_s))
+    state = state.with_listening(late_s=late_s)
     commands: list[Command] = []
     for phase in PHASES:
         state, more = phase.act(context, state, now_s)

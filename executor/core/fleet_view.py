@@ -15,6 +15,7 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import picture_proof
+from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import landing_projection
 from executor.core.state.current_setup import current_setup_of
@@ -115,14 +116,6 @@ class LossView:
 
 
 @dataclass(frozen=True, slots=True)
-class WindView:
-    """Wind."""
-
-    speed_m_s: float
-    from_deg: float
-
-
-@dataclass(frozen=True, slots=True)
 class TakenView:
     """A vehicle in other hands than ours: it is not commanded from here."""
 
@@ -185,7 +178,7 @@ class VehicleView:
     """GPS_FIX_TYPE."""
     satellites: int | None
     voltage_v: float | None
-    wind: WindView | None
+    wind: Wind | None
     """As it measures it."""
     taken: TakenView | None
     """Who has it, if it is not flown from here."""
@@ -350,9 +343,7 @@ def _build_vehicle_view(
         gps_fix=None if vehicle.sensors.gps is None else vehicle.sensors.gps.fix,
         satellites=None if vehicle.sensors.gps is None else vehicle.sensors.gps.satellites,
         voltage_v=vehicle.power.volts.voltage_v,
-        wind=None
-        if vehicle.sensors.wind is None
-        else WindView(vehicle.sensors.wind.speed_m_s, vehicle.sensors.wind.from_deg),
+        wind=vehicle.sensors.wind,
         taken=_build_taken_view(context, vehicle, now_s),
         offered=state.crew.offer is not None and vehicle.name in state.crew.offer.vehicles,
         turn=_build_turn_view(context, state, vehicle, now_s),

@@ -21,6 +21,7 @@ from executor.flight.flight_request import FlightRequest
 from executor.site import day_flight
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_areas import build_places
+from executor.site.site_bases import base_places_m
 
 
 def build_checklist(
@@ -44,10 +45,10 @@ def build_checklist(
     paths = {name: board.path for name, board in boards.items() if board is not None}
     site, plan = order.site, order.plan
     found = height_checks.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
-    bases_m = {} if order.day is None else day_flight.base_places_m(order.day, context.frame)
-    pads_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
+    stated_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
+    pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
-    found += area_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, pads_m)
+    found += area_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
     found.append(vehicle_checks.check_disk_space(free_bytes, paths, context))
@@ -59,7 +60,7 @@ def build_checklist(
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None
         place_m = context.frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
-        found += vehicle_checks.check_identity(fact, setup.dialect, place_m, pads_m.get(name, bases_m.get(name)))
+        found += vehicle_checks.check_identity(fact, setup.dialect, place_m, pads_m.get(name))
         found += vehicle_checks.check_pad_height(context, fact)
         found.append(
             vehicle_checks.check_link_failsafe(

@@ -1,31 +1,27 @@
-"""Fences and rally points of a flight: read, kept on record, put on board, and given back."""
+"""Fences and rally points of a flight: read, kept on record, and put on board."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from executor.adapters.run_directory import RunDirectory
 from executor.core.context import Context
-from executor.core.formatting import command_line
 from executor.core.interface.commands import Level, Upload
-from executor.core.interface.ports import Clock, OpenLink
+from executor.core.interface.ports import Clock
 from executor.core.preflight import fence_checks
+from executor.core.preflight.board_changes import ChangeStage, KeptList, build_board_record
 from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list, encode_fence
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.errors import LogError, PreflightFailed
-from executor.flight.concurrency import AT_ONCE, run_for_each
+from executor.flight.board_record import open_list_record, read_kept_lists, write_kept_lists
+from executor.flight.concurrency import run_for_each
 from executor.flight.flight_request import Console
-from executor.flight.kept_lists import KeptList, ListStage, build_planned_lists, read_kept_lists, write_kept_lists
-from executor.flight.parameter_changes import Links
-from executor.runtime import parameter_restore, procedures, vehicle_preflight
-from executor.runtime.parameter_restore import HEARD_S
-from missions import MissionKind, dialect_for
-from missions.fences import Fence, find_list_differences
+from executor.flight.restore_vehicles import Links
+from executor.runtime import vehicle_preflight
+from missions import MissionKind
+from missions.fences import Fence
 
 
 async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str, OnboardLists]:
@@ -110,26 +106,20 @@ async def upload_wanted_lists(
     lists = build_wanted_lists(context, first)
     if not lists:
         return
-    before = read_kept_lists(run)
-    made = [
-        one
-        for name, new in lists.items()
-        for one in build_planned_lists(
-            before, name, (context.vehicles[name].sysid, context.vehicles[name].dialect.name), found[name], new
-        )
+    planned = [
+        KeptList(name, setup.sysid, setup.dialect.name, what, old, new)
+        for name, wanted in lists.items()
+        for setup in (context.vehicles[name],)
+        for what, old, new in (("fence", found[name].fence, wanted.fence), ("rally", found[name].rally, wanted.rally))
+        if old is not None and new is not None
     ]
-    keys = {(one.vehicle, one.kind) for one in made}
-    record = _Record(run, console, [*(one for one in before if (one.vehicle, one.kind) not in keys), *made])
-    try:
-        write_kept_lists(run, record.kept)
-    except OSError as error:
-        text = f"{RunDirectory(run).fences}: cannot be written: {error.strerror}; no fence was put on board"
-        raise PreflightFailed(text) from error
+    record = open_list_record(run, console, build_board_record(planned, read_kept_lists(run)))
+    record.write_first("no fence was put on board")
 
     async def load(name: str) -> None:
         new = lists[name]
         await vehicle_preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
-        record.set_vehicle_stage(name, ListStage.SET)
+        record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
         rally = "" if new.rally is None else ", and its pad as rally point"
         console.say(
             Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
@@ -149,118 +139,9 @@ def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
         return
     items = encode_fence(context, command.fence)
     kept = [
-        replace(one, new=(*one.new, items), stage=ListStage.PLANNED)
-        if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in one.new
+        replace(one, new=items, earlier=(*one.earlier, one.new), stage=ChangeStage.PLANNED)
+        if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in (*one.earlier, one.new)
         else one
         for one in read_kept_lists(run)
     ]
     write_kept_lists(run, kept)
-
-
-async def restore_kept_lists(
-    run: Path, links: Links, clock: Clock, console: Console, heard_s: float = HEARD_S
-) -> tuple[KeptList, ...]:
-    """Give back what was replaced to every vehicle that answers and is not armed; say of each what became of it.
-
-    Args:
-        run: Where the record is.
-        links: To the vehicles.
-        clock: The flight's.
-        console: Where it is said.
-        heard_s: How long a vehicle is waited for, in its time.
-
-    Returns:
-        The whole record as it is now; empty if nothing was ever replaced, or the record cannot be read.
-    """
-    try:
-        record = _Record(run, console, list(read_kept_lists(run)))
-    except LogError as error:
-        console.say(Level.WARNING, str(error))
-        return ()
-    waiting: dict[str, list[KeptList]] = {one.vehicle: [] for one in record.kept if one.is_open}
-    for one in record.kept:
-        if one.is_open:
-            waiting[one.vehicle].append(one)
-    turn = asyncio.Semaphore(AT_ONCE)
-
-    async def of(name: str, kept: Sequence[KeptList]) -> None:
-        problems = {one.kind: "is not in the site file" for one in kept}
-        if name in links:
-            async with turn:
-                problems = await _restore_vehicle_lists(links[name], clock, kept, record, heard_s)
-        _report_restored(run, console, name, kept, problems)
-
-    async with asyncio.TaskGroup() as tasks:
-        for name, kept in waiting.items():
-            tasks.create_task(of(name, kept))
-    return tuple(record.kept)
-
-
-def _report_restored(
-    run: Path, console: Console, name: str, kept: Sequence[KeptList], problems: Mapping[MissionKind, str]
-) -> None:
-    """Say of one vehicle what it has again, and what stays."""
-    back = [one.list_name for one in kept if one.kind not in problems]
-    if back:
-        console.say(Level.INFO, f"{name}: {' and '.join(back)} restored")
-    for one in kept:
-        if one.kind in problems:
-            console.say(Level.WARNING, f"{name}: {one.list_name} not restored: {problems[one.kind]}")
-    if problems:
-        console.say(Level.WARNING, f"{name}: to restore: {command_line('restore', run)}")
-
-
-async def _restore_vehicle_lists(
-    link: OpenLink, clock: Clock, kept: Sequence[KeptList], record: _Record, heard_s: float
-) -> dict[MissionKind, str]:
-    """Give one vehicle its lists back; returns why it does not have one of them."""
-    problems: dict[MissionKind, str] = {}
-    async with parameter_restore.wait_for_rest(link, clock, kept[0].autopilot, heard_s) as rest:
-        for one in kept:
-            problem = rest.problem or ("" if rest.rests() else "was armed meanwhile")
-            stage = None
-            if not problem:
-                stage, problem = await _restore_one_list(link, clock, one)
-            if stage is not None:
-                record.set_list_stage(one, stage)
-            if problem:
-                problems[one.kind] = problem
-    return problems
-
-
-async def _restore_one_list(link: OpenLink, clock: Clock, one: KeptList) -> tuple[ListStage | None, str]:
-    """Give one list back; returns how far it has come, and why it is not back."""
-    found = await procedures.read_list(link, clock, one.kind)
-    if found is None:
-        return None, "cannot be read"
-    if not find_list_differences(one.old, found):
-        return ListStage.RESTORED, ""
-    if not one.is_ours(found):
-        return ListStage.LEFT, "another is on board, which somebody put there since: left as it is"
-    problem = await vehicle_preflight.restore_list(link, clock, dialect_for(one.autopilot), one.kind, one.old)
-    return (None, problem) if problem else (ListStage.RESTORED, "")
-
-
-@dataclass(slots=True)
-class _Record:
-    """What is on record, and where."""
-
-    run: Path
-    console: Console
-    kept: list[KeptList]
-
-    def set_vehicle_stage(self, vehicle: str, stage: ListStage) -> None:
-        """Note how far a vehicle's lists have come."""
-        for one in [one for one in self.kept if one.vehicle == vehicle and one.is_open]:
-            self.set_list_stage(one, stage)
-
-    def set_list_stage(self, which: KeptList, stage: ListStage) -> None:
-        """Note how far one list has come; an older record gives it back as well, it only asks again."""
-        self.kept = [
-            replace(one, stage=stage) if (one.vehicle, one.kind) == (which.vehicle, which.kind) else one
-            for one in self.kept
-        ]
-        try:
-            write_kept_lists(self.run, self.kept)
-        except OSError as error:
-            self.console.say(Level.WARNING, f"{RunDirectory(self.run).fences}: cannot be written: {error.strerror}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -10,20 +10,19 @@ from typing import Protocol
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import EarlierRow
-from executor.analysis.learned_document import build_learned_document, learn_from_flight
+from executor.analysis.learned_document import build_learned_document
 from executor.analysis.report import InjectedFault
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
-from executor.core.vehicle_learning import KnownVehicle
 from executor.flight.mqtt_settings import MqttSettings
 from executor.site import site_model
 from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, PlanFile, write_day_plan, write_plan
+from missions import DayPlanFile, PlanFile, write_plan
 from missions.readers.kept_elevation import write_kept_ground
 
 
@@ -82,15 +81,6 @@ class FlightRequest:
     """Flights whose rest is flown."""
 
 
-def write_learned(run: Path, context: Context, state: FleetState, before: Mapping[str, KnownVehicle]) -> None:
-    """Write what a flight taught about its vehicles.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    learn_from_flight(context, state, before, today()).write(RunDirectory(run).learned)
-
-
 def write_run_start(order: FlightRequest) -> None:
     """Write the site, the first plan and the ground around the line into the run directory.
 
@@ -125,4 +115,4 @@ def write_run_start(order: FlightRequest) -> None:
         build_learned_document(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
     write_plan(RunDirectory(order.run).plan_path(0), order.plan)
     if order.day is not None:
-        write_day_plan(RunDirectory(order.run).day_plan, order.day)
+        write_plan(RunDirectory(order.run).day_plan, order.day)

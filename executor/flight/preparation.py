@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 
 from executor.adapters.clock import SystemClock
@@ -15,16 +14,16 @@ from executor.core.preflight import shutter_checks, terrain_checks, vehicle_chec
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.core.state.vehicle_state import build_onboard_mission
 from executor.flight.checklist import build_checklist
 from executor.flight.concurrency import run_concurrently, run_for_each
 from executor.flight.flight_request import Console, FlightRequest
+from executor.flight.run_start import build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
-from executor.site import day_flight, site_model
+from executor.site import site_model
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.tables.aircraft import VehicleTable
-from missions import FlightSetup, apply_tunings, dialect_for, encode
+from missions import FlightSetup, dialect_for, encode
 
 
 async def interview_vehicles(
@@ -73,22 +72,11 @@ def build_context_and_checklist(
     """Return the context of the flight, everybody's first mission, and the checklist."""
     ground = order.ground
     setup = _build_setup(ground, facts)
-    task, plan = order.plan.build_task(), order.plan.plan
     dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
     own = {name: read_link_failsafe(dialects[name], fact.parameters, fact.unread) for name, fact in facts.items()}
-    performances = {
-        name: apply_tunings(dialects[name].performance, dialects[name].tunings, fact.parameters)
-        for name, fact in facts.items()
-    }
-    context = site_model.build_context(ground, setup, task, own, performances)
-    if order.day is not None:
-        context = replace(context, day=day_flight.build_day_rules(order.day))
-    boards = _build_boards(context, site_model.name_routes(ground, task, plan))
-    return (
-        context,
-        boards,
-        build_checklist(order, context, facts, own, boards, shutil.disk_usage(order.run).free),
-    )
+    parameters = {name: fact.parameters for name, fact in facts.items()}
+    context, boards = build_context_and_boards(ground, setup, order.plan, order.day, own, parameters)
+    return context, boards, build_checklist(order, context, facts, own, boards, shutil.disk_usage(order.run).free)
 
 
 def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> FlightSetup:
@@ -99,14 +87,6 @@ def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> Flight
         east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
         pads.append(vehicle_checks.pad_from(facts[name], east_m, north_m))
     return site_model.build_flight_setup(ground, pads)
-
-
-def _build_boards(context: Context, routes: Mapping[str, tuple[int, ...]]) -> dict[str, OnboardMission | None]:
-    paths = site_model.build_paths(context.setup, routes, context.vehicles)
-    return {
-        name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
-        for name in context.vehicles
-    }
 
 
 async def upload_first_missions(

@@ -33,16 +33,15 @@ from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import run_flight
+from executor.flight.board_record import build_parameter_rows, read_kept_parameters
 from executor.flight.checkpoint_files import FoundCheckpoint, Planned, find_newest_checkpoint
 from executor.flight.flight_recorder import InheritedRecord, plan_path_of
-from executor.flight.flight_request import Console, FlightRequest, write_learned
-from executor.flight.kept_parameters import build_parameter_rows, read_kept_parameters
+from executor.flight.flight_request import Console, FlightRequest
 from executor.flight.mqtt_settings import MqttSettings, read_mqtt_settings
 from executor.flight.open_links import open_links
 from executor.flight.run_flight import FlightResult, FlightSession
 from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
 from executor.flight.simulation_clock import follow_fleet_time
-from executor.images.index_files import build_image_index, write_index
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel, load_site_model
@@ -229,11 +228,8 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     report = build_report(
         left.begun.context, left.state, left.last_s, said=_read_preflight_record(run), parameters=parameters
     )
-    with suppress(OSError):  # it is shown all the same
-        write_learned(run, left.begun.context, left.state, left.begun.ground.learned)
-        report.write(RunDirectory(run).report)
-        if left.begun.context.setup.looks:
-            write_index(run, build_image_index(left.begun.context, left.state, left.head.began_unix_s))
+    # What cannot be written is shown all the same.
+    run_flight.write_results(run, left.begun.ground, left.begun.context, left.state, report, left.head.began_unix_s)
     return report
 
 

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import RunDirectory, lock_run_directory
+from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import FlightReport
 from executor.analysis.flown_packs import build_flown_packs
+from executor.analysis.learned_document import learn_from_flight
 from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -28,25 +29,27 @@ from executor.core.interface.events import Asked, IntentReceived, Reopened
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.parameter_proposals import KeptParameter, ParameterProposal
+from executor.core.preflight.parameter_proposals import ParameterProposal
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
 from executor.flight import fencing, parameter_changes, web_page
+from executor.flight.board_record import build_parameter_rows
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
-from executor.flight.flight_request import Console, FlightRequest, write_learned
-from executor.flight.kept_parameters import build_parameter_rows
+from executor.flight.flight_request import Console, FlightRequest
 from executor.flight.open_links import open_links
 from executor.flight.operator_interrupts import Interrupts
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.restore_vehicles import restore_board
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
 from executor.runtime.loss_judging import keep_judging
 from executor.site import day_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
+from executor.site.site_model import SiteModel
 from missions.fences import Fence
 
 if TYPE_CHECKING:
@@ -117,7 +120,7 @@ async def _check_and_supervise(
         console.show_checks(proposal.checks)
         _raise_on_stop(proposal.checks)
     except PreflightFailed:
-        await _restore_vehicles(run, links, clock, console)  # of an earlier attempt in this directory
+        await restore_board(run, links, clock, console)  # of an earlier attempt in this directory
         raise
     found += proposal.checks
     fences = build_first_fences(context, boards)
@@ -143,16 +146,8 @@ async def _check_and_supervise(
     finally:
         if flown is None:
             # Nothing stays changed for a flight that is not flown; who flies all the same is armed, and left alone.
-            await _restore_vehicles(run, links, clock, console)
+            await restore_board(run, links, clock, console)
     return flown
-
-
-async def _restore_vehicles(
-    run: Path, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
-) -> tuple[KeptParameter, ...]:
-    """Give back what is on record, fences before the parameters that say how they are kept to."""
-    await fencing.restore_kept_lists(run, links, clock, console)
-    return await parameter_changes.restore_kept_parameters(run, links, clock, console)
 
 
 def _raise_on_stop(found: Sequence[Check]) -> None:
@@ -253,9 +248,7 @@ async def supervise(
         listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web_page.serve_page(
-                    order.site.web, flight, clock, console, web_page.read_static_page_data(order, console)
-                ),
+                web_page.serve_page(order.site.web, flight, clock, console, order),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
@@ -270,25 +263,37 @@ async def supervise(
         console.stop_drawing()
         seat.log.close()
     ended_s = clock.now_s()
-    given_back = await _restore_vehicles(order.run, links, clock, console)
+    given_back, _ = await restore_board(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
     report = build_report(
         context, flight.state, ended_s, order.truths(clock), frames, seat.said, build_parameter_rows(given_back)
     )
-    kept = RunDirectory(order.run)
-    writes: dict[str, Callable[[], None]] = {"report.json": partial(report.write, kept.report)}
+    for line in write_results(order.run, order.ground, context, flight.state, report, clock.began_unix_s):
+        console.say(Level.WARNING, line)
+    return FlightResult(report, context, interrupts.left)
+
+
+def write_results(
+    run: Path, ground: SiteModel, context: Context, state: FleetState, report: FlightReport, began_unix_s: float
+) -> list[str]:
+    """Write the report of a flight and what stands beside it; returns in words what could not be written.
+
+    The report comes last: who takes up a flight that has one writes nothing more.
+    """
+    kept, learned = RunDirectory(run), learn_from_flight(context, state, ground.learned, today())
+    writes: dict[str, Callable[[], None]] = {"learned.json": partial(learned.write, kept.learned)}
     if context.setup.looks:
-        writes["images"] = partial(write_index, order.run, build_image_index(context, flight.state, clock.began_unix_s))
+        writes["images"] = partial(write_index, run, build_image_index(context, state, began_unix_s))
     if report.sorties:
-        packs = build_flown_packs(flight.state, order.run.name, clock.began_unix_s)
-        writes["packs.json"] = partial(packs.write, kept.packs)
-    writes["learned.json"] = partial(write_learned, order.run, context, flight.state, order.ground.learned)
+        writes["packs.json"] = partial(build_flown_packs(state, run.name, began_unix_s).write, kept.packs)
+    writes["report.json"] = partial(report.write, kept.report)
+    failed = []
     for name, write in writes.items():
         try:
             write()
         except OSError as error:
-            console.say(Level.WARNING, f"{name} cannot be written: {error.strerror}")
-    return FlightResult(report, context, interrupts.left)
+            failed.append(f"{name} cannot be written: {error.strerror}")
+    return failed
 
 
 def _build_publication(order: FlightRequest, clock: SystemClock) -> Publication | None:

@@ -7,9 +7,7 @@ import os
 from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
-from dataclasses import dataclass
 from functools import partial
-from types import MappingProxyType
 from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
@@ -24,23 +22,9 @@ from executor.site.ground_files import encode_ground, read_ground_files
 from executor.site.ground_view import GroundView, compute_shown_area
 from executor.site.tables.links import WebTable
 from executor.supervised import report_on_loop
-from missions import Window
 
 LEAST_TOKEN = 16
 """Characters: shorter ones can be guessed."""
-
-
-@dataclass(frozen=True, slots=True)
-class StaticPageData:
-    """What the page shows that is the same during the whole flight."""
-
-    ground: Mapping[str, bytes]
-    """Files, as `encode_ground` names them."""
-    window: Window | None
-    """The re-plan window of the first plan."""
-
-
-NOTHING = StaticPageData(MappingProxyType({}), None)
 
 
 def check_web(table: WebTable) -> None:
@@ -75,7 +59,7 @@ def _read_token(table: WebTable) -> str | None:
 
 @asynccontextmanager
 async def serve_page(
-    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, lasting: StaticPageData = NOTHING
+    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, order: FlightRequest | None = None
 ) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
@@ -104,7 +88,13 @@ async def serve_page(
     token = _read_token(table)
     names = {*table.names, *(() if table.address is None else (urlsplit(table.address).hostname or "",))}
     settings = WebSettings(
-        table.host, table.port, token, frozenset(names), clock.speedup, lasting.ground, lasting.window
+        table.host,
+        table.port,
+        token,
+        frozenset(names),
+        clock.speedup,
+        {} if order is None else read_shown_ground(order, console),
+        None if order is None else order.plan.window,
     )
     server = WebServer(settings, flight.context, now, submit, mistake=partial(report_on_loop, loop))
     stack = ExitStack()
@@ -122,14 +112,12 @@ async def serve_page(
         await asyncio.to_thread(stack.close)
 
 
-def read_static_page_data(order: FlightRequest, console: MessageSink) -> StaticPageData:
-    """Return what the run directory keeps of the ground, or at least where the local metres are; and the window."""
-    if not order.site.web.enabled:
-        return NOTHING
+def read_shown_ground(order: FlightRequest, console: MessageSink) -> Mapping[str, bytes]:
+    """Return what the run directory keeps of the ground, or at least where the local metres are."""
     try:
         kept = read_ground_files(order.run)
     except LogError as error:
         console.say(Level.WARNING, f"{error}: the page shows no ground")
         kept = {}
     around = GroundView(*compute_shown_area(order.ground.network.positions_m))
-    return StaticPageData(kept or encode_ground(around, order.ground.network.frame), order.plan.window)
+    return kept or encode_ground(around, order.ground.network.frame)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
+from executor.adapters.templates import render_template
 from missions.files import write_whole
 
 SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff"})
@@ -170,14 +171,10 @@ def write_place_xmp(path: Path, lat_deg: float, lon_deg: float, alt_m: float) ->
         OSError: it cannot be written.
     """
     beside = path.with_suffix(".xmp")
-    content = (
-        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?>\n<x:xmpmeta xmlns:x="adobe:ns:meta/">\n'
-        ' <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">\n'
-        '  <rdf:Description rdf:about="" xmlns:exif="http://ns.adobe.com/exif/1.0/"\n'
-        f'   exif:GPSLatitude="{_format_minutes(lat_deg, "NS")}" exif:GPSLongitude="{_format_minutes(lon_deg, "EW")}"\n'
-        f'   exif:GPSAltitude="{round(abs(alt_m) * 100)}/100" exif:GPSAltitudeRef="{int(alt_m < 0)}"\n'
-        '   exif:GPSVersionID="2.3.0.0"/>\n </rdf:RDF>\n</x:xmpmeta>\n<?xpacket end="w"?>\n'
-    )
+    content = render_template(
+        "place.xmp", latitude=_format_minutes(lat_deg, "NS"), longitude=_format_minutes(lon_deg, "EW"),
+        centimetres=round(abs(alt_m) * 100), below_sea=int(alt_m < 0),
+    )  # fmt: skip
     write_whole(beside, content.encode())
     return beside
 

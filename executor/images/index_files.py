@@ -51,11 +51,13 @@ def write_index(run: Path, index: ImageIndex) -> None:
 
 def format_csv(images: Iterable[ImageRow]) -> str:
     """Return the pictures as a table of text."""
+    rows = ((row.time_iso, *(_round_value(name, getattr(row, name)) for name in _IMAGE)) for row in images)
+    return _format_table(("time", *_IMAGE), rows)
+
+
+def _format_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("time", *_IMAGE))
-    for row in images:
-        writer.writerow((row.time_iso, *(_round_value(name, getattr(row, name)) for name in _IMAGE)))
+    csv.writer(text, lineterminator="\n").writerows((columns, *rows))
     return text.getvalue()
 
 
@@ -147,11 +149,7 @@ def write_file_matches(run: Path, columns: Sequence[str], rows: Sequence[tuple[o
         OSError: they cannot be written.
         LogError: the index is no database any more.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    write_whole(RunDirectory(run).images_files, text.getvalue().encode())
+    write_whole(RunDirectory(run).images_files, _format_table(columns, rows).encode())
     path = RunDirectory(run).images_sqlite
     try:
         with closing(sqlite3.connect(path)) as tables, tables:

@@ -146,11 +146,6 @@ class FairEventLoop(asyncio.SelectorEventLoop):
             self._selects.pace = None
 
 
-def make_fair_event_loop() -> asyncio.AbstractEventLoop:
-    """Return an event loop that takes turns, for who measures what it is late."""
-    return asyncio.SelectorEventLoop(FairSelector())
-
-
 def run_on_fair_loop(
     work: Coroutine[None, None, T], loop: Callable[[], asyncio.AbstractEventLoop] = FairEventLoop
 ) -> T:

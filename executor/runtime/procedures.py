@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from executor.core.interface.endings import Ending
-from executor.core.interface.messages import Heartbeat, Message, SendCommand, SendParamSet, StatusText
+from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
 from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
@@ -21,6 +21,7 @@ from executor.protocols.upload import UploadDialogue
 from executor.runtime.awake import LEAST_WAIT_S, count_awake_time, times_slower, underlying
 from executor.runtime.dialogue import run_dialogue
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
+from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
 
 M = TypeVar("M", bound=DialogueMachine)
@@ -334,9 +335,7 @@ async def _start_step(
 ) -> ProcedureResult:
     match step:
         case StartStep.GUIDED:
-            return await switch_mode(
-                link, clock, vehicle_commands.set_mode(dialect.modes.guided), {dialect.modes.guided.custom_mode}
-            )
+            return await switch_mode(link, clock, dialect.modes.guided)
         case StartStep.ARM:
             done = await _arm(link, clock, watch)
             if not done.accepted:
@@ -355,8 +354,7 @@ async def _start_step(
                 link, clock, lambda heard: heard.armed and heard.custom_mode == mode, "is not armed in mission mode"
             )
         case StartStep.MISSION_MODE:
-            mode = dialect.modes.mission.custom_mode
-            return await switch_mode(link, clock, vehicle_commands.set_mode(dialect.modes.mission), {mode})
+            return await switch_mode(link, clock, dialect.modes.mission)
 
 
 @count_awake_time
@@ -387,22 +385,17 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
 
 async def order_rtl(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a return, and see that the vehicle is in that mode."""
-    accepted = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
-    return await switch_mode(link, clock, vehicle_commands.set_mode(dialect.modes.return_home), accepted)
+    return await switch_mode(link, clock, dialect.modes.return_home, dialect.modes.land)
 
 
 async def order_hold(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a stop in place, and see that the vehicle is in that mode."""
-    return await switch_mode(
-        link, clock, vehicle_commands.set_mode(dialect.modes.hold), {dialect.modes.hold.custom_mode}
-    )
+    return await switch_mode(link, clock, dialect.modes.hold)
 
 
 async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Order a landing where it is, and see that the vehicle is in that mode."""
-    return await switch_mode(
-        link, clock, vehicle_commands.set_mode(dialect.modes.land), {dialect.modes.land.custom_mode}
-    )
+    return await switch_mode(link, clock, dialect.modes.land)
 
 
 async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
@@ -439,11 +432,19 @@ async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: 
     )
 
 
-async def switch_mode(link: Link, clock: Clock, command: SendCommand, accepted: set[int]) -> ProcedureResult:
-    """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'."""
-    done = await send_order(link, clock, CommandDialogue(command, "change of mode"))
+async def switch_mode(link: Link, clock: Clock, mode: ModeNumber, *follows: ModeNumber) -> ProcedureResult:
+    """Order a mode, and see in the heartbeat that it is flown: an acknowledgement only means 'will try'.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        mode: What is ordered.
+        follows: What the vehicle may be in by then instead.
+    """
+    done = await send_order(link, clock, CommandDialogue(vehicle_commands.set_mode(mode), "change of mode"))
     if not done.accepted:
         return done
+    accepted = {one.custom_mode for one in (mode, *follows)}
     return await _wait_for_confirmation(
         link, clock, lambda heard: heard.custom_mode in accepted, "does not report the new mode"
     )

@@ -12,7 +12,7 @@ from executor.core.preflight.parameter_proposals import ParameterProposal, propo
 from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.errors import PreflightFailed
 from executor.runtime import procedures, vehicle_preflight
-from executor.runtime.parameter_restore import read_present, set_changes
+from executor.runtime.board_restore import read_present, set_changes
 
 
 async def examine_vehicle(

@@ -29,9 +29,8 @@ from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
 from executor.runtime import procedures, stream_requests
-from executor.runtime.parameter_restore import read_parameters
-from missions import Dialect, EncodedMission, MissionItem, MissionKind
-from missions.fences import number_items
+from executor.runtime.board_restore import read_parameters
+from missions import Dialect, EncodedMission, MissionKind
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -296,17 +295,6 @@ async def read_lists(link: Link, clock: Clock) -> OnboardLists:
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
-
-
-async def restore_list(
-    link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
-) -> str:
-    """Give a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
-    if kind is MissionKind.FENCE:
-        done = await procedures.upload_and_verify_fence(link, clock, dialect, number_items(items))
-    else:
-        done = await procedures.upload_and_verify(link, clock, dialect, number_items(items), kind=kind)
-    return "" if done.accepted else done.reason
 
 
 async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: OnboardLists) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.simulated.cards import SimulatedCards
-from executor.site import day_flight, site_model
+from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import dialect_for
 from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
@@ -41,11 +41,11 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
     """
-    setup, elsewhere = site_model.build_flight_setup(ground), day_flight.find_morning_pads(ground)
+    setup = site_model.build_flight_setup(ground)
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe
-        pad = elsewhere.get(table.name) or setup.pad_of(table.name)
+        pad = setup.pad_of(table.name)
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(pad.east_m, pad.north_m)
         vehicles.append(
             SimVehicle(

@@ -33,3 +33,10 @@ def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskC
     """
     hours = tuple(factor * content.mtbf_h[0] for factor in SWEEP)
     return replace(content, mtbf_h=hours), split_flights(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)
+
+
+def describe_policy(replans: int) -> str:
+    """Return in words how many losses are re-planned."""
+    if replans == 0:
+        return "as planned, without a re-plan"
+    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

@@ -7,10 +7,11 @@ flies one, and when, changes nothing.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from executor.adapters.extras import Extra, require_extra
@@ -40,11 +41,16 @@ class Part(Protocol):
 CampaignT = TypeVar("CampaignT")
 PartT = TypeVar("PartT", bound=Part)
 AnswerT = TypeVar("AnswerT")
-AnswerT_co = TypeVar("AnswerT_co", covariant=True)
 
 
-class CampaignRunner(Protocol):
+@dataclass(frozen=True, slots=True)
+class CampaignRunner:
     """Flies the parts of a campaign."""
+
+    processes: int
+    """On this computer."""
+    client: distributed.Client | None = None
+    """Of a Dask cluster, which flies them instead."""
 
     def __call__(
         self,
@@ -64,19 +70,51 @@ class CampaignRunner(Protocol):
         Raises:
             ExecutorError: a process or a worker was lost.
         """
-        ...
+        total, done = sum(part.flights for part in parts), 0
+
+        def count(part: PartT) -> None:
+            nonlocal done
+            done += part.flights
+            told(done, total)
+
+        processes, jobs = min(self.processes, len(parts)), dict[Future[AnswerT], PartT]()
+        if self.client is None and processes == 1:
+            answers = []
+            for part in parts:
+                answers.append(flown(campaign, part))
+                count(part)
+            return answers
+        with start_worker_pool(processes) if self.client is None else _open_cluster(self.client) as pool:
+            try:
+                # What is the same for all goes to each worker of a cluster once, not with each part.
+                shared = campaign if self.client is None else self.client.scatter(campaign, broadcast=True)
+                with defer_ctrl_c():
+                    jobs |= {pool.submit(flown, shared, part): part for part in parts}
+                for job in as_completed(jobs):
+                    job.result()
+                    count(jobs[job])
+                return [job.result() for job in jobs]
+            except KeyboardInterrupt:
+                end_children()
+                raise
+            except BrokenProcessPool as error:
+                raise ExecutorError(
+                    "a process that flew a part of the flights has died; --jobs 1 needs the least"
+                ) from error
+            finally:
+                for job in jobs:
+                    job.cancel()
 
 
-class _Answer(Protocol[AnswerT_co]):
-    """What both kinds of futures can do."""
+@contextmanager
+def _open_cluster(client: distributed.Client) -> Iterator[Executor]:
+    """Give a cluster's workers as if they were processes of this computer."""
+    import distributed
 
-    def result(self) -> AnswerT_co:
-        """Return the answer, or raise what was raised instead."""
-        ...
-
-    def __hash__(self) -> int:
-        """Return the same for the same future."""
-        ...
+    try:
+        yield client.get_executor(pure=False)
+    except (ImportError, OSError, distributed.KilledWorker, CancelledError) as error:
+        raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
 
 
 @contextmanager
@@ -92,7 +130,7 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
         ConnectionFailed: the cluster is away.
     """
     if dask is None:
-        yield _LocalRunner(jobs or os.cpu_count() or 1)
+        yield CampaignRunner(jobs or os.cpu_count() or 1)
         return
     require_extra(Extra.DASK, "--dask")
     import distributed
@@ -106,93 +144,4 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
             client.wait_for_workers(1, timeout=CONNECT_S)
         except TimeoutError as error:
             raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
-        yield _DaskRunner(client)
-
-
-class _LocalRunner:
-    """Flies on this computer."""
-
-    def __init__(self, processes: int) -> None:
-        self._processes = processes
-
-    def __call__(
-        self,
-        flown: Callable[[CampaignT, PartT], AnswerT],
-        campaign: CampaignT,
-        parts: Sequence[PartT],
-        told: ProgressCallback,
-    ) -> list[AnswerT]:
-        """Fly in so many processes, or in this one."""
-        processes = min(self._processes, len(parts))
-        if processes > 1:
-            return _run_in_processes(processes, flown, campaign, parts, told)
-        answers, done = [], 0
-        for part in parts:
-            answers.append(flown(campaign, part))
-            done += part.flights
-            told(done, sum(one.flights for one in parts))
-        return answers
-
-
-def _run_in_processes(
-    processes: int,
-    flown: Callable[[CampaignT, PartT], AnswerT],
-    campaign: CampaignT,
-    parts: Sequence[PartT],
-    told: ProgressCallback,
-) -> list[AnswerT]:
-    with start_worker_pool(processes) as pool:
-        try:
-            with defer_ctrl_c():
-                futures = [pool.submit(flown, campaign, part) for part in parts]
-            return _gather_answers(futures, as_completed(futures), parts, told)
-        except KeyboardInterrupt:
-            end_children()
-            raise
-        except BrokenProcessPool as error:
-            raise ExecutorError(
-                "a process that flew a part of the flights has died; --jobs 1 needs the least"
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-class _DaskRunner:
-    """Flies on a Dask cluster."""
-
-    def __init__(self, client: distributed.Client) -> None:
-        self._client = client
-
-    def __call__(
-        self,
-        flown: Callable[[CampaignT, PartT], AnswerT],
-        campaign: CampaignT,
-        parts: Sequence[PartT],
-        told: ProgressCallback,
-    ) -> list[AnswerT]:
-        """Fly on its workers."""
-        import distributed
-
-        client = self._client
-        try:
-            # What is the same for all goes to each worker once, not with each part.
-            shared = client.scatter(campaign, broadcast=True)
-            futures = client.map(flown, [shared] * len(parts), list(parts), pure=False)
-            return _gather_answers(futures, distributed.as_completed(futures, loop=client.loop), parts, told)
-        except (ImportError, OSError, distributed.KilledWorker, distributed.CancelledError) as error:
-            raise ExecutorError(f"--dask: a worker failed: {type(error).__name__}: {error}") from error
-
-
-def _gather_answers(
-    futures: Sequence[_Answer[AnswerT]],
-    finished: Iterable[_Answer[AnswerT]],
-    parts: Sequence[Part],
-    told: ProgressCallback,
-) -> list[AnswerT]:
-    size = {future: part.flights for future, part in zip(futures, parts, strict=True)}
-    done = 0
-    for future in finished:
-        future.result()
-        done += size[future]
-        told(done, sum(size.values()))
-    return [future.result() for future in futures]
+        yield CampaignRunner(0, client)

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from executor.site.plan_summary import describe_left_over
 from missions import DayPlanFile
 from planner.sorties import SparesEstimate, SurvivalEstimate
 
 DAY_S = 86_400.0
-NAMED = 50
-"""Segments that a line names."""
-FULL = 1e-9
 
 
 def format_day_time(seconds: float) -> str:
@@ -43,7 +41,7 @@ def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
     """Return what each base needs."""
     return tuple(
         BaseNeeds(place.name, content.count_swaps(number), packs, _count_people(content, number))
-        for number, (place, packs) in enumerate(zip(content.places, content.count_packs, strict=True))
+        for number, (place, packs) in enumerate(zip(content.bases, content.count_packs, strict=True))
     )
 
 
@@ -79,7 +77,7 @@ def describe_day_sorties(content: DayPlanFile) -> Iterator[str]:
         last = format_day_time(max(row[0] + row[3] for row in mine))[-5:]
         yield f"day {day}: {len(mine)} sorties, the last one lands at {last}"
         for start_s, name, one, lasts_s, pct in mine:
-            base, lands = content.places[one.base].name, content.places[one.lands].name
+            base, lands = content.bases[one.base].name, content.bases[one.lands].name
             onto = "" if one.lands == one.base else f", lands at {lands}"
             yield (
                 f"  {format_day_time(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
@@ -101,21 +99,6 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
         f"air, by "
         f"{sum(1 for own in content.plan.sorties if own)} vehicles"
     )
-
-
-def describe_uncovered(content: DayPlanFile) -> Iterator[str]:
-    """Yield what is left over, and why."""
-    if not content.plan.uncovered:
-        return
-    instance = content.build_instance()
-    pct = (instance.out_pct[:, :, :, np.newaxis].min(axis=1) + instance.home_pct).min(axis=2)
-    budgets = np.array([own.budget_pct for own in content.vehicles])[:, np.newaxis]
-    within = (pct <= budgets + FULL).reshape(len(budgets), -1, 2).any(axis=(0, 2))
-    for why, wanted in (("out of reach of every base on one pack", False), ("within reach, but no time is left", True)):
-        names = [content.segments[one].display_name for one in content.plan.uncovered if within[one] == wanted]
-        if names:
-            more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-            yield f"left over, {why}: {len(names)}: {', '.join(names[:NAMED])}{more}"
 
 
 def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
@@ -167,10 +150,16 @@ def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: l
             continue
         packs = ", ".join(
             f"{count} at {place.name}"
-            for count, place in zip(enough.packs_for_share(share), content.places, strict=True)
+            for count, place in zip(enough.packs_for_share(share), content.bases, strict=True)
         )
         spares = next(len(one.spares) for one in found if one.lives is enough)
         yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"
+
+
+def describe_day(content: DayPlanFile) -> list[str]:
+    """Return the days in words."""
+    told = (describe_day_sorties(content), describe_base_needs(content), describe_left_over(content))
+    return [line for lines in (*told, describe_loss_windows(content)) for line in lines]
 
 
 def find_enough_spares(found: list[SparesEstimate], share: float) -> SurvivalEstimate | None:

@@ -12,10 +12,9 @@ from executor.site.hillshade import Heights, Hillshade, compute_hillshade
 from executor.site.site_model import SiteModel
 from executor.site.tables.map import MapTable
 from missions import LocalFrame
-from missions.background import Background, Corner
+from missions.background import Background, Corner, PictureArea
 from missions.geo import FloatArray
 from missions.readers.background_files import read_background
-from missions.readers.picture_window import PictureArea
 
 BESIDE_M = 300.0
 BESIDE = 0.25

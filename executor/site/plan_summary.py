@@ -11,7 +11,8 @@ from executor.core.formatting import describe_unreachable, format_count, join_fi
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight import distance_checks
 from executor.core.preflight.vehicle_checks import Check, Severity
-from missions import PlanFile
+from missions import DayPlanFile, PlanFile
+from missions.geo import FloatArray
 from planner import segment_of
 
 NAMED = 50
@@ -19,6 +20,9 @@ NAMED = 50
 NAMED_IN_CHECKLIST = 12
 OUT_OF_REACH = "out of range of every vehicle's budget"
 USED_UP = "reachable, but no battery left after the other segments"
+OUT_OF_REACH_BY_DAY = "out of reach of every base on one pack"
+OUT_OF_TIME = "within reach, but no time is left"
+FULL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,23 +39,34 @@ class LeftOver:
     why: str
 
 
-def find_left_over(plan: PlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
+def find_left_over(plan: PlanFile | DayPlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
     """Return what a plan does not inspect, and why; without those that later sorties have."""
     left = [number for number in plan.plan.uncovered if plan.segments[number].id not in later]
     if not left:
         return ()
-    instance = plan.build_instance()
+    is_day = isinstance(plan, DayPlanFile)
+    out_of_reach, used_up = (OUT_OF_REACH_BY_DAY, OUT_OF_TIME) if is_day else (OUT_OF_REACH, USED_UP)
     budgets = np.array([vehicle.budget_pct for vehicle in plan.vehicles])
-    # (k, n): what each vehicle needs for the way to a segment, along it and home, and nothing else.
-    alone_pct = (instance.start_pct + instance.home_pct).reshape(len(budgets), -1, 2).min(axis=2)
+    alone_pct = _list_alone_pct(plan).reshape(len(budgets), -1, 2).min(axis=2)
     nearest = np.argmin(alone_pct - budgets[:, np.newaxis], axis=0)
     found = []
     for number in left:
         needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
-        why = OUT_OF_REACH if needed > budget else USED_UP
-        segment = plan.segments[number]
+        segment, why = plan.segments[number], out_of_reach if needed > budget + FULL else used_up
         found.append(LeftOver(segment.id, segment.display_name, needed, budget, why))
     return tuple(found)
+
+
+def _list_alone_pct(plan: PlanFile | DayPlanFile) -> FloatArray:
+    """Return (k, 2n) what each vehicle needs for the way to a visit, along it and home, and nothing else."""
+    if isinstance(plan, PlanFile):
+        instance = plan.build_instance()
+        return instance.start_pct + instance.home_pct
+    sorties = plan.build_instance()
+    return np.array([
+        sorties.out_pct[row, own.lands].min(axis=0) + sorties.home_pct[row][:, own.lands].min(axis=1)
+        for row, own in enumerate(sorties.vehicles)
+    ])  # fmt: skip
 
 
 def describe_routes(plan: PlanFile) -> Iterator[str]:
@@ -114,7 +129,7 @@ def describe_distances(plan: PlanFile) -> list[str]:
     return [distance_checks.describe_inspection_distances(plan.inspection.height_m, rows)] if rows else []
 
 
-def describe_left_over(plan: PlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
+def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:
     """Return what is left over, a line for each reason, each with the names of `most` segments at most.
 
     Args:
@@ -124,9 +139,9 @@ def describe_left_over(plan: PlanFile, most: int = NAMED, later: Collection[int]
     """
     reasons: dict[str, list[str]] = {}
     for one in find_left_over(plan, later):
-        figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.why == OUT_OF_REACH else ""
+        figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.alone_pct > one.budget_pct + FULL else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
-    never = zip(plan.unreachable_names, (one.why for one in plan.unreachable), strict=True)
+    never = ((one.name, one.why) for one in plan.unreachable)
     lines = [f"left over, {why}: {join_first_names(names, most)}" for why, names in reasons.items()]
     return [*lines, *describe_unreachable(never, most)]
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.core.preflight import area_checks, height_checks
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import PlanFile, SafetyError, check_ceiling
+from missions import SafetyError, check_ceiling
 from missions.area_check import check_areas
 
 
@@ -22,9 +22,22 @@ class PlannedHeights:
     document: Mapping[str, object] | None
     """None where no pads could be chosen."""
 
+    @property
+    def lines(self) -> list[str]:
+        """What people read of it."""
+        return [f"heights: {self.words}", *(f"warning: {line}" for line in self.warnings)]
 
-def compute_planned_heights(ground: SiteModel, plan: PlanFile) -> PlannedHeights:
+    def to_json(self) -> dict[str, object]:
+        """Return what a plan's JSON says of it."""
+        return {"heights": self.document, "warnings": list(self.warnings)}
+
+
+def compute_planned_heights(ground: SiteModel, rounds: Sequence[Mapping[str, tuple[int, ...]]]) -> PlannedHeights:
     """Return by which heights a plan of a site would be flown.
+
+    Args:
+        ground: The site.
+        rounds: Each vehicle's visits of the network by its name; of a day of sorties its first ones, its second ones...
 
     Raises:
         SiteError: its flights come too near to the ground or to a line, or into an area.
@@ -33,17 +46,15 @@ def compute_planned_heights(ground: SiteModel, plan: PlanFile) -> PlannedHeights
         setup = site_model.build_flight_setup(ground)
     except SafetyError as error:
         return PlannedHeights(f"not checked: {error}", ground.worth_a_look, None)
-    routes = site_model.name_routes(ground, plan.build_task(), plan.plan)
-    paths = list(site_model.build_paths(setup, routes).values())
+    flown = [(routes, list(site_model.build_paths(setup, routes).values())) for routes in rounds]
+    paths = [path for _, own in flown for path in own]
     for text in check_areas(setup, paths):
         raise SiteError(f"area: {text}")
     for text in height_checks.find_low_places(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
-    warnings = (
-        *ground.worth_a_look,
-        *check_ceiling(setup, paths),
-        *area_checks.describe_returns_through_areas(setup, paths, routes),
-    )
+    returns = (line for routes, own in flown for line in area_checks.describe_returns_through_areas(setup, own, routes))
     return PlannedHeights(
-        height_checks.describe_heights(setup, paths), warnings, height_checks.build_heights_document(setup, paths)
+        height_checks.describe_heights(setup, paths),
+        (*ground.worth_a_look, *check_ceiling(setup, paths), *dict.fromkeys(returns)),
+        height_checks.build_heights_document(setup, paths),
     )

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from executor.site.site_file import Site
 from executor.site.tables.area_tables import AreaTable, Margin, OverGround, OverSea, Width
 from missions import LocalFrame, Network, Pad, parse_where
-from missions.areas import Area, AreaKind, NamedPlace, PlaceKind, Ring
+from missions.areas import Area, AreaKind, Ring
 from missions.errors import AreaError
 from missions.outlines import area_inside_m2, clip_outline, is_self_crossing, remove_double_corners, simplify_outline
 from missions.readers.area_files import FIGURES, FileArea, check_outline, read_areas
@@ -83,8 +83,8 @@ def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
     return SiteAreas(tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks))
 
 
-def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[NamedPlace, ...]]:
-    """Return the pads of vehicles whose place is stated, and the alternates."""
+def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
+    """Return the pads of vehicles whose place is stated, and the names of the alternates."""
     named = {place.name: place for place in site.place}
     pads = []
     for vehicle in site.vehicle:
@@ -92,12 +92,7 @@ def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[
             place = named[vehicle.pad]
             at_m = frame.to_local_m(place.lat_deg, place.lon_deg)
             pads.append(Pad(vehicle.name, *at_m, frame.alt_m if place.alt_m is None else place.alt_m))
-    alternates = tuple(
-        NamedPlace(one.name, PlaceKind.ALTERNATE, *frame.to_local_m(one.lat_deg, one.lon_deg), one.alt_m)
-        for one in site.place
-        if one.kind == PlaceKind.ALTERNATE.value
-    )
-    return tuple(pads), alternates
+    return tuple(pads), tuple(one.name for one in site.place if one.kind == "alternate")
 
 
 def _read(table: AreaTable, index: int, base: Path) -> Iterator[FileArea]:

@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -91,12 +91,8 @@ class Site(SiteTable):
 
     @model_validator(mode="after")
     def _check_places(self) -> Site:
-        kinds: dict[str, str] = {}
-        for index, place in enumerate(self.place):
-            if place.name in kinds:
-                raise ValueError(f"place[{index}].name: expected a name of its own, got '{place.name}' again")
-            kinds[place.name] = place.kind
-        pads = [name for name, kind in kinds.items() if kind == "pad"]
+        _check_own_names("place", [place.name for place in self.place])
+        pads = [place.name for place in self.place if place.kind == "pad"]
         taken: dict[str, str] = {}
         for index, vehicle in enumerate(self.vehicle):
             if vehicle.pad is None:
@@ -118,9 +114,8 @@ class Site(SiteTable):
     @model_validator(mode="after")
     def _check_cameras(self) -> Site:
         vehicles, cameras = {vehicle.name for vehicle in self.vehicle}, [camera.name for camera in self.camera]
+        _check_own_names("camera", cameras)
         for index, camera in enumerate(self.camera):
-            if camera.name in cameras[:index]:
-                raise ValueError(f"camera[{index}].name: expected a name of its own, got '{camera.name}' again")
             for number, name in enumerate(camera.vehicles):
                 if name not in vehicles:
                     raise ValueError(
@@ -133,11 +128,9 @@ class Site(SiteTable):
 
     @model_validator(mode="after")
     def _check_bases(self) -> Site:
-        vehicles, bases = {one.name for one in self.vehicle}, [one.name for one in self.base]
-        stands: dict[str, str] = {}
+        vehicles, stands = {one.name for one in self.vehicle}, dict[str, str]()
+        _check_own_names("base", [one.name for one in self.base])
         for index, base in enumerate(self.base):
-            if bases.index(base.name) < index:
-                raise ValueError(f"base[{index}].name: expected a name of its own, got '{base.name}'")
             for name in base.vehicles:
                 _check_named(f"base[{index}].vehicles", name, vehicles)
                 if name in stands:
@@ -154,13 +147,14 @@ class Site(SiteTable):
     @model_validator(mode="after")
     def _check_day(self) -> Site:
         vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
-        for index, road in enumerate(self.day.road if self.day is not None else ()):
+        day = self.day or DayTable()
+        for index, road in enumerate(day.road):
             for name in road.between:
                 _check_named(f"day.road[{index}].between", name, bases)
-        for index, quiet in enumerate(self.day.quiet if self.day is not None else ()):
+        for index, quiet in enumerate(day.quiet):
             for name in quiet.vehicles:
                 _check_named(f"day.quiet[{index}].vehicles", name, vehicles)
-        for index, other in enumerate(self.day.vehicle if self.day is not None else ()):
+        for index, other in enumerate(day.vehicle):
             _check_named(f"day.vehicle[{index}].name", other.name, vehicles)
         return self
 
@@ -200,6 +194,12 @@ class Site(SiteTable):
                     f"connection has it, got '{vehicle.backend}'"
                 )
         return self
+
+
+def _check_own_names(table: str, names: Sequence[str]) -> None:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise ValueError(f"{table}[{index}].name: expected a name of its own, got '{name}' again")
 
 
 def _check_named(key: str, name: str, known: Set[str]) -> None:

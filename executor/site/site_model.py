@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,6 +19,7 @@ from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
 from executor.site.camera_tasks import build_looks, build_pylon_wishes
 from executor.site.site_areas import build_places, load_areas
+from executor.site.site_bases import base_places_m, find_base_pads
 from executor.site.site_file import Site
 from executor.site.site_packs import SitePacks, load_site_packs
 from executor.site.tables.aircraft import VehicleTable
@@ -46,6 +47,7 @@ from missions import (
     plan_flight_setup,
     with_heights,
 )
+from missions.areas import Unreachable
 from missions.inspection_height import build_first_paths, find_low_segments
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
@@ -79,7 +81,7 @@ class SiteModel:
     drone: Drone
     travel: Travel
     setup: FlightSetup
-    """Heights, and pads that are chosen around the depot."""
+    """Heights, and pads that are chosen around the depot and the bases."""
     terrain: Terrain | None = None
     """The ground between the lines, where a raster knows it."""
     worth_a_look: tuple[str, ...] = ()
@@ -137,7 +139,8 @@ def load_terrain(site: Site, base: Path, network: Network) -> Terrain | None:
     if table is None:
         return None
     files = (table.files,) if isinstance(table.files, str) else table.files
-    box_m = reading_box_m(network, DETOUR_M) if site.area else reading_box_m(network)
+    bases_m = base_places_m(site, network.frame).values()
+    box_m = reading_box_m(network, DETOUR_M, bases_m) if site.area else reading_box_m(network, bases_m=bases_m)
     reading = RasterOptions(network.frame, *box_m, table.vertical, table.uncertainty_m)
     return Terrain(read_elevation([base / file for file in files], reading), table.margin_m, table.line_margin_m)
 
@@ -197,7 +200,10 @@ def build_site_model(
     network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
-    setup = plan_flight_setup(network, names, inspection, stated=stated, areas=found.areas, terrain=terrain)
+    setup = plan_flight_setup(
+        network, names, inspection, stated=stated, areas=found.areas, terrain=terrain,
+        bases=find_base_pads(site, network),
+    )  # fmt: skip
     pylons, higher = build_pylon_tasks(setup, wished)
     setup = replace(setup, looks=build_looks(site, network, pylons))
     if found.areas or alternates:
@@ -227,18 +233,8 @@ def _check_speeds(site: Site, drone: Drone) -> None:
 
 def inspection_of(site: Site, network: Network) -> Inspection:
     """Return how a network is to be flown."""
-    table = site.inspection
-    return Inspection(
-        height_m=table.height_m,
-        standoff_m=table.standoff_m,
-        speed_m_s=table.speed_m_s,
-        transit_speed_m_s=table.transit_speed_m_s,
-        layer_m=table.layer_m,
-        flat=network.flat,
-        ceiling_m=table.ceiling_m,
-        return_ceiling_m=table.return_ceiling_m,
-        same_distance=table.same_distance,
-    )
+    said = site.inspection.model_dump(include={one.name for one in fields(Inspection)})
+    return Inspection(**said, flat=network.flat)
 
 
 def drone_of(site: Site) -> Drone:
@@ -281,7 +277,7 @@ def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, tab
 
 
 def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
-    """Return the problem of a first plan, from the depot, with the budgets of the site file.
+    """Return the problem of a first plan, with the budgets of the site file.
 
     Args:
         ground: What is known before any vehicle answers.
@@ -291,14 +287,30 @@ def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, w
     Raises:
         SiteError: none of these segments can be reached.
     """
-    vehicles = [
+    vehicles = [one for one in build_vehicles(ground) if one.name not in without]
+    wanted, never = select_reachable(ground, segments)
+    return replace(build_open_task(build_pricing(ground), wanted, vehicles), unreachable=never)
+
+
+def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
+    """Return everybody on its pad, with what its pack may give."""
+    return tuple(
         Vehicle(
-            vehicle.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(vehicle.name), ground.drone, vehicle),
-            consumption_factor_of(ground, vehicle.name),
+            one.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(one.name), ground.drone, one),
+            consumption_factor_of(ground, one.name),
         )
-        for vehicle in ground.site.vehicle
-        if vehicle.name not in without
-    ]  # fmt: skip
+        for one in ground.site.vehicle
+    )  # fmt: skip
+
+
+def select_reachable(
+    ground: SiteModel, segments: Iterable[int] | None = None
+) -> tuple[tuple[int, ...], tuple[Unreachable, ...]]:
+    """Return which of some segments can be reached, ascending, and the others; of all segments if not given.
+
+    Raises:
+        SiteError: none can.
+    """
     wanted = set(range(len(ground.network.segments)) if segments is None else segments)
     never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
     if never and len(never) == len(wanted):
@@ -306,8 +318,7 @@ def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, w
         raise SiteError(
             f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
         )
-    task = build_open_task(build_pricing(ground), wanted - {one.segment for one in never}, vehicles)
-    return replace(task, unreachable=never)
+    return tuple(sorted(wanted - {one.segment for one in never})), never
 
 
 def consumption_factor_of(ground: SiteModel, name: str) -> float:
@@ -316,7 +327,7 @@ def consumption_factor_of(ground: SiteModel, name: str) -> float:
 
 
 def build_flight_setup(ground: SiteModel, pads: Sequence[Pad] | None = None) -> FlightSetup:
-    """Return heights and pads; pads are chosen around the depot unless the vehicles' places are known.
+    """Return heights and pads; pads are chosen around depot and bases unless the vehicles' places are known.
 
     Raises:
         MissionsError: the pads leave no room.
@@ -325,7 +336,10 @@ def build_flight_setup(ground: SiteModel, pads: Sequence[Pad] | None = None) -> 
 
 
 def build_pricing(
-    ground: SiteModel, setup: FlightSetup | None = None, performances: Mapping[str, Performance] = MappingProxyType({})
+    ground: SiteModel,
+    setup: FlightSetup | None = None,
+    performances: Mapping[str, Performance] = MappingProxyType({}),
+    speeds_m_s: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> Pricing:
     """Return what flights take.
 
@@ -333,27 +347,28 @@ def build_pricing(
         ground: What is known before any vehicle answers.
         setup: Heights and pads; by default those that were chosen.
         performances: How vehicles fly by their own parameters, by their name, where they were asked.
+        speeds_m_s: In transit and along the line, by name, of those who differ from [inspection].
     """
     table, setup = ground.site.inspection, setup or ground.setup
-    power = build_steady_wind(ground.drone, max(table.transit_speed_m_s, table.speed_m_s), table.wind_m_s)
+    usual_m_s = (table.transit_speed_m_s, table.speed_m_s)
+    fastest_m_s = max(max(own_m_s) for own_m_s in (usual_m_s, *speeds_m_s.values()))
+    power = build_steady_wind(ground.drone, fastest_m_s, table.wind_m_s)
     models = {}
     for vehicle in ground.site.vehicle:
         known, usual = ground.learned.get(vehicle.name), dialect_for(vehicle.autopilot).performance
         if known is not None and known.performance is not None:
             usual = known.performance
         models[vehicle.name] = FlightModel(
-            performances.get(vehicle.name, usual), power, table.transit_speed_m_s, table.speed_m_s,
+            performances.get(vehicle.name, usual), power, *speeds_m_s.get(vehicle.name, usual_m_s),
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
     pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
     slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
-    pylons = setup.looks.pylons.items()
-    longer = {segment: extra_time_s(look, slowest, table.speed_m_s) for segment, look in pylons}
+    pylons, slow_m_s = setup.looks.pylons.items(), min(model.inspection_speed_m_s for model in models.values())
+    longer = {segment: extra_time_s(look, slowest, slow_m_s) for segment, look in pylons}
     from_layer = {
-        segment: extra_time_s(look, slowest, table.speed_m_s, in_layer=True)
-        for segment, look in pylons
-        if look.deepest_m
+        segment: extra_time_s(look, slowest, slow_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
     }
     barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
     return Pricing(
@@ -397,13 +412,7 @@ def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None
 
 def build_limits(site: Site) -> Limits:
     """Return the thresholds of the watchpoints."""
-    table = site.faults
-    return Limits(
-        link_stale_s=table.link_stale_s,
-        battery_step_pct=table.battery_step_pct,
-        battery_excess_pct=table.battery_excess_pct,
-        battery_window_s=table.battery_window_s,
-    )
+    return Limits(**site.faults.model_dump(include={one.name for one in fields(Limits)}))
 
 
 def name_routes(ground: SiteModel, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:

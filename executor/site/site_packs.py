@@ -39,14 +39,14 @@ class PackEntry(Document):
     began_pct: Number
     ended_pct: Number
     """By its own report."""
-    sag_cell_v: Number | None
-    ohm: Number | None
-    ohm_sd: Number | None
-    counted_ah: Number | None
-    set_ah: Number | None
+    sag_cell_v: Number | None = None
+    ohm: Number | None = None
+    ohm_sd: Number | None = None
+    counted_ah: Number | None = None
+    set_ah: Number | None = None
     """What its autopilot counts by."""
-    least_ah: Number | None
-    most_ah: Number | None
+    least_ah: Number | None = None
+    most_ah: Number | None = None
     """Its capacity by its voltage, within what the chemistry and the curves leave open."""
 
 

@@ -56,6 +56,7 @@ from planner import (
     solve_grasp,
     solve_window,
 )
+from planner.sorties import Objective
 
 SAME_PLACE_M = 1.0
 """A plan's segment that lies farther from the site's of the same number is another one."""
@@ -105,6 +106,8 @@ class PlanRequest:
     usual: bool = False
     """Whether nobody asked for a cost: then it is the window where there is one to search for in this time, and else
     MinMax."""
+    objective: Objective = Objective.FINISH
+    """What a plan of days is chosen by, instead of a cost."""
 
     def __post_init__(self) -> None:
         """Check that the solver can do it.
@@ -121,6 +124,16 @@ class PlanRequest:
     def threads(self) -> int:
         """Searches side by side."""
         return self.starts or os.cpu_count() or 1
+
+    @property
+    def length(self) -> str:
+        """How long is searched, in words."""
+        return f"{self.seconds:g} s" if self.iterations is None else f"{self.iterations} iterations"
+
+    def build_stop_rule(self, settled: StopRule | None = None) -> StopRule:
+        """Return when a search ends: after its iterations if they are given, and else once it is settled."""
+        sooner = settled if self.iterations is None else Iterations(self.iterations)
+        return combine_stop_rules(*(rule for rule in (Seconds(self.seconds), sooner) if rule is not None))
 
     def adapt_to_task(self, task: Task) -> PlanRequest:
         """Return what is asked of a task."""
@@ -152,7 +165,7 @@ def plan_site(
     wanted = wanted.adapt_to_task(task)
     window: Window | None
     if wanted.cost is None:
-        stop = _build_stop_rule(wanted, NoImprovement(WINDOW_SETTLED))
+        stop = wanted.build_stop_rule(NoImprovement(WINDOW_SETTLED))
         found = solve_window(
             task.instance, stretch=wanted.stretch, stop=stop, seed=wanted.seed,
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
@@ -276,16 +289,9 @@ def _solve_task(
             )  # fmt: skip
         case PlanSolver.SEARCH:
             return solve(
-                instance, cost=cost, stop=_build_stop_rule(wanted, NoImprovement(SETTLED)), seed=wanted.seed,
+                instance, cost=cost, stop=wanted.build_stop_rule(NoImprovement(SETTLED)), seed=wanted.seed,
                 starts=wanted.threads, all_vehicles=wanted.all_vehicles, params=wanted.params, on_progress=on_progress,
             )  # fmt: skip
-
-
-def _build_stop_rule(wanted: PlanRequest, settled: StopRule) -> StopRule:
-    """Return when a search ends: after its iterations if they are given, and else once it is settled."""
-    return combine_stop_rules(
-        Seconds(wanted.seconds), settled if wanted.iterations is None else Iterations(wanted.iterations)
-    )
 
 
 def to_plan_window(found: ReplanWindow, instance: Instance) -> Window:

@@ -1,1 +1,1 @@
-"""Whole flights in virtual time: the executor's own runtime over simulated vehicles in one process, without waiting."""
+"""What flights in virtual time are made of: vehicles and a ground station in one process, and a clock that jumps."""

@@ -25,6 +25,8 @@ class InProcessSolver:
             takes_s: What a re-plan takes of the flight's time.
             settled: Iterations without an improvement after which a re-plan is good enough.
         """
+        self.asked: list[Solve] = []
+        """The problems, in the order in which they came."""
         self._setup = SolverSetup(NO_LIMIT_S, seed)
         self._takes_s = takes_s
         self._settled = settled
@@ -32,11 +34,14 @@ class InProcessSolver:
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Take the time, then answer; or say that it was cancelled meanwhile."""
+        self.asked.append(problem)
         await asyncio.sleep(self._takes_s)
         if self._cancelled >= problem.revision:
             return SolveEnded(problem.revision, None, (), self._takes_s, "cancelled")
-        ended = solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=self._settled)
-        return replace(ended, solve_s=self._takes_s)
+        return replace(self._answer(problem, pricing), solve_s=self._takes_s)
+
+    def _answer(self, problem: Solve, pricing: Pricing) -> SolveEnded:
+        return solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=self._settled)
 
     def cancel(self, revision: int) -> None:
         """Let this and older problems have no answer."""

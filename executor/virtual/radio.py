@@ -9,6 +9,7 @@ from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from simulator.autopilot import STEP_S
+from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
 
 UNREAD = ("LOCAL_POSITION_NED", "VFR_HUD", "SYSTEM_TIME", "TIMESYNC")
@@ -20,9 +21,13 @@ class MemoryRadio:
 
     def __init__(self, vehicle: SimulatedVehicle, sysid: int) -> None:
         """Connect them."""
-        self.vehicle = vehicle
+        self.vehicle, self.sysid = vehicle, sysid
+        self.connect()
+
+    def connect(self) -> None:
+        """Begin anew on the ground's side, as a new process does."""
         codec = MavlinkCodec()
-        self.link = VehicleLink(sysid, codec)
+        self.link = VehicleLink(self.sysid, codec)
         self.link.write = self.write
         self._router = Router([self.link], codec)
         self._waiting: list[bytes] = []
@@ -45,6 +50,10 @@ class MemoryRadio:
         """Take what has come down."""
         self._router.route_frames(self._router.codec.decode(datagram), self.write)
 
+    def drain_truths(self) -> list[Truth]:
+        """Take away what really happened, dated by the flight's clock."""
+        return self.vehicle.drain_truths(lambda at_s: at_s)
+
     def stop_unread_streams(self) -> None:
         """Stop the streams that nobody reads."""
         for name in UNREAD:
@@ -66,4 +75,5 @@ async def run_radios(radios: Iterable[MemoryRadio], then: Callable[[float], None
         for radio in radios:
             radio.exchange_until(step * every_s)
         then(step * every_s)
+        step = max(step, round(loop.time() / every_s))  # the ground station may have kept everybody waiting
         await asyncio.sleep(max(0.0, (step + 1) * every_s - loop.time()))

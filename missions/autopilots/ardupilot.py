@@ -13,7 +13,6 @@ from missions.autopilots.dialect import (
     ModeNumber,
     Modes,
     ReturnParameters,
-    SetCurrent,
     ShutterRule,
     StartStep,
     TerrainRule,
@@ -130,7 +129,7 @@ ARDUPILOT = Dialect(
     percent_middle=0.5,  # AP_BattMonitor.cpp: cut off to an integer
     pack_parameters=("BATT_CAPACITY", "MOT_BAT_VOLT_MAX"),
     own_streams_hz={168: 0.5, 162: 0.5, 193: 1.0},  # WIND, FENCE_STATUS, EKF_STATUS_REPORT
-    set_current=SetCurrent.COMMAND,  # measured: 224 acts at once and is acknowledged
+    # Measured: 224 acts at once and is acknowledged.
     # Measured: a change of mode brings WPNAV_SPEED back.
     # Measured: only HEARTBEAT, TIMESYNC and STATUSTEXT come unasked.
     start=(StartStep.GUIDED, StartStep.ARM, StartStep.MISSION_START),  # measured; arming in AUTO is refused

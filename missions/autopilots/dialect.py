@@ -24,15 +24,6 @@ class StartStep(Enum):
     """Switch to mission mode; the armed vehicle takes off."""
 
 
-class SetCurrent(Enum):
-    """How the item to fly next is chosen."""
-
-    COMMAND = "command"
-    """MAV_CMD_DO_SET_MISSION_CURRENT (224), acknowledged."""
-    MESSAGE = "message"
-    """MISSION_SET_CURRENT, answered by MISSION_CURRENT only."""
-
-
 @dataclass(frozen=True, slots=True)
 class ModeNumber:
     """A flight mode: what HEARTBEAT shows and what MAV_CMD_DO_SET_MODE takes."""
@@ -176,7 +167,6 @@ class Dialect:
     """Which say what pack it has: the capacity that it counts by, its cells."""
     own_streams_hz: Mapping[int, float]
     """Messages that only this autopilot has, and how often they are asked for."""
-    set_current: SetCurrent
     start: tuple[StartStep, ...]
     modes: Modes
     return_parameters: ReturnParameters

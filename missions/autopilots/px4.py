@@ -14,7 +14,6 @@ from missions.autopilots.dialect import (
     ModeNumber,
     Modes,
     ReturnParameters,
-    SetCurrent,
     ShutterRule,
     StartStep,
     TerrainRule,
@@ -145,7 +144,7 @@ PX4 = Dialect(
     percent_middle=0.0,  # BATTERY_STATUS.hpp: roundf
     pack_parameters=("BAT1_CAPACITY", "BAT1_N_CELLS"),
     own_streams_hz={231: 0.5, 230: 1.0},  # WIND_COV, ESTIMATOR_STATUS; of its fence it says in texts alone
-    set_current=SetCurrent.MESSAGE,  # measured: 224 is unsupported
+    # Measured: 224 is unsupported, MISSION_SET_CURRENT is answered by MISSION_CURRENT alone.
     # Measured: Hold -> Mission resets the speed.
     # Measured: position, battery and status come by themselves.
     start=(StartStep.ARM, StartStep.MISSION_MODE),  # measured: MISSION_START right after an ACK is denied

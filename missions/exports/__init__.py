@@ -8,20 +8,3 @@ from missions.exports.gpx_export import format_gpx
 from missions.exports.kml_export import format_kml
 from missions.exports.map_features import Fact, MapFeatureKind, MapFeatures, MapLine, MapLinePiece, MapPoint, Reference
 from missions.exports.plan_features import build_pad_points, build_plan_features, build_route_line, build_segment_lines
-
-__all__ = [
-    "Fact",
-    "MapFeatureKind",
-    "MapFeatures",
-    "MapLine",
-    "MapLinePiece",
-    "MapPoint",
-    "Reference",
-    "build_pad_points",
-    "build_plan_features",
-    "build_route_line",
-    "build_segment_lines",
-    "format_geojson",
-    "format_gpx",
-    "format_kml",
-]

@@ -18,14 +18,7 @@ from missions.exports.map_features import (
     Reference,
     collect_facts,
 )
-from missions.exports.xml_text import (
-    add_element,
-    build_xml_root,
-    format_degrees,
-    format_document,
-    format_height,
-    select_vehicle_features,
-)
+from missions.exports.xml_text import add_element, build_xml_root, format_degrees, format_document, format_height
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -47,7 +40,7 @@ def format_kml(drawn: MapFeatures) -> str:
     add_element(whole, "open", 1)
     _add_styles(whole, drawn)
     for vehicle in (None, *drawn.vehicles):
-        things = list(select_vehicle_features(drawn, vehicle))
+        things = [one for one in (*drawn.ways, *drawn.spots) if one.vehicle == vehicle]
         if things:
             folder = add_element(whole, "Folder")
             add_element(folder, "name", vehicle or "line")

@@ -19,10 +19,6 @@ COLOURS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#c
 """Of vehicles, in the order of their layers: Okabe and Ito's, which stand off imagery; also for the colour-blind."""
 
 
-def _make_empty_facts() -> Mapping[str, Fact]:
-    return NO_FACTS
-
-
 class MapFeatureKind(Enum):
     """What something is; the word that the formats carry."""
 
@@ -60,7 +56,7 @@ class MapLine:
     pieces: tuple[MapLinePiece, ...]
     reference: Reference
     vehicle: str | None = None
-    facts: Mapping[str, Fact] = field(default_factory=_make_empty_facts)
+    facts: Mapping[str, Fact] = field(default_factory=lambda: NO_FACTS)
     """What else is known of it, by keys that are the same in every format."""
 
 
@@ -75,7 +71,7 @@ class MapPoint:
     vehicle: str | None = None
     time: str | None = None
     """ISO 8601 in UTC."""
-    facts: Mapping[str, Fact] = field(default_factory=_make_empty_facts)
+    facts: Mapping[str, Fact] = field(default_factory=lambda: NO_FACTS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from missions.exports.map_features import MapFeatures, MapLine, MapPoint, Position
+from missions.exports.map_features import Position
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -59,9 +59,3 @@ def format_degrees(value: float) -> str:
 def format_height(position: Position) -> str:
     """Return the height of a position to a centimetre; 0 where it is not known."""
     return f"{position[2] or 0.0:.2f}"
-
-
-def select_vehicle_features(drawn: MapFeatures, vehicle: str | None) -> Iterator[MapLine | MapPoint]:
-    """Yield what belongs to a vehicle, or to none."""
-    yield from (way for way in drawn.ways if way.vehicle == vehicle)
-    yield from (spot for spot in drawn.spots if spot.vehicle == vehicle)

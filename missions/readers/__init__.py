@@ -15,8 +15,7 @@ from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
 from missions.readers.archives import Archive, read_first_bytes, read_limited
 from missions.readers.graph_file import parse_graph
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
-from missions.readers.network_geojson import build_network_document
-from missions.readers.network_import import NetworkImport, Selection
+from missions.readers.network_import import NetworkImport, Selection, build_network_document
 from missions.readers.raw_network import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
 from missions.readers.read_options import Comparison, ReadOptions, parse_where
 from missions.readers.table_text import decode_table

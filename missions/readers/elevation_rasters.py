@@ -7,28 +7,27 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
-from pyproj.exceptions import CRSError, ProjError
 
 from missions.elevation import Elevation, Heights, Tile, sort_tiles
 from missions.errors import ElevationError
 from missions.files import to_printable
-from missions.geo import FloatArray, LocalFrame
+from missions.geo import LocalFrame
 from missions.readers.geoids import convert_to_sea_level
 from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
+from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
 
 if TYPE_CHECKING:
     import rasterio
     from rasterio.windows import Window
 
-NEEDS = "needs the extra terrain: pip install rasterio"
+NEEDS = "a raster needs the extra terrain: pip install rasterio"
 DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid")
 """Formats that hold their own content: a raster that names others could fetch them from anywhere."""
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", KEPT_SUFFIX})
@@ -154,40 +153,12 @@ def _list_files(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
-@contextmanager
-def _open_raster(path: Path) -> Iterator[Any]:
-    try:
-        import rasterio
-        from rasterio.io import DatasetReader
-    except ImportError:
-        raise ElevationError(f"{path}: a raster {NEEDS}") from None
-    from rasterio.errors import RasterioError, RasterioIOError
-
-    # A small cache: blocks are read once, and in order. Nothing beside the file is looked for.
-    options = {"GDAL_CACHEMAX": 64, "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR", "GDAL_NUM_THREADS": "1"}
-    try:
-        with rasterio.Env(**options), DatasetReader(str(path), driver=list(DRIVERS)) as dataset:
-            yield dataset
-    except RasterioIOError as error:
-        raise ElevationError(
-            f"{path}: content: expected a whole raster of heights: {_describe_error(error, path)}"
-        ) from error
-    except (RasterioError, CRSError, ProjError, ValueError) as error:
-        raise ElevationError(
-            f"{path}: content: expected a raster of heights: {_describe_error(error, path)}"
-        ) from error
-
-
-def _describe_error(error: Exception, path: Path) -> str:
-    cause = error.__cause__ or error
-    text = to_printable(str(cause)).replace(str(path), path.name)
-    return text if len(text) <= 160 else f"{text[:160]}..."
-
-
 def _read(path: Path, reading: RasterOptions) -> _RasterPart:
     if path.suffix == KEPT_SUFFIX:
         raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
-    with _open_raster(path) as dataset:
+    # Nothing beside the file is looked for.
+    alone = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR"}
+    with open_raster(path, DRIVERS, ElevationError, "raster of heights", NEEDS, **alone) as dataset:
         _check_kind(path, dataset)
         product = next((one for one in PRODUCTS if one.name.search(path.name)), None)
         level, vertical_crs = _read_systems(path, dataset)
@@ -220,13 +191,7 @@ def _check_kind(path: Path, dataset: rasterio.DatasetReader) -> None:
         raise ElevationError(
             f"{path}: band 1: expected heights as whole numbers of 16 bits or more, or floats, got {kind}"
         )
-    if dataset.crs is None:
-        raise ElevationError(f"{path}: crs: expected a coordinate reference system in the file, found none")
-    transform = dataset.transform
-    if not all(math.isfinite(value) for value in tuple(transform)[:6]) or abs(transform.determinant) < 1e-18:
-        raise ElevationError(f"{path}: transform: expected where its cells lie, found no usable one")
-    if transform.is_identity:
-        raise ElevationError(f"{path}: transform: expected where its cells lie, found none")
+    check_georeference(path, dataset, ElevationError, "cells")
 
 
 def _read_systems(path: Path, dataset: rasterio.DatasetReader) -> tuple[pyproj.CRS, pyproj.CRS | None]:
@@ -288,62 +253,19 @@ def _build_tile(
     nodes = np.stack(
         np.meshgrid(*(low_m[axis] + step_m * np.arange(counts[axis]) for axis in (0, 1)), indexing="ij"), axis=-1
     )
-    at = _locate_cells(dataset, level, reading.frame, nodes.reshape(-1, 2)).reshape(nodes.shape)
-    window = _find_window(dataset, at)
+    places_deg = reading.frame.many_to_wgs84_deg(nodes.reshape(-1, 2))
+    at = locate_cells(dataset, level, places_deg).reshape(nodes.shape)
+    inner = at[1:-1, 1:-1] if min(at.shape[:2]) > 2 and np.isfinite(at[1:-1, 1:-1]).all() else at
+    window = find_window(dataset, inner.reshape(-1, 2), BEYOND_CELLS)
     if window is None:
         return None
-    cell_m = _cell_m(at, step_m)
+    cell_m = measure_cell_m(at, step_m)
     if not math.isfinite(cell_m) or cell_m <= 0:
         raise ElevationError(f"{path}: crs: expected cells that have places around the network, found none")
     few = max(1, math.ceil(math.sqrt(window.width * window.height / MOST_CELLS)), round(LEAST_CELL_M / cell_m))
     mean_m, most_m = _read_heights(path, dataset, window, few, unit_m)
     lattice = (at - np.array([window.row_off, window.col_off]) + 0.5) / few - 0.5
     return Tile(mean_m, most_m, (float(low_m[0]), float(low_m[1])), step_m, lattice, cell_m * few)
-
-
-def _locate_cells(
-    dataset: rasterio.DatasetReader, level: pyproj.CRS, frame: LocalFrame, places_m: FloatArray
-) -> FloatArray:
-    """Return (m, 2) rows and columns of places in a raster; whole numbers are the middles of cells."""
-    to_raster = pyproj.Transformer.from_crs("EPSG:4326", level.to_2d(), always_xy=True)
-    places_deg = frame.many_to_wgs84_deg(places_m)
-    x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
-    if level.is_geographic:
-        # Around the antimeridian both ways of counting degrees are in use.
-        there = dataset.transform
-        middle = there.a * dataset.width / 2 + there.b * dataset.height / 2 + there.c
-        x = x + 360.0 * np.round((middle - x) / 360.0)
-    back = ~dataset.transform
-    columns = back.a * x + back.b * y + back.c - 0.5
-    rows = back.d * x + back.e * y + back.f - 0.5
-    return np.column_stack((rows, columns)).astype(np.float64)
-
-
-def _find_window(dataset: rasterio.DatasetReader, at: FloatArray) -> Window | None:
-    from rasterio.windows import Window
-
-    inner = at[1:-1, 1:-1].reshape(-1, 2) if min(at.shape[:2]) > 2 else at.reshape(-1, 2)
-    if not np.isfinite(inner).all():
-        inner = at.reshape(-1, 2)
-        inner = inner[np.isfinite(inner).all(axis=1)]
-        if not len(inner):
-            return None
-    low = np.maximum(np.floor(inner.min(axis=0)).astype(int) - BEYOND_CELLS, 0)
-    high = np.minimum(np.ceil(inner.max(axis=0)).astype(int) + BEYOND_CELLS + 1, [dataset.height, dataset.width])
-    if (high <= low).any():
-        return None
-    return Window(int(low[1]), int(low[0]), int(high[1] - low[1]), int(high[0] - low[0]))
-
-
-def _cell_m(at: FloatArray, step_m: float) -> float:
-    """Return how large a cell is over the ground: the smaller of its sides, in the middle of the area."""
-    e, n = at.shape[0] // 2 - 1, at.shape[1] // 2 - 1
-    along_e, along_n = (at[e + 1, n] - at[e, n]) / step_m, (at[e, n + 1] - at[e, n]) / step_m
-    cells = np.array([along_e, along_n]).T  # row and column a metre east, a metre north
-    if not np.isfinite(cells).all() or abs(np.linalg.det(cells)) < 1e-15:
-        return math.nan
-    metres = np.linalg.inv(cells)
-    return float(np.hypot(*metres).min())
 
 
 def _read_heights(

@@ -31,7 +31,7 @@ from missions.readers.attributes import (
 )
 from missions.readers.classification import PowerFeature, classify_line, classify_point, has_all_tags
 from missions.readers.crs import Wgs84Transform
-from missions.readers.raw_network import Attributes, Depot, Line, Pole, RawNetwork
+from missions.readers.raw_network import Attributes, Line, Pole, RawNetwork
 from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import NO_HEIGHT_M
 
@@ -167,7 +167,7 @@ def add_points(
             feature.place, name, lat_deg, lon_deg, *heights, read_third_coordinate(third_m), name_of(known, LINES)
         )
         if is_depot:
-            drawing.depot = drawing.depot or Depot(feature.place, lat_deg, lon_deg, heights[0])
+            drawing.depot = drawing.depot or pole
         elif is_pole:
             _add_pole(drawing, pole, known, of_map=of_map or "power" in known)
         else:

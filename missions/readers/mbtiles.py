@@ -5,19 +5,19 @@ from __future__ import annotations
 import io
 import math
 import sqlite3
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyproj
 
-from missions.background import Pixels
+from missions.background import PictureArea, PictureWindow, Pixels, strip_markup
 from missions.errors import BackgroundError
 from missions.files import to_printable
 from missions.readers.geopackage import open_sqlite
-from missions.readers.picture_window import PictureArea, PictureWindow, project_degrees, strip_markup
 
+WEB = pyproj.CRS("EPSG:3857")
+"""The grid of web maps."""
 HALF_M = math.pi * 6378137.0
 """Half of the world's width in the metres of web maps."""
 PICTURES = frozenset({"png", "jpg", "jpeg", "webp", ""})
@@ -68,6 +68,8 @@ def read_mbtiles(path: Path, wanted: PictureArea) -> PictureWindow:
 
 
 def _read(path: Path, database: sqlite3.Connection, wanted: PictureArea) -> PictureWindow:
+    from rasterio import Affine
+
     facts = {str(name): str(value) for name, value in database.execute("SELECT name, value FROM metadata")}
     kind = facts.get("format", "").lower()
     if kind not in PICTURES:
@@ -82,10 +84,12 @@ def _read(path: Path, database: sqlite3.Connection, wanted: PictureArea) -> Pict
         tile = _decode_tile(path, f"tile {tiles.zoom}/{column}/{row}", data, side)
         mosaic[down * side : (down + 1) * side, right * side : (right + 1) * side] = tile
     tile_m = 2.0 * HALF_M / 2**tiles.zoom
-    scale = side / tile_m
-    to_pixels = (scale, 0.0, scale * HALF_M - tiles.left * side, 0.0, -scale, scale * HALF_M - tiles.top * side)
-    step_m = tile_m / side * math.cos(math.radians(wanted.frame.lat_deg))
-    return PictureWindow(mosaic, pyproj.CRS("EPSG:3857"), to_pixels, step_m, _read_attribution(facts))
+    pixel_m = tile_m / side
+    transform = Affine(pixel_m, 0.0, tiles.left * tile_m - HALF_M, 0.0, -pixel_m, HALF_M - tiles.top * tile_m)
+    step_m = pixel_m * math.cos(math.radians(wanted.frame.lat_deg))
+    # Whom the tiles are by comes with the markup that web maps put there.
+    attribution = strip_markup(facts.get("attribution", "") or facts.get("description", ""))
+    return PictureWindow(mosaic, WEB, transform, step_m, attribution)
 
 
 def _select_zoom(path: Path, database: sqlite3.Connection, wanted: PictureArea) -> tuple[_TileRange, int]:
@@ -105,7 +109,8 @@ def _select_zoom(path: Path, database: sqlite3.Connection, wanted: PictureArea) 
 
 
 def _build_tile_range(wanted: PictureArea, zoom: int) -> _TileRange:
-    x, y = project_degrees(pyproj.CRS("EPSG:3857"), wanted.sample_places_deg())
+    places_deg = wanted.sample_places_deg()
+    x, y = pyproj.Transformer.from_crs("EPSG:4326", WEB, always_xy=True).transform(places_deg[:, 1], places_deg[:, 0])
     most = 2**zoom - 1
     columns = np.clip(np.floor((x + HALF_M) / (2 * HALF_M) * 2**zoom), 0, most)
     rows = np.clip(np.floor((HALF_M - y) / (2 * HALF_M) * 2**zoom), 0, most)
@@ -136,8 +141,3 @@ def _decode_tile(path: Path, place: str, data: object, side: int) -> Pixels:
 def _describe_error(error: Exception) -> str:
     text = to_printable(str(error))
     return "it is none" if "cannot identify" in text else text[:160]
-
-
-def _read_attribution(facts: Mapping[str, str]) -> str:
-    """Return whom the tiles are by, without the markup that web maps put there."""
-    return strip_markup(facts.get("attribution", "") or facts.get("description", ""))

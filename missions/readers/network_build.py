@@ -18,7 +18,7 @@ from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, LocalFrame
 from missions.geometry import find_bends
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
-from missions.readers.network_checks import find_oddities
+from missions.readers.network_checks import find_oddities, suggest_snap
 from missions.readers.nodes import SAME_POLE_M, Nodes
 from missions.readers.planar import PlaceIndex
 from missions.readers.raw_network import Line, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
@@ -242,14 +242,8 @@ def _build_made_remark(
     away_m = np.hypot(*(known_m - np.array(node.at_m)).T)
     nearest = int(np.argmin(away_m))
     if away_m[nearest] <= NEAR_M:
-        snap_m = _round_up_distance(away_m[nearest])
-        text += f"; {names[nearest]!r} is {away_m[nearest]:.1f} m away, snap_m = {snap_m} takes it"
+        text += f"; {names[nearest]!r} {suggest_snap(away_m[nearest])}"
     return Remark(RemarkTopic.MADE, asset, text)
-
-
-def _round_up_distance(distance_m: float) -> str:
-    """Return a figure for snap_m that is just more than a distance."""
-    return f"{math.ceil(distance_m * 10 + 1e-6) / 10:g}"
 
 
 def _format_node(nodes: Nodes, index: int) -> str:

@@ -23,6 +23,16 @@ MOST_LOOKED_AT = 2000
 """Of one kind, for the time it takes; there is something wrong with all of the others, too."""
 
 
+def _round_up_m(distance_m: float) -> str:
+    """Return a figure for snap_m that is just more than a distance."""
+    return f"{math.ceil(distance_m * 10 + 1e-6) / 10:g}"
+
+
+def suggest_snap(away_m: float) -> str:
+    """Return how far away something is, and what snap_m takes it for a line's."""
+    return f"is {away_m:.1f} m away, snap_m = {_round_up_m(away_m)} takes it"
+
+
 def find_oddities(
     nodes: Nodes,
     pairs: Sequence[tuple[int, int]],
@@ -95,7 +105,7 @@ def _check_near_misses(
             to = f"{nodes.nodes[meets].name!r} of {labels[span]}" if meets is not None else labels[span]
             gap_m = away_m if meets is None else math.dist(places_m[meets], places_m[node])
             text = f"{nodes.nodes[node].name!r} ends {gap_m:.1f} m from {to} and does not meet it; snap_m = "
-            yield Remark(RemarkTopic.NEARLY, labels[own], f"{text}{math.ceil(gap_m * 10 + 1e-6) / 10:g} joins them")
+            yield Remark(RemarkTopic.NEARLY, labels[own], f"{text}{_round_up_m(gap_m)} joins them")
 
 
 def _check_unused(
@@ -106,7 +116,5 @@ def _check_unused(
         if count < MOST_LOOKED_AT:
             span, away_m = find_nearest_span(places_m[index], ends_m)
             if away_m <= ASIDE_M:
-                text += (
-                    f"; {labels[span]} is {away_m:.1f} m away, snap_m = {math.ceil(away_m * 10 + 1e-6) / 10:g} takes it"
-                )
+                text += f"; {labels[span]} {suggest_snap(away_m)}"
         yield Remark(RemarkTopic.UNUSED, nodes.nodes[index].name, text)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from missions.geo import FloatArray
+from missions.geo import FloatArray, IndexArray
 from missions.geometry import find_nearest_on_legs, place_distances_m
-
-IndexArray = npt.NDArray[np.intp]
 
 
 class PlaceIndex:

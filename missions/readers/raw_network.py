@@ -121,16 +121,6 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Depot:
-    """The depot, where the file has one."""
-
-    place: str
-    lat_deg: float
-    lon_deg: float
-    elevation_m: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class NearFilter:
     """What lies about a depot, roughly: all else of a country's file need not be kept."""
 
@@ -166,7 +156,8 @@ class RawNetwork:
     poles: list[Pole] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     spans: list[Span] = field(default_factory=list)
-    depot: Depot | None = None
+    depot: Pole | None = None
+    """Where the file has one."""
     found: list[Remark] = field(default_factory=list)
     flat: bool = False
     """Whether the file says that its ground is as high as the depot's everywhere."""

@@ -89,7 +89,9 @@ def guess_code_page(content: bytes) -> tuple[str, str]:
 
 def _log_likelihood(text: str, page: str) -> float:
     """Return how likely a text is in the language of a page that fits best, as a logarithm."""
-    signs = sum(math.log(SIGN if letter in SIGNS else NEVER) for letter in text if _is_sign(letter))
+    signs = sum(
+        math.log(SIGN if letter in SIGNS else NEVER) for letter in text if not (letter.isascii() or letter.isalpha())
+    )
     words = [word.replace("İ", "i").lower() for word in _WORD.findall(text) if not word.isascii()]
     odd = [word for word in words if page in APART and any(map(str.isascii, word))]
     letters = Counter(letter for word in words for letter in word if not letter.isascii())
@@ -101,7 +103,3 @@ def _log_likelihood_in(letters: Counter[str], own: str) -> float:
     of_all = sum(1.0 / rank for rank in range(1, len(own) + 1))
     shares = {letter: 1.0 / rank / of_all for rank, letter in enumerate(own, start=1)}
     return sum(count * math.log(shares.get(letter, NEVER)) for letter, count in letters.items())
-
-
-def _is_sign(letter: str) -> bool:
-    return not letter.isascii() and not letter.isalpha()

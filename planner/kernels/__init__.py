@@ -1,6 +1,6 @@
 """The only compiled code: arrays in, arrays changed in place, bounded work per call.
 
-Kernels raise nothing, hold no state and protect nobody from a wrong index; ``planner.search`` and
+Kernels raise nothing, hold no state and protect nobody from a wrong index; ``planner.plan_search`` and
 ``planner.construct`` are the seam. Importing one of these modules loads its kernels from the cache, or compiles them.
 """
 

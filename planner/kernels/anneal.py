@@ -4,24 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
-from planner.kernels.arrays import (
-    FLOATS,
-    INTS,
-    MEMORY,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    WEIGHTS,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    SearchWorkspace,
-    State,
-    Weights,
-)
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.insertion import insert_cheapest, max_load, raise_to_power, sort_by_key
 from planner.kernels.random_numbers import draw_integer, draw_uniform
@@ -29,7 +12,7 @@ from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_all, copy_route, measure, orient_visits, total_excess
 
 
-@kernel(nb.types.UniTuple(nb.float64, 2)(PROBLEM, STATE))
+@kernel()
 def uncovered_value(problem: Problem, state: State) -> tuple[float, float]:
     """Return the value and the prizes of the segments that no route visits."""
     value = 0.0
@@ -41,7 +24,7 @@ def uncovered_value(problem: Problem, state: State) -> tuple[float, float]:
     return value, prizes
 
 
-@kernel(nb.float64(PROBLEM, WEIGHTS, STATE))
+@kernel()
 def compute_objective(problem: Problem, weights: Weights, state: State) -> float:
     """Return the objective of the routes, without what is left out."""
     total = 0.0
@@ -63,8 +46,8 @@ def compute_objective(problem: Problem, weights: Weights, state: State) -> float
     return value
 
 
-@inner(nb.int64(STATE, INTS, RANDOM, nb.boolean))
-def choose_seed(state: State, waiting: IntArray, rng: RandomState, balance: bool) -> int:
+@inner()
+def choose_seed(state: State, waiting: Ints, rng: RandomState, balance: bool) -> int:
     """Return the segment around which to ruin: often one that is left out, or one of the longest route."""
     if len(waiting) > 0 and draw_uniform(rng) < 0.5:
         return int(waiting[draw_integer(rng, len(waiting))])
@@ -78,8 +61,8 @@ def choose_seed(state: State, waiting: IntArray, rng: RandomState, balance: bool
     return draw_integer(rng, len(state.route_of))
 
 
-@inner(nb.void(PROBLEM, INTS, FLOATS, RANDOM))
-def sort_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: RandomState) -> None:
+@inner()
+def sort_pending(problem: Problem, pending: Ints, keys: Floats, rng: RandomState) -> None:
     """Sort ``pending`` for insertion: 4 in 11 at random, 4 valuable first, 2 far first, 1 near first.
 
     The shares are those of Christiaens and Vanden Berghe (2020); the value stands for their demand. ``keys`` is work
@@ -99,8 +82,8 @@ def sort_pending(problem: Problem, pending: IntArray, keys: FloatArray, rng: Ran
     sort_by_key(pending, keys)
 
 
-@inner(nb.int64(STATE, INTS, nb.int64, nb.int64, RANDOM))
-def gather_waiting(state: State, waiting: IntArray, out: int, most: int, rng: RandomState) -> int:
+@inner()
+def gather_waiting(state: State, waiting: Ints, out: int, most: int, rng: RandomState) -> int:
     """Set the first entries of ``waiting`` to at most ``most`` of the ``out`` segments left out; return how many."""
     if out == 0:
         return 0
@@ -115,8 +98,8 @@ def gather_waiting(state: State, waiting: IntArray, out: int, most: int, rng: Ra
     return min(count, most)
 
 
-@inner(nb.boolean(PROBLEM, WEIGHTS, STATE, STATE, FLOATS, nb.float64))
-def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: FloatArray, value: float) -> bool:
+@inner()
+def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: Floats, value: float) -> bool:
     """Copy ``trial``, which leaves out ``value``, to ``best`` if it is within the budgets and better; return whether.
 
     Better is: less value left out, then a lower ``truth``. ``key`` (2,) holds both of the best.
@@ -133,8 +116,8 @@ def keep_best(problem: Problem, truth: Weights, trial: State, best: State, key: 
     return True
 
 
-@inner(nb.void(STATE, STATE, INTS, INTS))
-def copy_changes(source: State, target: State, touched: IntArray, moved: IntArray) -> None:
+@inner()
+def copy_changes(source: State, target: State, touched: Ints, moved: Ints) -> None:
     """Copy the ``touched`` routes and the routes of the segments ``moved``; the rest is equal already."""
     for route in range(len(touched)):
         if touched[route] == 1:
@@ -143,10 +126,10 @@ def copy_changes(source: State, target: State, touched: IntArray, moved: IntArra
         target.route_of[moved[place]] = source.route_of[moved[place]]
 
 
-@kernel(nb.int64(PROBLEM, WEIGHTS, WEIGHTS, STATE, STATE, STATE, FLOATS, FLOATS, nb.float64, nb.int64, RANDOM, MEMORY))
+@kernel()
 def anneal(
     problem: Problem, weights: Weights, truth: Weights, current: State, trial: State, best: State,
-    key: FloatArray, temperature: FloatArray, cooling: float, iterations: int, rng: RandomState,
+    key: Floats, temperature: Floats, cooling: float, iterations: int, rng: RandomState,
     memory: SearchWorkspace,
 ) -> int:  # fmt: skip
     """Run ``iterations`` of ruin and recreate; two calls of half as many do exactly the same.

@@ -1,11 +1,11 @@
-"""The arrays that all kernels share, and their numba types.
+"""The arrays that all kernels share; each kind of array has a name that says what it is compiled for.
 
 Named tuples rather than classes: numba sees through them at no cost, and the arrays in them change in place.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numba as nb
 import numpy as np
@@ -13,37 +13,45 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-RandomState = npt.NDArray[np.uint64]
+Floats = Annotated[FloatArray, nb.types.Array(nb.float64, 1, "C")]
+Table = Annotated[FloatArray, nb.types.Array(nb.float64, 2, "C")]
+Cube = Annotated[FloatArray, nb.types.Array(nb.float64, 3, "C")]
+Quad = Annotated[FloatArray, nb.types.Array(nb.float64, 4, "C")]
+Ints = Annotated[IntArray, nb.types.Array(nb.int64, 1, "C")]
+IntTable = Annotated[IntArray, nb.types.Array(nb.int64, 2, "C")]
+IntCube = Annotated[IntArray, nb.types.Array(nb.int64, 3, "C")]
+Flags = Annotated[npt.NDArray[np.bool_], nb.types.Array(nb.boolean, 1, "C")]
+RandomState = Annotated[npt.NDArray[np.uint64], nb.types.Array(nb.uint64, 1, "C")]
 
 
 class Problem(NamedTuple):
     """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``p`` profiles, energies in percent of a battery."""
 
-    profile: IntArray
+    profile: Ints
     """(k,): for each vehicle, which moves are its own."""
-    move: FloatArray
+    move: Cube
     """(p, 2n, 2n): [., i, j] from the end of visit i to the end of visit j, for a consumption of 1."""
-    move_into: FloatArray
+    move_into: Cube
     """(p, 2n, 2n): the same, [., j, i], so that all ways into a visit lie side by side in memory."""
-    start: FloatArray
+    start: Table
     """(k, 2n): from the vehicle's start to the end of a visit."""
-    home: FloatArray
+    home: Table
     """(k, 2n): from the end of a visit home."""
-    idle: FloatArray
+    idle: Floats
     """(k,): a route without a visit."""
-    consumption: FloatArray
+    consumption: Floats
     """(k,): factor on ``move``."""
-    budget: FloatArray
+    budget: Floats
     """(k,): no route of the best plan that has a visit is over this."""
-    value: FloatArray
+    value: Floats
     """(n,): what a plan loses by leaving a segment out; positive."""
-    prize: FloatArray
+    prize: Floats
     """(n,): the same in percent of a battery, as the search weighs it against energy."""
-    effort: FloatArray
+    effort: Floats
     """(n,): the least energy of a route of this segment alone."""
-    near: IntArray
+    near: IntTable
     """(n, m): the segments nearest to a segment, itself first."""
-    twin: IntArray
+    twin: Ints
     """(k,): the vehicle before it that is equal in everything, -1 if there is none: of idle twins one is tried."""
 
 
@@ -73,49 +81,37 @@ class Weights(NamedTuple):
 class State(NamedTuple):
     """Routes under work. ``k`` routes of at most ``n`` visits."""
 
-    visits: IntArray
+    visits: IntTable
     """(k, n): the first ``lengths[r]`` entries of row r are the route."""
-    legs: FloatArray
+    legs: Table
     """(k, n + 1): energy of the move that ends with visit p; entry ``lengths[r]`` is the way home."""
-    lengths: IntArray
+    lengths: Ints
     """(k,)"""
-    loads: FloatArray
+    loads: Floats
     """(k,): energy of the route."""
-    route_of: IntArray
+    route_of: Ints
     """(n,): the route that visits the segment, -1 if none does."""
 
 
 class SearchWorkspace(NamedTuple):
     """Work space of an annealing: lists, and the cheapest places found with the versions of the routes in question."""
 
-    waiting: IntArray
+    waiting: Ints
     """(n,)"""
-    pending: IntArray
+    pending: Ints
     """(n,)"""
-    keys: FloatArray
+    keys: Floats
     """(n,)"""
-    touched: IntArray
+    touched: Ints
     """(k,): zeros."""
-    came_from: IntArray
+    came_from: IntTable
     """(n, 2)"""
 
-    versions: IntArray
+    versions: Ints
     """(k,): positive, counted up whenever a route changes for good."""
-    version: IntArray
+    version: IntTable
     """(n, k): of the route when the place for the segment was looked for; 0 if never."""
-    added: FloatArray
+    added: Table
     """(n, k): what the segment adds to the route there."""
-    place: IntArray
+    place: IntTable
     """(n, k): 2 * position + 1 if it is visited in reverse."""
-
-
-FLOATS = nb.types.Array(nb.float64, 1, "C")
-TABLE = nb.types.Array(nb.float64, 2, "C")
-INTS = nb.types.Array(nb.int64, 1, "C")
-INT_TABLE = nb.types.Array(nb.int64, 2, "C")
-RANDOM = nb.types.Array(nb.uint64, 1, "C")
-CUBE = nb.types.Array(nb.float64, 3, "C")
-PROBLEM = nb.types.NamedTuple((INTS, CUBE, CUBE, TABLE, TABLE) + (FLOATS,) * 6 + (INT_TABLE, INTS), Problem)
-WEIGHTS = nb.types.NamedUniTuple(nb.float64, 9, Weights)
-STATE = nb.types.NamedTuple((INT_TABLE, TABLE, INTS, FLOATS, INTS), State)
-MEMORY = nb.types.NamedTuple((INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, INT_TABLE, TABLE, INT_TABLE), SearchWorkspace)

@@ -4,24 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import (
-    FLOATS,
-    INT_TABLE,
-    INTS,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    WEIGHTS,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    State,
-    Weights,
-)
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Weights
+from planner.kernels.compiled import kernel
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import copy_route, insert, measure
 
@@ -35,29 +21,25 @@ class GraspWalk(NamedTuple):
     """The same between two neighbours; work space."""
     best: State
     """The best of the run."""
-    cost: FloatArray
+    cost: Floats
     """(1,): of ``best``."""
-    scores: IntArray
+    scores: Ints
     """(4,): how often each neighbourhood is drawn, in relation to the others."""
-    counts: IntArray
+    counts: Ints
     """(3,): solutions that entered the tabu list, rounds, rounds since the last improvement."""
-    tabu_visits: IntArray
+    tabu_visits: IntTable
     """(m, n): the visits of the last m solutions, route after route."""
-    tabu_lengths: IntArray
+    tabu_lengths: IntTable
     """(m, k): the lengths of their routes."""
 
 
-WALK = nb.types.NamedTuple((STATE, STATE, STATE, FLOATS, INTS, INTS, INT_TABLE, INT_TABLE), GraspWalk)
-_PAIR = nb.types.UniTuple(nb.int64, 2)
-
-
-@nb.njit(nb.float64(PROBLEM, WEIGHTS, nb.int64, nb.float64), cache=True)
+@kernel(counted=True)
 def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
     """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
     return float(load + weights.excess * max(0.0, load - problem.budget[route]))
 
 
-@nb.njit(nb.float64(PROBLEM, WEIGHTS, STATE), cache=True)
+@kernel(counted=True)
 def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float:
     """Return the cost function of the plan; unlike the search's objective it lets routes go beyond their budgets."""
     total = 0.0
@@ -73,7 +55,7 @@ def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float
     return float(weights.total * total + weights.excess * over + weights.peak * peak + weights.empty * empty)
 
 
-@nb.njit(nb.float64(PROBLEM, STATE, nb.int64, nb.int64, nb.int64), cache=True)
+@kernel(counted=True)
 def added_energy(problem: Problem, state: State, route: int, position: int, visit: int) -> float:
     """Return the energy that a visit adds to a route when it is inserted."""
     length = state.lengths[route]
@@ -86,7 +68,7 @@ def added_energy(problem: Problem, state: State, route: int, position: int, visi
     return float(added)
 
 
-@nb.njit(nb.float64(PROBLEM, STATE, nb.int64), cache=True)
+@kernel(counted=True)
 def load_of(problem: Problem, state: State, route: int) -> float:
     """Return the load of a route that has a visit, from its visits alone."""
     length = state.lengths[route]
@@ -99,7 +81,7 @@ def load_of(problem: Problem, state: State, route: int) -> float:
     return float(problem.start[route, first] + problem.consumption[route] * moved + problem.home[route, last])
 
 
-@nb.njit(nb.int64(STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def choose_giving_route(state: State, rng: RandomState) -> int:
     """Return a random route of two visits or more; where there is none, one with a visit."""
     least = 1
@@ -112,7 +94,7 @@ def choose_giving_route(state: State, rng: RandomState) -> int:
     return route
 
 
-@nb.njit(nb.int64(PROBLEM, STATE, nb.int64, nb.int64), cache=True)
+@kernel(counted=True)
 def remove_visit(problem: Problem, state: State, route: int, position: int) -> int:
     """Remove a visit from a route and return it."""
     visits = state.visits[route]
@@ -124,7 +106,7 @@ def remove_visit(problem: Problem, state: State, route: int, position: int) -> i
     return int(visit)
 
 
-@nb.njit(_PAIR(PROBLEM, STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
     """Move a random visit to a random place, of its own route or of another's, in the better direction.
 
@@ -149,7 +131,7 @@ def shift_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[i
     return one, other
 
 
-@nb.njit(_PAIR(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
     """Move a random visit to the best place found behind another visit, in either direction.
 
@@ -183,14 +165,14 @@ def shift_best(problem: Problem, weights: Weights, state: State, rng: RandomStat
     return one, best_route
 
 
-@nb.njit(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64), cache=True)
+@kernel(counted=True)
 def swap_visits(state: State, one: int, position: int, other: int, place: int) -> None:
     """Exchange two visits; legs and loads are the caller's."""
     visits = state.visits
     visits[one, position], visits[other, place] = visits[other, place], visits[one, position]
 
 
-@nb.njit(_PAIR(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState) -> tuple[int, int]:
     """Exchange a random visit with the one that promises most, each in either direction.
 
@@ -233,7 +215,7 @@ def swap_best(problem: Problem, weights: Weights, state: State, rng: RandomState
     return one, best_route
 
 
-@nb.njit(_PAIR(PROBLEM, STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[int, int]:
     """Turn a random visit around."""
     one = draw_integer(rng, len(state.lengths))
@@ -244,7 +226,7 @@ def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[in
     return one, one
 
 
-@nb.njit(nb.void(PROBLEM, WEIGHTS, STATE, RANDOM), cache=True)
+@kernel(counted=True)
 def construct(problem: Problem, weights: Weights, state: State, rng: RandomState) -> None:
     """Insert all segments into the empty routes of ``state``, each time at random from a restricted candidate list.
 
@@ -274,7 +256,7 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
         insert(problem, state, choices[chosen, 0], choices[chosen, 1], choices[chosen, 2])
 
 
-@nb.njit(nb.boolean(WALK), cache=True)
+@kernel(counted=True)
 def is_trial_tabu(walk: GraspWalk) -> bool:
     """Return whether ``trial`` is in the tabu list."""
     for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
@@ -297,7 +279,7 @@ def is_trial_tabu(walk: GraspWalk) -> bool:
     return False
 
 
-@nb.njit(nb.void(WALK), cache=True)
+@kernel(counted=True)
 def forbid_current(walk: GraspWalk) -> None:
     """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
     entry = walk.counts[0] % len(walk.tabu_visits)
@@ -310,8 +292,8 @@ def forbid_current(walk: GraspWalk) -> None:
     walk.counts[0] += 1
 
 
-@nb.njit(nb.int64(INTS, RANDOM), cache=True)
-def draw_neighbourhood(scores: IntArray, rng: RandomState) -> int:
+@kernel(counted=True)
+def draw_neighbourhood(scores: Ints, rng: RandomState) -> int:
     """Return a neighbourhood, each with the probability of its share in all scores."""
     number = draw_integer(rng, scores.sum())
     kind = 0
@@ -321,7 +303,7 @@ def draw_neighbourhood(scores: IntArray, rng: RandomState) -> int:
     return kind
 
 
-@nb.njit(_PAIR(PROBLEM, WEIGHTS, WALK, nb.int64, RANDOM), cache=True)
+@kernel(counted=True)
 def improve_by_neighbours(
     problem: Problem, weights: Weights, walk: GraspWalk, draws: int, rng: RandomState
 ) -> tuple[int, int]:
@@ -355,7 +337,7 @@ def improve_by_neighbours(
     return winner, kind
 
 
-@nb.njit(nb.int64(PROBLEM, WEIGHTS, WALK, nb.int64, nb.int64, RANDOM), cache=True)
+@kernel(counted=True)
 def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, patience: int, rng: RandomState) -> int:
     """Run rounds of the local search; return how many, fewer than asked where ``patience`` ended the run.
 

@@ -4,35 +4,18 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import (
-    FLOATS,
-    INTS,
-    MEMORY,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    WEIGHTS,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    SearchWorkspace,
-    State,
-    Weights,
-)
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.random_numbers import draw_uniform
 from planner.kernels.tours import insert
 
 NEVER = 2**40
 """More places than any route has."""
-_PLACE = nb.types.Tuple((nb.float64, nb.int64, nb.int64))
 
 
-@inner(nb.int64(nb.float64, RANDOM), inline=True)
+@inner(inline=True)
 def draw_blink_gap(blink: float, rng: RandomState) -> int:
     """Return how many places are seen before the next one that is overlooked: one draw instead of one a place."""
     if blink <= 0.0:
@@ -40,7 +23,7 @@ def draw_blink_gap(blink: float, rng: RandomState) -> int:
     return int(math.log(1.0 - draw_uniform(rng)) / math.log(1.0 - blink))
 
 
-@kernel(_PLACE(PROBLEM, STATE, nb.int64, nb.int64, nb.float64, RANDOM), inline=True)
+@kernel(inline=True)
 def find_cheapest_place(
     problem: Problem, state: State, route: int, segment: int, blink: float, rng: RandomState
 ) -> tuple[float, int, int]:
@@ -85,8 +68,8 @@ def find_cheapest_place(
     return best, best_position, best_visit
 
 
-@inner(nb.float64(FLOATS), inline=True)
-def max_load(loads: FloatArray) -> float:
+@inner(inline=True)
+def max_load(loads: Floats) -> float:
     """Return the largest load."""
     peak = float(loads[0])
     for route in range(1, len(loads)):
@@ -94,7 +77,7 @@ def max_load(loads: FloatArray) -> float:
     return peak
 
 
-@inner(nb.float64(nb.float64, nb.float64), inline=True)
+@inner(inline=True)
 def raise_to_power(base: float, power: float) -> float:
     """Return ``base`` to a whole power of at least 1, by squaring: some times faster than the general power."""
     result = 1.0
@@ -107,14 +90,14 @@ def raise_to_power(base: float, power: float) -> float:
     return result
 
 
-@inner(nb.boolean(PROBLEM, STATE, nb.int64), inline=True)
+@inner(inline=True)
 def is_redundant_route(problem: Problem, state: State, route: int) -> bool:
     """Return whether a route is empty as its vehicle's twin's is: whatever is put here can be put there."""
     twin = problem.twin[route]
     return bool(twin >= 0 and state.lengths[route] == 0 and state.lengths[twin] == 0)
 
 
-@inner(nb.float64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, nb.float64), inline=True)
+@inner(inline=True)
 def objective_increase(
     problem: Problem, weights: Weights, state: State, route: int, added: float, peak: float
 ) -> float:
@@ -137,9 +120,9 @@ def objective_increase(
     return gain
 
 
-@inner(nb.int64(PROBLEM, WEIGHTS, STATE, nb.int64, nb.float64, INTS, MEMORY, RANDOM), inline=True)
+@inner(inline=True)
 def insert_cheapest(
-    problem: Problem, weights: Weights, state: State, segment: int, blink: float, touched: IntArray,
+    problem: Problem, weights: Weights, state: State, segment: int, blink: float, touched: Ints,
     memory: SearchWorkspace,
     rng: RandomState,
 ) -> int:  # fmt: skip
@@ -182,8 +165,8 @@ def insert_cheapest(
     return best_route
 
 
-@inner(nb.void(INTS, FLOATS))
-def sort_by_key(pending: IntArray, keys: FloatArray) -> None:
+@inner()
+def sort_by_key(pending: Ints, keys: Floats) -> None:
     """Sort ``pending`` by its ``keys``, at least as many, which are sorted with it."""
     for place in range(1, len(pending)):
         segment = pending[place]
@@ -197,8 +180,8 @@ def sort_by_key(pending: IntArray, keys: FloatArray) -> None:
         pending[hole] = segment
 
 
-@kernel(nb.void(PROBLEM, WEIGHTS, STATE, INTS, RANDOM), counted=True)
-def insert_by_regret(problem: Problem, weights: Weights, state: State, segments: IntArray, rng: RandomState) -> None:
+@kernel(counted=True)
+def insert_by_regret(problem: Problem, weights: Weights, state: State, segments: Ints, rng: RandomState) -> None:
     """Insert ``segments`` (m,) int64, first those that would lose most by waiting, as far as budgets allow."""
     routes = len(state.lengths)
     added = np.empty((len(segments), routes))

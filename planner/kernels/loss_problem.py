@@ -1,16 +1,14 @@
 """What a loss leaves, in the numbering of the whole instance: nothing is copied for what is left open.
 
 A loss changes where survivors start, what they may still spend, and which segments are open; ``begin_loss`` writes
-that into arrays of its own. ``planner.replan.build_remaining_problem`` is the definition of the state after a loss.
+that into arrays of its own. ``planner.replan`` is the definition of the state after a loss.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
-
-from planner.kernels.arrays import CUBE, FLOATS, INTS, PROBLEM, STATE, TABLE, FloatArray, IntArray, Problem, State
+from planner.kernels.arrays import Cube, Floats, Ints, Problem, State, Table
 from planner.kernels.compiled import inner, kernel
 
 SAME_TIME_S = 1e-9
@@ -20,17 +18,17 @@ SAME_TIME_S = 1e-9
 class LossTiming(NamedTuple):
     """What a loss needs besides the energies of ``Problem``."""
 
-    move_s: FloatArray
+    move_s: Cube
     """(p, 2n, 2n): seconds of the moves."""
-    start_s: FloatArray
+    start_s: Table
     """(k, 2n)"""
-    home_s: FloatArray
+    home_s: Table
     """(k, 2n)"""
-    idle_s: FloatArray
+    idle_s: Floats
     """(k,)"""
-    depot: FloatArray
+    depot: Table
     """(k, 2n): energy from the landing place to the end of a visit, with the vehicle's own consumption."""
-    airborne: IntArray
+    airborne: Ints
     """(k,): 1 for vehicles that are in the air when the plan starts."""
     answer_s: float
     """How long after a loss survivors fly on as planned."""
@@ -39,11 +37,11 @@ class LossTiming(NamedTuple):
 class LossClock(NamedTuple):
     """When and at what expense the visits of a plan end."""
 
-    ends_s: FloatArray
+    ends_s: Table
     """(k, n): when visit p of a route ends."""
-    spent: FloatArray
+    spent: Table
     """(k, n): what its vehicle has spent by then."""
-    durations_s: FloatArray
+    durations_s: Floats
     """(k,): landing place reached."""
 
 
@@ -52,18 +50,13 @@ class Loss(NamedTuple):
 
     problem: Problem
     """With ``start``, ``idle`` and ``budget`` of its own; a budget below 0 is that of a vehicle that does not fly."""
-    is_open: IntArray
+    is_open: Ints
     """(n,): 1 for segments to be visited."""
-    done: IntArray
+    done: Ints
     """(k,): how many visits of the plan have ended."""
 
 
-TIMING = nb.types.NamedTuple((CUBE, TABLE, TABLE, FLOATS, TABLE, INTS, nb.float64), LossTiming)
-CLOCK = nb.types.NamedTuple((TABLE, TABLE, FLOATS), LossClock)
-LOSS = nb.types.NamedTuple((PROBLEM, INTS, INTS), Loss)
-
-
-@kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64))
+@kernel()
 def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossClock, route: int) -> None:
     """Set times and expenses of a route that is measured."""
     length = base.lengths[route]
@@ -84,7 +77,7 @@ def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossCloc
     clock.durations_s[route] = now_s + timing.home_s[route, visits[length - 1]]
 
 
-@inner(nb.void(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS))
+@inner()
 def begin_loss(
     problem: Problem,
     timing: LossTiming,

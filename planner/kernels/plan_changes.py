@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
+from planner.kernels.arrays import Ints, Problem, RandomState, State
 from planner.kernels.compiled import inner
 from planner.kernels.insertion import find_cheapest_place
-from planner.kernels.loss_problem import CLOCK, LossClock
+from planner.kernels.loss_problem import LossClock
 from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.repair import DESK, RepairWorkspace
+from planner.kernels.repair import RepairWorkspace
 from planner.kernels.ruin import position_of, remove_strings
 from planner.kernels.tours import insert
 
@@ -18,7 +17,7 @@ TRIES = 6
 """How often such a place is looked for."""
 
 
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64))
+@inner()
 def reverse_visits(base: State, route: int, begin: int, end: int) -> None:
     """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
     visits = base.visits[route]
@@ -28,8 +27,8 @@ def reverse_visits(base: State, route: int, begin: int, end: int) -> None:
         begin += 1
 
 
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
-def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: IntArray) -> None:
+@inner()
+def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: Ints) -> None:
     """Exchange what two routes do from a position of each on; ``measure`` follows."""
     kept = base.lengths[one] - begin
     count = base.lengths[other] - other_begin
@@ -43,8 +42,8 @@ def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: i
     base.lengths[other] = other_begin + kept
 
 
-@inner(nb.void(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS))
-def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: IntArray) -> None:
+@inner()
+def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: Ints) -> None:
     """Move ``count`` visits of a route before position ``place`` of another one, or of what is left of itself."""
     for position in range(count):
         spare[position] = base.visits[one, begin + position]
@@ -58,7 +57,7 @@ def shift_string(base: State, one: int, begin: int, count: int, other: int, plac
     base.lengths[other] += count
 
 
-@inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
+@inner()
 def insert_within_budget(problem: Problem, base: State, segment: int, blink: float, rng: RandomState) -> int:
     """Insert a segment where it adds least within the budgets; return the route, -1 if there is no place."""
     best = np.inf
@@ -77,7 +76,7 @@ def insert_within_budget(problem: Problem, base: State, segment: int, blink: flo
     return best_route
 
 
-@inner(nb.int64(STATE, CLOCK, nb.float64, nb.float64, RANDOM))
+@inner()
 def choose_segment(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
     """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
     segment = draw_integer(rng, len(base.route_of))
@@ -92,7 +91,7 @@ def choose_segment(base: State, clock: LossClock, until_s: float, early: float, 
     return segment
 
 
-@inner(nb.boolean(PROBLEM, STATE, DESK, nb.int64, RANDOM))
+@inner()
 def reinsert_neighbours(problem: Problem, base: State, desk: RepairWorkspace, segment: int, rng: RandomState) -> bool:
     """Take a few visits about one out and put them back within the budgets; return whether all found a place."""
     pending, touched = desk.pending, desk.touched
@@ -109,7 +108,7 @@ def reinsert_neighbours(problem: Problem, base: State, desk: RepairWorkspace, se
     return True
 
 
-@inner(nb.boolean(PROBLEM, STATE, CLOCK, nb.float64, nb.float64, DESK, RANDOM))
+@inner()
 def change_plan(
     problem: Problem,
     base: State,

@@ -5,14 +5,13 @@ Only shifts and xors: the same bits with and without compilation, and no overflo
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import RANDOM, RandomState
+from planner.kernels.arrays import RandomState
 from planner.kernels.compiled import kernel
 
 
-@kernel(nb.float64(RANDOM), inline=True)
+@kernel(inline=True)
 def draw_uniform(rng: RandomState) -> float:
     """Return a number in [0, 1); ``rng`` is (1,) uint64 and not zero."""
     x = rng[0]
@@ -23,7 +22,7 @@ def draw_uniform(rng: RandomState) -> float:
     return float(x >> np.uint64(11)) * 2.0**-53
 
 
-@kernel(nb.int64(RANDOM, nb.int64), inline=True)
+@kernel(inline=True)
 def draw_integer(rng: RandomState, limit: int) -> int:
     """Return an integer in [0, limit)."""
     return int(draw_uniform(rng) * limit)

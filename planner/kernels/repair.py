@@ -8,26 +8,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import (
-    FLOATS,
-    INT_TABLE,
-    INTS,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    State,
-    Weights,
-)
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Weights
 from planner.kernels.compiled import inner
 from planner.kernels.insertion import find_cheapest_place, insert_by_regret, sort_by_key
-from planner.kernels.loss_problem import LOSS, Loss
+from planner.kernels.loss_problem import Loss
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.ruin import remove_strings
 from planner.kernels.tours import copy_all, copy_owners, copy_route, insert, measure, orient_visits, total_excess
@@ -47,29 +33,26 @@ LONG = 200
 class RepairWorkspace(NamedTuple):
     """Work space of a repair."""
 
-    opened: IntArray
+    opened: Ints
     """(n,): the open segments."""
-    missing: IntArray
+    missing: Ints
     """(n,): those that no route visits yet."""
-    pending: IntArray
+    pending: Ints
     """(n,): those taken out."""
-    keys: FloatArray
+    keys: Floats
     """(n,)"""
-    touched: IntArray
+    touched: Ints
     """(k,): zeros between two uses."""
-    came_from: IntArray
+    came_from: IntTable
     """(n, 2)"""
-    spare: IntArray
+    spare: Ints
     """(n,): visits on their way from one route to another."""
     current: State
     trial: State
     other: State
 
 
-DESK = nb.types.NamedTuple((INTS, INTS, INTS, FLOATS, INTS, INT_TABLE, INTS, STATE, STATE, STATE), RepairWorkspace)
-
-
-@inner(nb.int64(PROBLEM, STATE, nb.int64, nb.float64, RANDOM))
+@inner()
 def insert_over_budget(problem: Problem, state: State, segment: int, blink: float, rng: RandomState) -> int:
     """Insert a segment where energy and what it lacks grow least, whatever the budgets; return the route.
 
@@ -100,7 +83,7 @@ def insert_over_budget(problem: Problem, state: State, segment: int, blink: floa
     return best_route
 
 
-@inner(nb.void(LOSS, STATE, STATE, nb.boolean, STATE, DESK, RANDOM))
+@inner()
 def begin_repair(
     loss: Loss, base: State, earlier: State, follow: bool, state: State, desk: RepairWorkspace, rng: RandomState
 ) -> None:
@@ -147,8 +130,8 @@ def begin_repair(
             insert_over_budget(problem, state, missing[place], 0.0, rng)
 
 
-@inner(nb.int64(PROBLEM, STATE, INTS, nb.int64, RANDOM))
-def choose_ruin_seed(problem: Problem, state: State, opened: IntArray, count: int, rng: RandomState) -> int:
+@inner()
+def choose_ruin_seed(problem: Problem, state: State, opened: Ints, count: int, rng: RandomState) -> int:
     """Return the open segment around which to ruin: often one of a route that lacks energy."""
     if draw_uniform(rng) < 0.5:
         worst = -1
@@ -163,8 +146,8 @@ def choose_ruin_seed(problem: Problem, state: State, opened: IntArray, count: in
     return int(opened[draw_integer(rng, count)])
 
 
-@inner(nb.void(PROBLEM, INTS, nb.int64, FLOATS, RANDOM))
-def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: FloatArray, rng: RandomState) -> None:
+@inner()
+def shuffle_pending(problem: Problem, pending: Ints, count: int, keys: Floats, rng: RandomState) -> None:
     """Order ``count`` segments to be inserted: at random, the far ones first, or the near ones first."""
     kind = draw_integer(rng, 4)
     for place in range(count):
@@ -177,7 +160,7 @@ def shuffle_pending(problem: Problem, pending: IntArray, count: int, keys: Float
     sort_by_key(pending[:count], keys)
 
 
-@inner(nb.float64(STATE))
+@inner()
 def total_energy(state: State) -> float:
     """Return what all routes use."""
     total = 0.0
@@ -186,7 +169,7 @@ def total_energy(state: State) -> float:
     return total
 
 
-@inner(nb.boolean(PROBLEM))
+@inner()
 def is_fleet_empty(problem: Problem) -> bool:
     """Return whether no vehicle is left to take a visit."""
     most = -1.0
@@ -195,7 +178,7 @@ def is_fleet_empty(problem: Problem) -> bool:
     return most < 0.0
 
 
-@inner(nb.float64(LOSS, STATE, DESK, nb.int64, RANDOM))
+@inner()
 def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng: RandomState) -> float:
     """Ruin and recreate until no route lacks energy, ``iterations`` at most; return what the best one lacks.
 

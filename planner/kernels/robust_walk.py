@@ -10,40 +10,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import (
-    FLOATS,
-    INT_TABLE,
-    INTS,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    TABLE,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    State,
-)
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.loss_problem import (
-    CLOCK,
-    LOSS,
-    SAME_TIME_S,
-    TIMING,
-    Loss,
-    LossClock,
-    LossTiming,
-    begin_loss,
-    set_clock,
-)
+from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, begin_loss, set_clock
 from planner.kernels.plan_changes import change_plan
 from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.repair import DESK, RepairWorkspace, begin_repair, repair, total_energy
+from planner.kernels.repair import RepairWorkspace, begin_repair, repair, total_energy
 from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient_visits
-from planner.kernels.window_scan import REPAIRS, Repairs, repair_of, scan_losses
+from planner.kernels.window_scan import Repairs, repair_of, scan_losses
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""
@@ -60,15 +36,15 @@ class RobustWalk(NamedTuple):
     clock: LossClock
     repairs: Repairs
     """``k`` for each probe."""
-    lacks: FloatArray
+    lacks: Floats
     """For each repair what it lacks, in percent of a battery."""
-    opened: IntArray
+    opened: IntTable
     """(repairs, n): which segments were open to each repair."""
-    begun: IntArray
+    begun: IntTable
     """(repairs, k): the visit that each survivor finishes first, NOBODY for the lost vehicle, GROUND for one landed."""
-    left: FloatArray
+    left: Table
     """(repairs, k): what each survivor may spend after it."""
-    order: IntArray
+    order: Ints
     """Work space: the repairs in the order in which they are looked at."""
 
 
@@ -91,19 +67,15 @@ class WalkLimits(NamedTuple):
     """How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
-WALK = nb.types.NamedTuple((STATE, CLOCK, REPAIRS, FLOATS, INT_TABLE, INT_TABLE, TABLE, INTS), RobustWalk)
-LIMITS = nb.types.NamedTuple((nb.float64, nb.boolean, nb.boolean, nb.int64, *[nb.float64] * 3), WalkLimits)
-
-
-@kernel(nb.void(PROBLEM, TIMING, STATE, CLOCK))
+@kernel()
 def set_clocks(problem: Problem, timing: LossTiming, base: State, clock: LossClock) -> None:
     """Set times and expenses of all routes."""
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
 
 
-@kernel(FLOATS(TIMING, STATE, CLOCK), counted=True)
-def events_of(timing: LossTiming, base: State, clock: LossClock) -> FloatArray:
+@kernel(counted=True)
+def events_of(timing: LossTiming, base: State, clock: LossClock) -> Floats:
     """Return 0 and the times at which a visit ends or a vehicle lands, or will once survivors answer, ascending."""
     times = np.empty(1 + 2 * (len(base.lengths) + base.lengths.sum()))
     times[0] = 0.0
@@ -125,10 +97,7 @@ def events_of(timing: LossTiming, base: State, clock: LossClock) -> FloatArray:
     return times[:kept].copy()
 
 
-@kernel(
-    nb.types.UniTuple(nb.float64, 2)(PROBLEM, TIMING, STATE, CLOCK, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM),
-    counted=True,
-)
+@kernel(counted=True)
 def find_window_begin(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, fly_again: bool, loss: Loss, repairs: Repairs,
     desk: RepairWorkspace, effort: int, rng: RandomState,
@@ -144,8 +113,8 @@ def find_window_begin(
     return events_s[interval + 1], events_s[interval]
 
 
-@inner(nb.void(FLOATS, INTS))
-def sort_lacks(lacks: FloatArray, order: IntArray) -> None:
+@inner()
+def sort_lacks(lacks: Floats, order: Ints) -> None:
     """Set ``order`` to the numbers of the repairs, those that lack most first."""
     for place in range(len(order)):
         hole = place
@@ -155,7 +124,7 @@ def sort_lacks(lacks: FloatArray, order: IntArray) -> None:
         order[hole] = place
 
 
-@inner(nb.void(LOSS, WALK, nb.int64, nb.int64))
+@inner()
 def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
     """Note what a loss leaves: two repairs of which the same is noted are repairs of the same."""
     for segment in range(len(loss.is_open)):
@@ -171,7 +140,7 @@ def describe_loss(loss: Loss, there: RobustWalk, slot: int, lost: int) -> None:
             there.begun[slot, route] = GROUND
 
 
-@inner(nb.boolean(WALK, WALK, nb.int64))
+@inner()
 def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
     """Return whether a loss leaves the same of both plans."""
     for route in range(len(here.base.lengths)):
@@ -183,10 +152,10 @@ def is_alike(here: RobustWalk, there: RobustWalk, slot: int) -> bool:
     return alike
 
 
-@kernel(nb.float64(PROBLEM, TIMING, WALK, WALK, LOSS, DESK, FLOATS, LIMITS, nb.float64, RANDOM))
+@kernel()
 def assess_repairs(
     problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
-    probes_s: FloatArray, limits: WalkLimits, most: float, rng: RandomState,
+    probes_s: Floats, limits: WalkLimits, most: float, rng: RandomState,
 ) -> float:  # fmt: skip
     """Set the repairs of ``there`` after those of ``here`` and return what all of them lack.
 
@@ -220,13 +189,13 @@ def assess_repairs(
     return total
 
 
-@inner(nb.boolean(PROBLEM, TIMING, STATE, CLOCK, INTS, LIMITS, nb.float64))
+@inner()
 def check_limits(
     problem: Problem,
     timing: LossTiming,
     base: State,
     clock: LossClock,
-    touched: IntArray,
+    touched: Ints,
     limits: WalkLimits,
     most: float,
 ) -> bool:
@@ -243,7 +212,7 @@ def check_limits(
     return good and total_energy(base) <= most
 
 
-@inner(nb.void(STATE, CLOCK, STATE, CLOCK, nb.int64))
+@inner()
 def copy_timed(source: State, clock: LossClock, target: State, target_clock: LossClock, route: int) -> None:
     """Copy a route with its clock; ``route_of`` is the caller's."""
     copy_route(source, target, route)
@@ -254,8 +223,8 @@ def copy_timed(source: State, clock: LossClock, target: State, target_clock: Los
     target_clock.durations_s[route] = clock.durations_s[route]
 
 
-@inner(nb.float64(FLOATS))
-def sum_of(lacks: FloatArray) -> float:
+@inner()
+def sum_of(lacks: Floats) -> float:
     """Return the sum."""
     total = 0.0
     for lack in lacks:
@@ -263,7 +232,7 @@ def sum_of(lacks: FloatArray) -> float:
     return total
 
 
-@kernel(nb.void(WALK, WALK))
+@kernel()
 def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
     """Copy the repairs that were looked at, and what all lack."""
     for slot in range(len(here.lacks)):
@@ -280,15 +249,11 @@ def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
                 here.left[slot, route] = there.left[slot, route]
 
 
-@kernel(
-    nb.int64(
-        PROBLEM, TIMING, WALK, WALK, LOSS, DESK, DESK, FLOATS, LIMITS, FLOATS, nb.float64, nb.int64, RANDOM,
-    )
-)  # fmt: skip
+@kernel()
 def anneal_plan(
     problem: Problem, timing: LossTiming, here: RobustWalk, there: RobustWalk, loss: Loss, desk: RepairWorkspace,
     own: RepairWorkspace,
-    probes_s: FloatArray, limits: WalkLimits, temperature: FloatArray, cooling: float, iterations: int,
+    probes_s: Floats, limits: WalkLimits, temperature: Floats, cooling: float, iterations: int,
     rng: RandomState,
 ) -> int:  # fmt: skip
     """Anneal a plan until all its losses at the probes are repaired; return the number of iterations that took.

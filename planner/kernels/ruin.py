@@ -6,17 +6,15 @@ with its parameters: about ten visits an iteration, strings of at most ten, half
 
 from __future__ import annotations
 
-import numba as nb
-
-from planner.kernels.arrays import INTS, PROBLEM, RANDOM, STATE, IntArray, Problem, RandomState, State
+from planner.kernels.arrays import Ints, Problem, RandomState, State
 from planner.kernels.compiled import inner
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import measure
 
 
-@inner(nb.int64(STATE, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64, INTS, nb.int64))
+@inner()
 def cut_visits(
-    state: State, route: int, begin: int, end: int, spare_begin: int, spare_end: int, removed: IntArray, count: int
+    state: State, route: int, begin: int, end: int, spare_begin: int, spare_end: int, removed: Ints, count: int
 ) -> int:
     """Remove visits [begin, end) of a route but not [spare_begin, spare_end); return the new count of ``removed``.
 
@@ -37,7 +35,7 @@ def cut_visits(
     return count
 
 
-@inner(nb.int64(STATE, nb.int64, nb.int64))
+@inner()
 def position_of(state: State, route: int, segment: int) -> int:
     """Return where a route visits a segment that it does visit."""
     visits = state.visits[route]
@@ -47,9 +45,9 @@ def position_of(state: State, route: int, segment: int) -> int:
     return position
 
 
-@inner(nb.int64(PROBLEM, STATE, INTS, INTS, nb.int64, nb.float64, nb.float64, RANDOM))
+@inner()
 def remove_strings(
-    problem: Problem, state: State, removed: IntArray, touched: IntArray, seed: int,
+    problem: Problem, state: State, removed: Ints, touched: Ints, seed: int,
     mean_removed: float, longest: float, rng: RandomState,
 ) -> int:  # fmt: skip
     """Remove strings from routes that come near segment ``seed``.

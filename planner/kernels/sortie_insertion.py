@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import numba as nb
-
-from planner.kernels.arrays import INTS, RANDOM, IntArray, RandomState
+from planner.kernels.arrays import Ints, RandomState
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.sortie_schedule import (
     NEVER,
-    SORTIE_MEMORY,
-    SORTIE_PROBLEM,
-    SORTIE_STATE,
     TOLERANCE,
     SortieProblem,
     SortieState,
@@ -23,10 +18,9 @@ from planner.kernels.sortie_schedule import (
 
 BLINK = 0.01
 """Share of places that are overlooked (Christiaens, Vanden Berghe 2020)."""
-PLACE = nb.types.Tuple((nb.float64, nb.float64, nb.int64, nb.int64, nb.int64))
 
 
-@inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.int64, nb.int64, nb.int64))
+@inner()
 def insertion_cost(
     problem: SortieProblem, state: SortieState, row: int, position: int, visit: int, figure: int
 ) -> float:
@@ -51,13 +45,13 @@ def insertion_cost(
     return float(more)
 
 
-@inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, nb.float64))
+@inner()
 def weigh_seconds(problem: SortieProblem, state: SortieState, vehicle: int, seconds: float, last: float) -> float:
     """Return what seconds of a vehicle's weigh."""
     return float(problem.finish * max(0.0, state.ends[vehicle] + seconds - last) + (problem.flight + 1e-6) * seconds)
 
 
-@inner(PLACE(SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM))
+@inner()
 def find_place_beside(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int]:
@@ -84,11 +78,7 @@ def find_place_beside(
     return best, seconds, chosen, place, way
 
 
-@inner(
-    nb.types.Tuple((nb.float64, nb.float64, nb.int64, nb.int64, nb.int64, nb.int64, nb.int64))(
-        SORTIE_PROBLEM, SORTIE_STATE, nb.int64, nb.float64, RANDOM
-    )
-)
+@inner()
 def find_own_sortie(
     problem: SortieProblem, state: SortieState, segment: int, last: float, rng: RandomState
 ) -> tuple[float, float, int, int, int, int, int]:
@@ -127,7 +117,7 @@ def find_own_sortie(
     return best, lasts, chosen, number, way, begins, lands
 
 
-@inner(nb.void(SORTIE_STATE, nb.int64, nb.int64, nb.int64))
+@inner()
 def enter_sortie(state: SortieState, vehicle: int, number: int, row: int) -> None:
     """Make a row one of a vehicle's sorties, before the one that is its `number`-th now."""
     for later in range(state.counts[vehicle], number, -1):
@@ -136,7 +126,7 @@ def enter_sortie(state: SortieState, vehicle: int, number: int, row: int) -> Non
     state.counts[vehicle] += 1
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, RANDOM))
+@inner()
 def put_segment(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, segment: int, last: float, rng: RandomState
 ) -> bool:
@@ -169,12 +159,12 @@ def put_segment(
     return True
 
 
-@kernel(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, INTS, nb.int64, RANDOM))
+@kernel()
 def put_all_segments(
     problem: SortieProblem,
     state: SortieState,
     memory: SortieWorkspace,
-    segments: IntArray,
+    segments: Ints,
     count: int,
     rng: RandomState,
 ) -> int:
@@ -189,7 +179,7 @@ def put_all_segments(
     return left
 
 
-@kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
+@kernel()
 def choose_bases_of_touched(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> bool:
     """Choose bases for all vehicles that were touched; return whether each has a way."""
     for vehicle in range(len(state.counts)):
@@ -198,7 +188,7 @@ def choose_bases_of_touched(problem: SortieProblem, state: SortieState, memory: 
     return True
 
 
-@kernel(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
+@kernel()
 def measure_given_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> bool:
     """Set the figures of given sorties and choose their bases; return whether each vehicle may and can fly its own."""
     for vehicle in range(len(state.counts)):

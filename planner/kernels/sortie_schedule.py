@@ -1,17 +1,15 @@
 """Days of sorties: their arrays, when sorties begin, and the best bases for a vehicle's sorties.
 
 The search only says which visits a sortie has, whose it is and in which order a vehicle flies its own. When each one
-begins follows: at every moment the sortie that can take off soonest does (``schedule``). Where each one begins and
-lands is a shortest path over the bases between them (``settle``).
+begins follows: at every moment the sortie that can take off soonest does (``schedule_sorties``). Where each one begins
+and lands is a shortest path over the bases between them (``choose_bases``).
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
-
-from planner.kernels.arrays import CUBE, FLOATS, INT_TABLE, INTS, TABLE, FloatArray, IntArray
+from planner.kernels.arrays import Floats, Ints, IntTable, Quad, Table
 from planner.kernels.compiled import inner, kernel
 
 NEVER = 1e18
@@ -23,45 +21,45 @@ TOLERANCE = 1e-9
 class SortieProblem(NamedTuple):
     """An instance for the kernels: ``n`` segments, ``k`` vehicles, ``d`` bases, ``p`` profiles, ``t`` days."""
 
-    move: FloatArray
+    move: Quad
     """(p, 2n, 2n, 2): seconds and percent from the end of visit i to the end of visit j."""
-    out: FloatArray
+    out: Quad
     """(k, d, 2n, 2)"""
-    home: FloatArray
+    home: Quad
     """(k, 2n, d, 2)"""
-    profile: IntArray
+    profile: Ints
     """(k,)"""
-    consumption: FloatArray
+    consumption: Floats
     """(k,): factor on the percent of ``move``."""
-    budget: FloatArray
+    budget: Floats
     """(k,)"""
-    able: IntArray
+    able: IntTable
     """(k, n): 0 or 1."""
-    lands: IntArray
+    lands: IntTable
     """(k, d): 0 or 1."""
-    transfer: FloatArray
+    transfer: Table
     """(d, d)"""
-    turnaround: FloatArray
+    turnaround: Floats
     """(d,)"""
-    recharge: FloatArray
+    recharge: Floats
     """(d,): NEVER where packs are charged overnight alone."""
-    packs: IntArray
+    packs: Ints
     """(d,): -1 where there are always enough."""
-    days: FloatArray
+    days: Table
     """(t, 3): begin, end, seconds of the days before."""
-    windows: FloatArray
+    windows: Quad
     """(k, t, w, 2): when a vehicle may fly on a day; empty ones end before they begin."""
-    near: IntArray
+    near: IntTable
     """(n, m): the segments nearest to a segment, without itself."""
-    place: IntArray
+    place: Ints
     """(k,): the base where a vehicle stands."""
-    ready: FloatArray
+    ready: Floats
     """(k,)"""
-    stock: IntArray
+    stock: Ints
     """(d,): packs of the first day."""
-    charged: FloatArray
+    charged: Table
     """(d, s): when they are charged."""
-    taken_off: FloatArray
+    taken_off: Floats
     """(d,): when a vehicle took off last."""
     stagger: float
     finish: float
@@ -79,94 +77,66 @@ class SortieProblem(NamedTuple):
 class SortieState(NamedTuple):
     """Sorties under work. At most ``r`` of at most ``c`` visits."""
 
-    visits: IntArray
+    visits: IntTable
     """(r, c)"""
-    size: IntArray
+    size: Ints
     """(r,): 0 for a row that is free."""
-    owner: IntArray
+    owner: Ints
     """(r,)"""
-    base: IntArray
+    base: Ints
     """(r,)"""
-    land: IntArray
+    land: Ints
     """(r,)"""
-    between: FloatArray
+    between: Table
     """(r, 2): seconds and percent from the end of the first visit to the end of the last."""
-    whole: FloatArray
+    whole: Table
     """(r, 2): of the whole sortie."""
-    start: FloatArray
+    start: Floats
     """(r,): when it begins; NEVER where the days are over before."""
-    order: IntArray
+    order: IntTable
     """(k, r): each vehicle's rows in the order of flight."""
-    counts: IntArray
+    counts: Ints
     """(k,)"""
-    where: IntArray
+    where: Ints
     """(n,): the row of a segment; -1 if it has none."""
-    bias: FloatArray
+    bias: Table
     """(k, d): seconds by which a vehicle shuns a base."""
-    ends: FloatArray
+    ends: Floats
     """(k,): when a vehicle's last sortie lands, in the seconds of days alone."""
-    sums: FloatArray
+    sums: Floats
     """(5,): segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
 
 
 class SortieWorkspace(NamedTuple):
     """Work space."""
 
-    touched: IntArray
+    touched: Ints
     """(k,): zeros."""
-    removed: IntArray
+    removed: Ints
     """(n,)"""
-    keys: FloatArray
+    keys: Floats
     """(n,)"""
-    pool: FloatArray
+    pool: Table
     """(d, s): when the packs of a base are charged."""
-    pooled: IntArray
+    pooled: Ints
     """(d,)"""
-    last: FloatArray
+    last: Floats
     """(d,): the last take-off."""
-    next: IntArray
+    next: Ints
     """(k,): which sortie comes next."""
-    at: IntArray
+    at: Ints
     """(k,)"""
-    ready: FloatArray
+    ready: Floats
     """(k,)"""
-    cost: FloatArray
+    cost: Table
     """(r + 1, d): of a vehicle's sorties up to one that lands at a base."""
-    begun: IntArray
+    begun: IntTable
     """(r + 1, d): where that one begins."""
-    came: IntArray
+    came: IntTable
     """(r + 1, d): where the one before landed."""
 
 
-QUAD = nb.types.Array(nb.float64, 4, "C")
-SORTIE_PROBLEM = nb.types.NamedTuple(
-    (QUAD, QUAD, QUAD, INTS, FLOATS, FLOATS, INT_TABLE, INT_TABLE, TABLE, FLOATS, FLOATS, INTS, TABLE, QUAD, INT_TABLE,
-     INTS, FLOATS, INTS, TABLE, FLOATS) + (nb.float64,) * 5 + (nb.int64,),
-    SortieProblem,
-)  # fmt: skip
-SORTIE_STATE = nb.types.NamedTuple(
-    (INT_TABLE, INTS, INTS, INTS, INTS, TABLE, TABLE, FLOATS, INT_TABLE, INTS, INTS, TABLE, FLOATS, FLOATS), SortieState
-)
-SORTIE_MEMORY = nb.types.NamedTuple(
-    (INTS, INTS, FLOATS, TABLE, INTS, FLOATS, INTS, INTS, FLOATS, TABLE, INT_TABLE, INT_TABLE), SortieWorkspace
-)
-__all__ = [
-    "CUBE",
-    "NEVER",
-    "SORTIE_MEMORY",
-    "SORTIE_PROBLEM",
-    "SORTIE_STATE",
-    "SortieProblem",
-    "SortieState",
-    "SortieWorkspace",
-    "choose_bases",
-    "measure_row",
-    "schedule_sorties",
-    "set_row_figures",
-]  # fmt: skip
-
-
-@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
+@inner()
 def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
     """Set what lies between a sortie's first and last visit."""
     vehicle = state.owner[row]
@@ -180,7 +150,7 @@ def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
     state.between[row, 1] = problem.consumption[vehicle] * pct
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, nb.int64))
+@inner()
 def set_row_figures(problem: SortieProblem, state: SortieState, row: int) -> bool:
     """Set a whole sortie's figures; return whether it is within the budget."""
     vehicle = state.owner[row]
@@ -194,7 +164,7 @@ def set_row_figures(problem: SortieProblem, state: SortieState, row: int) -> boo
     return bool(state.whole[row, 1] <= problem.budget[vehicle] + TOLERANCE)
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64))
+@inner()
 def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int) -> bool:
     """Choose where a vehicle's sorties begin and land: least time, and least shunned; return whether any way does."""
     count, bases = state.counts[vehicle], len(problem.turnaround)
@@ -244,7 +214,7 @@ def choose_bases(problem: SortieProblem, state: SortieState, memory: SortieWorks
     return True
 
 
-@inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64))
+@inner()
 def open_day(problem: SortieProblem, memory: SortieWorkspace, day: int) -> None:
     """Put a day's packs out."""
     for base in range(len(problem.turnaround)):
@@ -258,7 +228,7 @@ def open_day(problem: SortieProblem, memory: SortieWorkspace, day: int) -> None:
                 memory.pool[base, pack] = problem.days[day, 0]
 
 
-@inner(nb.int64(SORTIE_MEMORY, nb.int64))
+@inner()
 def find_soonest_pack(memory: SortieWorkspace, base: int) -> int:
     """Return the number of the pack that is charged first; -1 if there is none."""
     best, least = -1, NEVER
@@ -268,7 +238,7 @@ def find_soonest_pack(memory: SortieWorkspace, base: int) -> int:
     return best
 
 
-@inner(nb.float64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64))
+@inner()
 def soonest_start_s(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, day: int
 ) -> float:
@@ -289,7 +259,7 @@ def soonest_start_s(
     return NEVER
 
 
-@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.float64, nb.int64))
+@inner()
 def schedule_next_sortie(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, vehicle: int, begin: float, day: int
 ) -> None:
@@ -312,7 +282,7 @@ def schedule_next_sortie(
     state.ends[vehicle] = problem.days[day, 2] + end - problem.days[day, 0]
 
 
-@kernel(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY))
+@kernel()
 def schedule_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace) -> None:
     """Let all sorties begin as soon as they can, the soonest first; set the figures."""
     fleet = len(state.counts)

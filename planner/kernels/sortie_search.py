@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
-
-from planner.kernels.arrays import FLOATS, RANDOM, FloatArray, RandomState
+from planner.kernels.arrays import Floats, RandomState
 from planner.kernels.compiled import inner, kernel
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.sortie_insertion import choose_bases_of_touched, enter_sortie, put_all_segments
-from planner.kernels.sortie_schedule import (
-    SORTIE_MEMORY,
-    SORTIE_PROBLEM,
-    SORTIE_STATE,
-    SortieProblem,
-    SortieState,
-    SortieWorkspace,
-    measure_row,
-    schedule_sorties,
-)
+from planner.kernels.sortie_schedule import SortieProblem, SortieState, SortieWorkspace, measure_row, schedule_sorties
 
 MOST_REMOVED = 12
 """Segments that are taken out at a time, but for whole sorties."""
@@ -27,7 +16,7 @@ SAME = 1e-7
 """Seconds by which figures may differ that are the same."""
 
 
-@kernel(nb.void(SORTIE_STATE, SORTIE_STATE))
+@kernel()
 def copy_sorties(source: SortieState, target: SortieState) -> None:
     """Make ``target`` the same as ``source``."""
     for row in range(len(source.size)):
@@ -57,7 +46,7 @@ def copy_sorties(source: SortieState, target: SortieState) -> None:
         target.sums[entry] = source.sums[entry]
 
 
-@inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, nb.int64, nb.int64, nb.int64, nb.int64))
+@inner()
 def cut_sortie(
     problem: SortieProblem, state: SortieState, memory: SortieWorkspace, row: int, begin: int, end: int, count: int
 ) -> int:
@@ -93,7 +82,7 @@ def cut_sortie(
     return count
 
 
-@inner(nb.int64(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+@inner()
 def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> int:
     """Take segments out near a random one: singly, in strings, or a whole sortie; return how many."""
     segments = len(state.where)
@@ -125,7 +114,7 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorks
     return count
 
 
-@inner(nb.void(SORTIE_PROBLEM, SORTIE_MEMORY, nb.int64, RANDOM))
+@inner()
 def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int, rng: RandomState) -> None:
     """Put the removed segments into a random order, or those far from the bases first, or the nearest."""
     removed, keys = memory.removed, memory.keys
@@ -145,7 +134,7 @@ def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int
             position -= 1
 
 
-@inner(nb.void(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+@inner()
 def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> None:
     """Fly a part of a sortie the other way round."""
     vehicle = draw_integer(rng, len(state.counts))
@@ -164,7 +153,7 @@ def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorks
     memory.touched[vehicle] = 1
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+@inner()
 def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Give a whole sortie another place in the order of this vehicle or another; return whether it may have it."""
     giver, taker = draw_integer(rng, len(state.counts)), draw_integer(rng, len(state.counts))
@@ -186,7 +175,7 @@ def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorksp
     return True
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+@inner()
 def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Make a part at the begin or the end of a sortie one of its own, of any vehicle; return whether that may be.
 
@@ -224,7 +213,7 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorks
     return True
 
 
-@inner(nb.boolean(SORTIE_PROBLEM, SORTIE_STATE, SORTIE_MEMORY, RANDOM))
+@inner()
 def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace, rng: RandomState) -> bool:
     """Move the end of a sortie beside a near segment of another, all at once; return whether that may be."""
     segment = draw_integer(rng, len(state.where))
@@ -265,7 +254,7 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace
     return True
 
 
-@inner(nb.void(SORTIE_STATE, SORTIE_MEMORY, nb.float64, RANDOM))
+@inner()
 def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float, rng: RandomState) -> None:
     """Let a vehicle shun a base, or not any more."""
     vehicle, base = draw_integer(rng, len(state.counts)), draw_integer(rng, state.bias.shape[1])
@@ -273,8 +262,8 @@ def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float
     memory.touched[vehicle] = 1
 
 
-@kernel(nb.boolean(SORTIE_PROBLEM, FLOATS, FLOATS))
-def has_better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray) -> bool:
+@kernel()
+def has_better_sums(problem: SortieProblem, sums: Floats, other: Floats) -> bool:
     """Return whether figures are better than others: what finds no day first, then by the objective."""
     for rank in range(4):
         entry = rank
@@ -286,14 +275,9 @@ def has_better_sums(problem: SortieProblem, sums: FloatArray, other: FloatArray)
     return False
 
 
-@kernel(
-    nb.int64(
-        SORTIE_PROBLEM, SORTIE_STATE, SORTIE_STATE, SORTIE_STATE, FLOATS, nb.float64, nb.float64, nb.int64, RANDOM,
-        SORTIE_MEMORY,
-    )
-)  # fmt: skip
+@kernel()
 def anneal_sorties(
-    problem: SortieProblem, current: SortieState, trial: SortieState, best: SortieState, temperature: FloatArray,
+    problem: SortieProblem, current: SortieState, trial: SortieState, best: SortieState, temperature: Floats,
     cooling: float, most: float, iterations: int, rng: RandomState, memory: SortieWorkspace,
 ) -> int:  # fmt: skip
     """Try ``iterations`` changes of ``current``; keep the best in ``best``.

@@ -6,20 +6,14 @@ two visits for each segment: a few milliseconds for 14 segments, four times that
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
-import numpy.typing as npt
 
-from planner.kernels.arrays import FLOATS, INTS, TABLE, FloatArray, IntArray
-
-FLAGS = nb.types.Array(nb.boolean, 1, "C")
-FlagArray = npt.NDArray[np.bool_]
+from planner.kernels.arrays import Flags, Floats, Ints, Table
+from planner.kernels.compiled import kernel
 
 
-@nb.njit(nb.void(FLOATS, FLOATS, TABLE, nb.float64, TABLE, FLOATS), cache=True)
-def find_best_routes(
-    start: FloatArray, home: FloatArray, move: FloatArray, most: float, spent: FloatArray, energy: FloatArray
-) -> None:
+@kernel(counted=True)
+def find_best_routes(start: Floats, home: Floats, move: Table, most: float, spent: Table, energy: Floats) -> None:
     """Find the least energy of a route through exactly the segments of each set.
 
     The figures are added in the order of ``evaluate.py``, so they are the same to the last bit.
@@ -62,8 +56,8 @@ def find_best_routes(
         energy[chosen] = shortest if shortest <= most else np.inf
 
 
-@nb.njit(nb.void(FLAGS, FLAGS, FLAGS, INTS), cache=True)
-def join_covered_sets(covered: FlagArray, fits: FlagArray, together: FlagArray, part_of: IntArray) -> None:
+@kernel(counted=True)
+def join_covered_sets(covered: Flags, fits: Flags, together: Flags, part_of: Ints) -> None:
     """Find the sets that some vehicles and one more cover together: 3^n steps at most.
 
     Args:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numba as nb
-
-from planner.kernels.arrays import INT_TABLE, PROBLEM, STATE, IntArray, Problem, State
+from planner.kernels.arrays import IntTable, Problem, State
 from planner.kernels.compiled import inner, kernel
 
 
-@kernel(nb.void(PROBLEM, STATE, nb.int64))
+@kernel()
 def measure(problem: Problem, state: State, route: int) -> None:
     """Set the legs and the load of a route from its visits, and enter the route of their segments."""
     length = state.lengths[route]
@@ -30,7 +28,7 @@ def measure(problem: Problem, state: State, route: int) -> None:
     state.loads[route] = load + legs[length]
 
 
-@kernel(nb.void(PROBLEM, STATE, nb.int64, nb.int64, nb.int64))
+@kernel()
 def insert(problem: Problem, state: State, route: int, position: int, visit: int) -> None:
     """Put a visit into a route and bring legs and load up to date."""
     length = state.lengths[route]
@@ -56,7 +54,7 @@ def insert(problem: Problem, state: State, route: int, position: int, visit: int
     state.route_of[visit >> 1] = route
 
 
-@kernel(nb.void(STATE, STATE, nb.int64))
+@kernel()
 def copy_route(source: State, target: State, route: int) -> None:
     """Copy one route; ``route_of`` is the caller's."""
     length = source.lengths[route]
@@ -68,14 +66,14 @@ def copy_route(source: State, target: State, route: int) -> None:
     target.legs[route, length] = source.legs[route, length]
 
 
-@inner(nb.void(STATE, STATE))
+@inner()
 def copy_owners(source: State, target: State) -> None:
     """Copy which route visits a segment."""
     for segment in range(len(source.route_of)):
         target.route_of[segment] = source.route_of[segment]
 
 
-@kernel(nb.void(STATE, STATE))
+@kernel()
 def copy_all(source: State, target: State) -> None:
     """Copy all routes."""
     for route in range(len(source.lengths)):
@@ -83,7 +81,7 @@ def copy_all(source: State, target: State) -> None:
     copy_owners(source, target)
 
 
-@inner(nb.float64(PROBLEM, STATE))
+@inner()
 def total_excess(problem: Problem, state: State) -> float:
     """Return what routes with a visit spend beyond their budgets."""
     total = 0.0
@@ -93,8 +91,8 @@ def total_excess(problem: Problem, state: State) -> float:
     return total
 
 
-@kernel(nb.void(PROBLEM, STATE, nb.int64, INT_TABLE))
-def orient_visits(problem: Problem, state: State, route: int, came_from: IntArray) -> None:
+@kernel()
+def orient_visits(problem: Problem, state: State, route: int, came_from: IntTable) -> None:
     """Give the visits of a route the directions that are best together, their order kept.
 
     A two-state dynamic program (Vidal 2017, doi 10.1287/opre.2017.1595). ``came_from`` is (n, 2) int64 of work space.

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import FLOATS, INTS, TABLE, FloatArray, IntArray
+from planner.kernels.arrays import Floats, Ints, Table
+from planner.kernels.compiled import kernel
 
 
-@nb.njit(nb.float64(TABLE, FLOATS, FLOATS, INTS, INTS, FLOATS, FLOATS, INTS), cache=True, nogil=True)
+@kernel(counted=True)
 def grow_tree(
-    links: FloatArray, potential: FloatArray, distance: FloatArray, inner: IntArray, outer: IntArray,
-    degree: FloatArray, used: FloatArray, last: IntArray,
+    links: Table, potential: Floats, distance: Floats, inner: Ints, outer: Ints,
+    degree: Floats, used: Floats, last: Ints,
 ) -> float:  # fmt: skip
     """Return the cost of the least spanning tree (Prim); count the end points and the vehicles that it uses.
 
@@ -57,9 +57,9 @@ def grow_tree(
     return total
 
 
-@nb.njit(nb.float64(TABLE, TABLE, TABLE, FLOATS, INTS, nb.float64, nb.int64), cache=True, nogil=True)
+@kernel(counted=True)
 def compute_tree_bound(
-    links: FloatArray, starts: FloatArray, homes: FloatArray, idle: FloatArray, once: IntArray, enough: float,
+    links: Table, starts: Table, homes: Table, idle: Floats, once: Ints, enough: float,
     iterations: int,
 ) -> float:  # fmt: skip
     """Return a lower bound on the cost of visiting ``m`` segments with ``r`` vehicles.

@@ -4,52 +4,33 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 
-from planner.kernels.arrays import (
-    CUBE,
-    FLOATS,
-    INT_TABLE,
-    INTS,
-    PROBLEM,
-    RANDOM,
-    STATE,
-    TABLE,
-    FloatArray,
-    IntArray,
-    Problem,
-    RandomState,
-    State,
-)
+from planner.kernels.arrays import Cube, Floats, IntCube, Ints, IntTable, Problem, RandomState, State, Table
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.loss_problem import CLOCK, LOSS, SAME_TIME_S, TIMING, Loss, LossClock, LossTiming, begin_loss
-from planner.kernels.repair import DESK, RepairWorkspace, begin_repair, repair
+from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, begin_loss
+from planner.kernels.repair import RepairWorkspace, begin_repair, repair
 from planner.kernels.tours import copy_all
 
 
 class Repairs(NamedTuple):
     """For each vehicle the latest repair of its loss; ``k`` states beside each other."""
 
-    visits: IntArray
+    visits: IntCube
     """(k, k, n)"""
-    legs: FloatArray
+    legs: Cube
     """(k, k, n + 1)"""
-    lengths: IntArray
+    lengths: IntTable
     """(k, k)"""
-    loads: FloatArray
+    loads: Table
     """(k, k)"""
-    route_of: IntArray
+    route_of: IntTable
     """(k, n)"""
-    known: IntArray
+    known: Ints
     """(k,): 1 where there is one."""
 
 
-INT_CUBE = nb.types.Array(nb.int64, 3, "C")
-REPAIRS = nb.types.NamedTuple((INT_CUBE, CUBE, INT_TABLE, TABLE, INT_TABLE, INTS), Repairs)
-
-
-@inner(STATE(REPAIRS, nb.int64))
+@inner()
 def repair_of(repairs: Repairs, lost: int) -> State:
     """Return the repair of a vehicle's loss, as views."""
     return State(
@@ -57,9 +38,7 @@ def repair_of(repairs: Repairs, lost: int) -> State:
     )
 
 
-@kernel(
-    nb.float64(PROBLEM, TIMING, STATE, CLOCK, nb.int64, nb.float64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM)
-)
+@kernel()
 def try_loss(
     problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
     loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
@@ -88,13 +67,9 @@ def try_loss(
     return min(lacks, least)
 
 
-@inner(
-    nb.types.UniTuple(nb.int64, 2)(
-        PROBLEM, TIMING, STATE, CLOCK, FLOATS, nb.int64, nb.int64, nb.boolean, LOSS, REPAIRS, DESK, nb.int64, RANDOM
-    )
-)
+@inner()
 def scan_losses(
-    problem: Problem, timing: LossTiming, base: State, clock: LossClock, events_s: FloatArray, interval: int,
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, events_s: Floats, interval: int,
     first: int, fly_again: bool, loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
 ) -> tuple[int, int]:  # fmt: skip
     """Go through the intervals between events from a late to early ones; stop at the first loss without a repair.

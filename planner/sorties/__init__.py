@@ -6,17 +6,17 @@
 
 A *sortie* is one flight on one pack: from a base, along visits, to a base where its vehicle may land. Moves are priced
 as for a single flight, so that one sortie of one vehicle is what ``planner.solve`` plans. Importing this package is
-cheap; the first plan, or ``warm_up_sorties``, loads the compiled kernels.
+cheap; the first plan loads the compiled kernels.
 """
 
 from planner.sorties.sortie_evaluation import (
     SortieEvaluation,
+    SortieResult,
     count_packs_needed,
     evaluate_sorties,
     sortie_duration_s,
     sortie_energy_pct,
 )
-from planner.sorties.sortie_exact import solve_sorties_exact
 from planner.sorties.sortie_losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
 from planner.sorties.sortie_model import (
     Objective,
@@ -27,8 +27,7 @@ from planner.sorties.sortie_model import (
     SortieVehicle,
     subtract_quiet_times,
 )
-from planner.sorties.sortie_result import SortieResult
-from planner.sorties.sortie_solve import solve_sorties, warm_up_sorties
+from planner.sorties.sortie_solve import solve_sorties
 from planner.sorties.survival import (
     SparesEstimate,
     SurvivalCampaign,
@@ -60,11 +59,9 @@ __all__ = [
     "find_loss_windows",
     "simulate_days",
     "solve_sorties",
-    "solve_sorties_exact",
     "sortie_duration_s",
     "sortie_energy_pct",
     "split_samples",
     "subtract_quiet_times",
     "summarise_samples",
-    "warm_up_sorties",
 ]

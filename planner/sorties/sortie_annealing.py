@@ -1,13 +1,8 @@
-"""The search for days of sorties: cycles of annealing around the kernel, starts side by side, the stop rule.
-
-As in ``planner.search`` cycles grow, each from the best plan so far, and starts wait for each other at the end of each
-round: the seed, the number of starts and of iterations decide the plan.
-"""
+"""The search for days of sorties: annealing in cycles, each from the best plan so far."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 
 import numpy as np
 
@@ -15,11 +10,10 @@ from planner.construct import build_random_state
 from planner.kernels.arrays import RandomState
 from planner.kernels.sortie_insertion import choose_bases_of_touched, measure_given_sorties, put_all_segments
 from planner.kernels.sortie_schedule import SortieProblem, SortieState, SortieWorkspace, schedule_sorties
-from planner.kernels.sortie_search import anneal_sorties, copy_sorties, has_better_sums
-from planner.search_rounds import run_in_threads, run_rounds
-from planner.sorties.sortie_evaluation import evaluate_sorties
+from planner.kernels.sortie_search import anneal_sorties, copy_sorties
+from planner.search import AnnealingSearch, Cycle, Standing
+from planner.sorties.sortie_evaluation import SortieResult, evaluate_sorties
 from planner.sorties.sortie_model import Objective, Sortie, SortieInstance
-from planner.sorties.sortie_result import SortieResult
 from planner.sorties.sortie_state import (
     MoveTable,
     build_move_table,
@@ -29,7 +23,7 @@ from planner.sorties.sortie_state import (
     build_sortie_workspace,
     load_sorties,
 )
-from planner.stop_rules import Progress, StopRule, Stopwatch
+from planner.stop_rules import StopRule, Stopwatch
 
 BATCH = 200
 """Iterations of a start between two questions to the stop rule."""
@@ -46,24 +40,31 @@ FEW = 60
 """Segments up to which a plan is so short that it is shaken harder."""
 
 
-class _Start:
-    """One walk; walks share nothing that changes."""
+class SortieStart:
+    """One walk."""
 
     def __init__(self, problem: SortieProblem, table: MoveTable, first: SortieState, rng: RandomState) -> None:
+        self.done = 0
         self._problem = problem
-        self._current, self._trial = (build_sortie_state(problem, table) for _ in range(2))
-        self.best = build_sortie_state(problem, table)
+        self._current, self._trial, self.best = (build_sortie_state(problem, table) for _ in range(3))
         self._memory = build_sortie_workspace(problem)
         self._temperature = np.zeros(1)
         self._rng = rng
         copy_sorties(first, self.best)
 
-    def begin(self, leader: SortieState, temperature: float) -> None:
-        """Begin a cycle from the best plan of all."""
+    @property
+    def rank(self) -> list[float]:
+        """What finds no day first, then the objective's figure, then the others."""
+        late, *figures = self.best.sums[:4].tolist()
+        return [late, figures[self._problem.objective], *figures]
+
+    def begin(self, leader: SortieStart, temperature: float) -> None:
+        """Begin a cycle from the best plan of ``leader``."""
         for state in (self._current, self._trial, self.best):
-            if state is not leader:
-                copy_sorties(leader, state)
+            if state is not leader.best:
+                copy_sorties(leader.best, state)
         self._temperature[0] = temperature
+        self.done = 0
 
     def run(self, cooling: float, most: float, iterations: int) -> int:
         """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
@@ -74,7 +75,7 @@ class _Start:
         return improved
 
 
-class SortieSearch:
+class SortieSearch(AnnealingSearch[SortieStart]):
     """One search; ``run`` is all that there is to call."""
 
     def __init__(
@@ -87,21 +88,17 @@ class SortieSearch:
         initial: Sequence[Sequence[Sortie]] = (),
         table: MoveTable | None = None,
     ) -> None:
-        self._watch = Stopwatch()
+        watch = Stopwatch()
         self._instance = instance
         self._table = build_move_table(instance) if table is None else table
         self._problem = build_sortie_problem(instance, self._table, objective)
         able = self._problem.able.any(axis=0)
-        self._impossible = bool((instance.wanted & ~able).any())
         self._idle = not able.any()
         first = self._build_first_state(initial, seed)
-        self._starts = [
-            _Start(self._problem, self._table, first, build_random_state(seed + number)) for number in range(starts)
-        ]
-        self._leader = self._starts[0]
-        self._iterations = self._improved_at = 0
-        self._length = FIRST_CYCLE + PER_SEGMENT * instance.segments
-        self._begin()
+        super().__init__(
+            [SortieStart(self._problem, self._table, first, build_random_state(seed + one)) for one in range(starts)],
+            watch, batch=BATCH, impossible="a segment is out of reach" if (instance.wanted & ~able).any() else None,
+        )  # fmt: skip
 
     def _build_first_state(self, initial: Sequence[Sequence[Sortie]], seed: int) -> SortieState:
         """Return the given sorties with all open segments put in where they cost least, those far off first."""
@@ -129,60 +126,24 @@ class SortieSearch:
         memory.touched[:] = 0
         schedule_sorties(self._problem, state, memory)
 
-    @property
-    def is_complete(self) -> bool:
-        """Whether the best plan so far inspects everything in its days."""
-        best = self._leader.best
-        return not self._impossible and best.sums[0] <= 0 and bool((best.where[self._instance.wanted] >= 0).all())
-
     def run(self, stop: StopRule) -> SortieResult:
         """Improve until ``stop`` says so."""
-        reason = "nothing to do"
-        if not self._idle:
-            reason = run_rounds(stop, self._build_progress, self._advance, len(self._starts))
+        reason = "nothing to do" if self._idle else self._run_rounds(stop)
         plan = build_sortie_plan(self._instance, self._leader.best)
         return SortieResult(plan, evaluate_sorties(self._instance, plan), self._iterations, self._watch.seconds, reason)
 
-    def _begin(self) -> None:
-        self._done = 0
-        best = self._leader.best
+    def _build_cycle(self, before: Cycle | None) -> Cycle:
+        best, segments = self._leader.best, self._instance.segments
         self._most = float(best.whole[:, 0].max(initial=1.0))
         mean_s = best.sums[2] / max(1.0, best.sums[3])
-        few = 15.0 if self._instance.segments <= FEW else 1.0
+        few = 15.0 if segments <= FEW else 1.0
         hot, cold = (few * share * max(mean_s, 1.0) for share in (HOT, COLD))
-        self._cooling = (cold / hot) ** (1 / self._length)
-        leader = build_sortie_state(self._problem, self._table)
-        copy_sorties(best, leader)
-        for start in self._starts:
-            start.begin(leader, hot)
+        return Cycle(FIRST_CYCLE + PER_SEGMENT * segments if before is None else int(GROWTH * before.length), hot, cold)
 
-    def _advance(self, allowed: int, threads: Executor | None) -> None:
-        """Run a batch of every start, or what is allowed of it."""
-        fair = max(1, allowed // len(self._starts))
-        share = min(BATCH, fair, self._length - self._done)
-        starts = self._starts[: min(len(self._starts), allowed)]
-        found = run_in_threads(threads, lambda start: start.run(self._cooling, self._most, share), starts)
-        for start in starts:
-            if has_better_sums(self._problem, start.best.sums, self._leader.best.sums):
-                self._leader = start
-        if max(found) > 0:
-            self._improved_at = self._iterations + max(found) * len(starts)
-        self._iterations += share * len(starts)
-        self._done += share
-        if self._done == self._length:
-            self._length = int(GROWTH * self._length)
-            self._begin()
+    def _improve(self, start: SortieStart, iterations: int) -> int:
+        return start.run(self._cycle.cooling, self._most, iterations)
 
-    def _build_progress(self) -> Progress:
+    def _rate_best(self) -> Standing:
         best = self._leader.best
-        late = best.start >= 1e17
-        uncovered = int(self._instance.wanted.sum()) - int(best.size[~late].sum())
-        return Progress(
-            iterations=self._iterations,
-            since_improvement=max(0, self._iterations - self._improved_at),
-            seconds=self._watch.seconds,
-            value=float(best.sums[1 + self._problem.objective]),
-            uncovered=uncovered,
-            feasible=uncovered == 0,
-            impossible=self._impossible,
-        )
+        uncovered = int(self._instance.wanted.sum()) - int(best.size[best.start < 1e17].sum())
+        return Standing(float(best.sums[1 + self._problem.objective]), uncovered, uncovered == 0)

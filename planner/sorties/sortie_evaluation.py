@@ -31,6 +31,17 @@ class SortieEvaluation:
     """In words; empty if every wanted segment is flown or named as uncovered, by sorties that may be."""
 
 
+@dataclass(frozen=True, slots=True)
+class SortieResult:
+    """The best plan that a search found, with its figures from the definition."""
+
+    plan: SortiePlan
+    evaluation: SortieEvaluation
+    iterations: int
+    seconds: float
+    stopped_by: str
+
+
 def sortie_duration_s(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
     """Return how long a sortie takes.
 
@@ -138,10 +149,7 @@ def _check_take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str
 
 def _check_packs(instance: SortieInstance, plan: SortiePlan, lasts: tuple[tuple[float, ...], ...]) -> Iterator[str]:
     for day, (opens, closes) in enumerate(instance.days):
-        pools = [
-            list(base.charged_s) if day == 0 and base.charged_s is not None else [opens] * (base.packs or 0)
-            for base in instance.bases
-        ]
+        pools = [base.list_packs(day, opens) for base in instance.bases]
         flown = sorted(
             ((one, long) for own, row in zip(plan.sorties, lasts, strict=True)
              for one, long in zip(own, row, strict=True) if opens <= one.start_s < closes),

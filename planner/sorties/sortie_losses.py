@@ -56,11 +56,6 @@ class SortiesAfterLoss:
         joined = zip(self.kept, self.broken, plan.sorties, strict=True)
         return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
 
-    def whole_plan(self, plan: SortiePlan) -> SortiePlan:
-        """Return all sorties of the days, those of a plan for the rest included."""
-        joined = (before + after for before, after in zip(self.kept, plan.sorties, strict=True))
-        return SortiePlan(tuple(joined), plan.uncovered)
-
 
 def build_sorties_after_loss(
     instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float
@@ -122,10 +117,7 @@ def _build_bases(
     instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Sortie, float]], day: int
 ) -> tuple[SortieBase, ...]:
     """Return bases with the packs that they have left today."""
-    pools = [
-        list(base.charged_s) if day == 0 and base.charged_s is not None else [opens_s] * (base.packs or 0)
-        for base in instance.bases
-    ]
+    pools = [base.list_packs(day, opens_s) for base in instance.bases]
     last = [base.taken_off_s for base in instance.bases]
     for one, long in sorted(flown, key=lambda pair: pair[0].start_s):
         lands, pool = instance.bases[one.lands], pools[one.base]

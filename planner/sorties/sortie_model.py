@@ -44,6 +44,12 @@ class SortieBase:
     taken_off_s: float = -math.inf
     """When a vehicle took off here last."""
 
+    def list_packs(self, day: int, opens_s: float) -> list[float]:
+        """Return when each pack is charged, at the begin of a day; nothing where there are always enough."""
+        if self.packs is not None and day == 0 and self.charged_s is not None:
+            return list(self.charged_s)
+        return [opens_s] * (self.packs or 0)
+
 
 @dataclass(frozen=True, slots=True)
 class SortieVehicle:
@@ -182,7 +188,7 @@ class SortiePlan:
 def subtract_quiet_times(days: Iterable[Window], quiet: Iterable[Window]) -> tuple[Window, ...]:
     """Return days without quiet times.
 
-    >>> parted_windows([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])
+    >>> subtract_quiet_times([(8.0, 16.0)], [(12.0, 13.0), (15.0, 20.0)])
     ((8.0, 12.0), (13.0, 15.0))
     """
     windows = list(days)

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from planner.moves import MoveTables
-from planner.sorties.sortie_model import Objective, Sortie, SortieBase, SortieInstance, SortieVehicle
-from planner.sorties.sortie_result import SortieResult
-from planner.stop_rules import Iterations, Progress, StopRule, add_progress_report
+from planner.sorties.sortie_evaluation import SortieResult
+from planner.sorties.sortie_model import Objective, Sortie, SortieInstance
+from planner.stop_rules import Progress, StopRule, add_progress_report
 
 if TYPE_CHECKING:
     from planner.sorties.sortie_state import MoveTable
@@ -49,17 +46,3 @@ def solve_sorties(
 
     search = SortieSearch(instance, objective=objective, seed=seed, starts=starts, initial=initial, table=table)
     return search.run(add_progress_report(stop, on_progress))
-
-
-def warm_up_sorties(starts: int = 1) -> None:
-    """Load the search's kernels, compiling them if no process has before, and start its threads once."""
-    ones = np.ones((1, 1, 4))
-    instance = SortieInstance(
-        moves=MoveTables(np.ones((1, 4, 4)), np.ones((1, 4, 4))),
-        bases=(SortieBase("base", 1.0),),
-        vehicles=(SortieVehicle("uav1", 0, 10.0, ((0.0, 100.0),), (0,)),),
-        days=((0.0, 100.0),),
-        out_s=ones, out_pct=ones, home_s=ones.reshape(1, 4, 1), home_pct=ones.reshape(1, 4, 1),
-        transfer_s=np.zeros((1, 1)), able=np.ones((1, 2), dtype=np.bool_), wanted=np.ones(2, dtype=np.bool_),
-    )  # fmt: skip
-    solve_sorties(instance, stop=Iterations(10 * starts), starts=starts)

@@ -75,11 +75,7 @@ def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: 
     for row, own in enumerate(instance.vehicles):
         lands[row, list(own.lands)] = 1
     packs = np.array([-1 if base.packs is None else base.packs for base in instance.bases], dtype=np.int64)
-    first = [
-        () if base.packs is None
-        else base.charged_s if base.charged_s is not None
-        else (days[0][0],) * base.packs for base in instance.bases
-    ]  # fmt: skip
+    first = [base.list_packs(0, days[0][0]) for base in instance.bases]
     room = int(np.maximum(packs, 0).sum()) + sum(map(len, first)) + instance.segments
     charged = np.full((bases, room), NEVER)
     for row, times in enumerate(first):

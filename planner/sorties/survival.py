@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.moves import MoveTables
-from planner.risk import ProbabilityEstimate, estimate_probability
+from planner.risk import FlightChunk, ProbabilityEstimate, estimate_probability, split_flights
 from planner.sorties.sortie_evaluation import count_packs_needed, evaluate_sorties, sortie_duration_s
 from planner.sorties.sortie_losses import ENOUGH, build_sorties_after_loss, replan_sorties
 from planner.sorties.sortie_model import SortieInstance, SortiePlan
@@ -80,14 +80,6 @@ class SurvivalCampaign:
 
 
 @dataclass(frozen=True, slots=True)
-class SampleChunk:
-    """Some of the times that days are flown."""
-
-    first: int
-    flights: int
-
-
-@dataclass(frozen=True, slots=True)
 class SampleResult:
     """What one time came to."""
 
@@ -99,14 +91,16 @@ class SampleResult:
 DAYS_PER_CHUNK = 10
 
 
-def split_samples(samples: int) -> tuple[SampleChunk, ...]:
-    """Return so many times in chunks."""
-    return tuple(
-        SampleChunk(first, min(DAYS_PER_CHUNK, samples - first)) for first in range(0, samples, DAYS_PER_CHUNK)
-    )
+def split_samples(samples: int) -> tuple[FlightChunk, ...]:
+    """Return so many times in chunks; chance is the campaign's, by the number of each time.
+
+    Raises:
+        InstanceError: there is none.
+    """
+    return split_flights(samples, 0, per_chunk=DAYS_PER_CHUNK)
 
 
-def simulate_days(campaign: SurvivalCampaign, chunk: SampleChunk) -> tuple[SampleResult, ...]:
+def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[SampleResult, ...]:
     """Fly days some times; what they come to is the same wherever that is done."""
     # Only here: it loads the kernels.
     from planner.sorties.sortie_state import build_move_table

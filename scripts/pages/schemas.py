@@ -30,10 +30,12 @@ from executor.site.tables import (
 )
 from executor.site.tables import learned as learned_table
 from executor.site.tables import map as map_table
-from missions import day_plan_json, plan_file, plan_json
+from missions import areas, day_plan, flight_model, geo, grids, pace, performance, plan_file, plan_json, pricing, setup
+from missions import shortest_ways as ways
+from planner import moves
 
 FILES: dict[str, type[BaseModel]] = {
-    "dayplan": day_plan_json.DayPlanDocument,
+    "dayplan": plan_json.DayPlanDocument,
     "learned": learned_document.LearnedDocument,
     "plan": plan_json.PlanDocument,
     "report": documents.FlightReport,
@@ -67,6 +69,22 @@ SITE = (
     terrain_table,
 )
 """The modules that the site file's keys are in."""
+PLAN = (
+    areas,
+    day_plan,
+    flight_model,
+    geo,
+    grids,
+    moves,
+    pace,
+    performance,
+    plan_file,
+    plan_json,
+    pricing,
+    setup,
+    ways,
+)
+"""Those that the plan file's keys are in."""
 Words = Mapping[tuple[str, str], str]
 
 
@@ -76,9 +94,7 @@ def schemas() -> dict[str, str]:
         fleet_view,
         fleet_state,
         asset_status,
-        plan_file,
-        plan_json,
-        day_plan_json,
+        *PLAN,
         documents,
         learned_document,
         *SITE,

@@ -15,7 +15,7 @@ from benchmarks import distance
 from benchmarks.commands import cli
 from benchmarks.distance import FAULTS, DistanceFlight, distance_results, drawn_faults
 from benchmarks.distancepage import distance_document, report_distance
-from executor.virtual.parallel_flights import FlightCase, make_flight_cases
+from benchmarks.parallel_flights import FlightCase, make_flight_cases
 
 NAMES = ("uav1", "uav2", "uav3")
 GOOD = DistanceFlight(

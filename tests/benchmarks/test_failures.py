@@ -198,7 +198,7 @@ def test_a_bound_knows_what_comes_and_what_is_under_way(monkeypatch: pytest.Monk
     # The other is lost as well, before it could bring its second trip home: only its first counts.
     both = scenario(failures=[{"vehicle": 2, "at": 30.0}, {"vehicle": 1, "at": 6.0}])
     assert least_value(both, 5.0) == float("inf")
-    monkeypatch.setattr("benchmarks.scenarios.exact.MOST_COLUMNS", 1)
+    monkeypatch.setattr("benchmarks.scenarios.least_end.MOST_COLUMNS", 1)
     assert least_value(scenario(), 5.0) == 6.5
 
 

@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from benchmarks import pictures
 from benchmarks.commands import cli
+from benchmarks.parallel_flights import FlightCase
 from benchmarks.pictures import PicturesFlight, fly_pictures, pictures_results
 from benchmarks.picturespage import pictures_document, report_pictures
 from executor.images.matching import match_files
-from executor.virtual.parallel_flights import FlightCase
 
 GOOD = PicturesFlight(
     number=3, autopilot="px4", vehicles=3, camera="speaks", faults=("uav3:camera-silent@57%", "uav1:crash@40%"),

@@ -15,8 +15,8 @@ from benchmarks.commands import cli
 from benchmarks.errors import BenchError
 from benchmarks.prediction import Figures, Flown, FlownRoute, RouteCase, cases, phases, prediction_errors, sum_by_phase
 from benchmarks.predictionpage import keep_prediction, prediction_document, report_prediction
+from benchmarks.virtual_site import AMPLE_AH, build_virtual_site
 from executor.analysis.documents import LegRow, RouteRow
-from executor.virtual.virtual_site import AMPLE_AH, build_virtual_site
 from simulator.truth import Truth
 from tests.executor.flights import write_run
 from tests.executor.virtual.short_line import write_line

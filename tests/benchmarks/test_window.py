@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from benchmarks.branches import Branch, fly_branches
 from benchmarks.commands import cli
+from benchmarks.virtual_flight import VirtualFlight
+from benchmarks.virtual_site import dearest_route_pct, size_batteries
 from benchmarks.window import (
     Claim,
     LossOutcome,
@@ -25,9 +28,6 @@ from benchmarks.window import (
 )
 from benchmarks.windowpage import report_window, window_document
 from executor.errors import FlightNotFlown
-from executor.virtual.branches import Branch, fly_branches
-from executor.virtual.virtual_flight import VirtualFlight
-from executor.virtual.virtual_site import dearest_route_pct, size_batteries
 from tests.executor.virtual.short_line import shared, short_ground, write_line
 
 CRASH = RandomLoss(0, "uav2", "crash", 40.0)
@@ -80,7 +80,7 @@ def test_a_loss_that_it_cannot_bear_names_what_is_left(claim: Claim) -> None:
 
 
 def test_a_survivor_must_be_at_home_above_its_reserve(claim: Claim) -> None:
-    from executor.virtual.virtual_flight import fly_virtual
+    from benchmarks.virtual_flight import fly_virtual
 
     flight: VirtualFlight = fly_virtual(claim.ground, claim.plan, faults=[CRASH.spec])
     assert judge_loss(flight, CRASH).finished

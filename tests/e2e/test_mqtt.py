@@ -138,7 +138,7 @@ async def test_a_flight_is_steered_and_its_broker_is_stopped_started_and_suspend
             await said_in(flight.stderr, "mqtt: connected to")
             async with listening(broker.port) as ear:
                 # This broker knows nothing of what the one before it was told.
-                assert (await ear.until("fleet/plan"))["plan"]["format"] == "faultline-plan/1"
+                assert (await ear.until("fleet/plan"))["plan"]["format"] == "faultline-plan/2"
                 assert (await ear.until("fleet/connection"))["connectionState"] == "ONLINE"
                 await ear.lost("uav2")
             broker.suspend()

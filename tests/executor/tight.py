@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.synthetic import generate_network
 from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import SolveEnded
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.site import site_model
 from missions import Network, build_flight_path
-from planner import Cost, Iterations, Plan, generate_network, solve
+from planner import Cost, Iterations, Plan, solve
 from tests.executor.builders import Fleet, ground_for, site_of
 from tests.fakes.flight import Story
 from tests.missions.builders import network_of

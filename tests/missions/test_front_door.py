@@ -2,19 +2,7 @@
 
 from __future__ import annotations
 
-import types
-
 import missions
-
-
-def test_all_is_exact() -> None:
-    public = {
-        name
-        for name, value in vars(missions).items()
-        if not name.startswith("_") and not isinstance(value, types.ModuleType)
-    }
-    assert sorted(missions.__all__) == sorted(public)
-    assert len(missions.__all__) == len(set(missions.__all__))
 
 
 def test_the_example_in_the_docstring_holds() -> None:

@@ -18,8 +18,12 @@ from missions import (
     SolverRecord,
     Window,
     build_plan_document,
+    check_day_plan,
     check_plan,
+    is_day_plan,
     make_plan_file,
+    read_any_plan,
+    read_day_plan,
     read_network,
     read_plan,
     write_plan,
@@ -79,11 +83,61 @@ def test_a_file_reads_back_as_it_was_written(tmp_path: Path) -> None:
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["again.json", "plan.json"]
 
 
-@pytest.mark.parametrize("kept", sorted((Path(__file__).parent / "plans").iterdir()), ids=lambda path: str(path.stem))
-def test_a_file_of_an_earlier_version_is_written_byte_for_byte_as_it_was(kept: Path, tmp_path: Path) -> None:
-    """With heights, wind, dynamics, a worn vehicle in the air, windows and a flat ground."""
-    write_plan(tmp_path / "plan.json", read_plan(kept))
-    assert (tmp_path / "plan.json").read_bytes() == kept.read_bytes()
+KEPT = sorted((Path(__file__).parent / "plans" / "v1").iterdir())
+
+
+@pytest.mark.parametrize("kept", KEPT, ids=lambda path: str(path.stem))
+def test_a_file_of_version_1_is_read_and_written_as_version_2_always_was(kept: Path, tmp_path: Path) -> None:
+    """With heights, wind, dynamics, a worn vehicle in the air, windows, a flat ground, areas, a relief; and days."""
+    now, written = tmp_path / "plan.json", kept.parents[1] / "v2" / kept.name
+    for read in (kept, written):
+        write_plan(now, read_any_plan(read))
+        assert now.read_bytes() == written.read_bytes()
+    old, new = json.loads(kept.read_bytes()), json.loads(written.read_bytes())
+    for key in {"depot", "segments", "uncovered", "seed", "solver", "seconds", "window"} & {*old}:
+        assert new[key] == old[key]
+
+
+@pytest.mark.parametrize("version", ["v1", "v2"])
+def test_every_figure_of_kept_files_is_right(version: str) -> None:
+    priced, days = (KEPT[0].parents[1] / version / name for name in ("priced.json", "days.json"))
+    assert check_plan(read_plan(priced)) == []
+    assert check_day_plan(read_day_plan(days)) == []
+    assert (is_day_plan(priced), is_day_plan(days)) == (False, True)
+
+
+@pytest.mark.parametrize("version", ["v1", "v2"])
+def test_a_plan_of_another_kind_is_refused_in_one_line(version: str) -> None:
+    folder = KEPT[0].parents[1] / version
+    with pytest.raises(
+        PlanFileError, match=r"days\.json: days: expected the plan of a single flight, got one of days$"
+    ):
+        read_plan(folder / "days.json")
+    with pytest.raises(
+        PlanFileError, match=r"small\.json: days: expected a plan of days, got that of a single flight$"
+    ):
+        read_day_plan(folder / "small.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "reason"),
+    [
+        ("priced", ("model", "tracks"), "content: expected what faultline-plan/1 has: expected 'tracks', but it is"),
+        ("priced", ("model", "relief", "step_m"), "content: expected what faultline-plan/1 has: expected 'step_m'"),
+        ("priced", ("model", "vehicles", 1), "model: expected bases and models of uav1, uav2"),
+        ("priced", ("depot",), "content: expected what faultline-plan/1 has: expected 'depot'"),
+        ("days", ("vehicles", 0, "pads"), "content: expected what faultline-dayplan/1 has: expected 'pads'"),
+        ("days", ("objective",), "content: expected what faultline-dayplan/1 has: expected 'objective'"),
+        ("days", ("finish_s",), "content: expected what faultline-dayplan/1 has: expected 'finish_s'"),
+    ],
+)
+def test_what_a_file_of_version_1_lacks_is_named(tmp_path: Path, name: str, keys: Any, reason: str) -> None:
+    document = json.loads((KEPT[0].parent / f"{name}.json").read_bytes())
+    _delete(*keys)(document)
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    with pytest.raises(PlanFileError, match=reason) as caught:
+        read_any_plan(tmp_path / "plan.json")
+    assert "\n" not in str(caught.value)
 
 
 def test_an_unknown_key_is_passed_over(tmp_path: Path) -> None:
@@ -120,7 +174,7 @@ def test_a_plan_chosen_by_a_window_has_one(tmp_path: Path) -> None:
 def test_a_file_is_as_the_design_has_it(tmp_path: Path) -> None:
     path, _ = full(tmp_path)
     document = json.loads(path.read_text(encoding="utf-8"))
-    assert document["format"] == "faultline-plan/1"
+    assert document["format"] == "faultline-plan/2"
     assert document["depot"] == {"lat_deg": 49.5985, "lon_deg": 15.6137, "alt_m": 462.0}
     assert document["vehicles"][0]["name"] == "uav1"
     assert document["vehicles"][0]["start"] == [120.5, -30.25]
@@ -223,7 +277,7 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (_set("format", value="faultline-plan/2"), "format: expected 'faultline-plan/1', got 'faultline-plan/2'"),
+        (_set("format", value="faultline-plan/3"), "format: expected 'faultline-plan/2', got 'faultline-plan/3'"),
         (_delete("format"), "format: expected this key, but it is missing"),
         (_delete("depot"), "depot: expected this key, but it is missing"),
         (_set("depot", "lat_deg", value="49"), r"depot\.lat_deg: expected a number, got '49'"),
@@ -241,15 +295,18 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
         (_set("vehicles", 1, "name", value=""), r"vehicles\[1\]\.name: expected .*pattern.*, got ''"),
         (_set("vehicles", 1, "budget_pct", value=True), r"vehicles\[1\]\.budget_pct: expected a number, got True"),
         (_set("vehicles", 1, "airborne", value=1), r"vehicles\[1\]\.airborne: expected true or false, got 1"),
-        (_set("routes", 1, "vehicle", value="uav3"), "routes: expected one each for uav1, uav2, in that order"),
+        (_set("routes", 1, "vehicle", value="uav3"), r"routes\[1\]\.vehicle: expected one of uav1, uav2, got uav3"),
+        (_set("routes", 1, "vehicle", value="uav1"), "routes: expected one each for uav1, uav2, in that order"),
+        (_set("routes", 1, "lands", value="barn"), r"routes\[1\]\.lands: expected one of depot, got barn"),
+        (_set("bases", value=[]), "bases: expected at least one base"),
         (_set("routes", 0, "visits", 1, "segment", value=9), r"routes\[0\]\.visits\[1\]\.segment: expected the id"),
         (_delete("routes", 0, "visits", 1, "reversed"), r"routes\[0\]\.visits\[1\]\.reversed: expected this key"),
         (_set("routes", 0, "visits", 1, "segment", value=0), "routes: expected every segment at most once"),
         (_set("routes", 0, "duration_s", value=None), r"routes\[0\]\.duration_s: expected a number, got None"),
         (_set("uncovered", value=["2"]), r"uncovered\[0\]: expected a whole number, got '2'"),
-        (_set("uncovered", value=[5]), "uncovered: expected ids of segments, got unknown 5"),
+        (_set("uncovered", value=[5]), "uncovered: expected the id of a segment, got 5"),
         (_set("cost", "name", value="best"), r"cost\.name: expected 'minmax', .*'window', got 'best'"),
-        (_set("travel", "transit_speed_m_s", value=0), r"travel\.transit_speed_m_s: expected .* 0\.001, got 0"),
+        (_set("travel", "transit_speed_m_s", value=0), r"travel\.transit_speed_m_s is 0.0, expected a positive number"),
         (_set("travel", "dynamics", value=1), r"travel\.dynamics: expected keys with values, got 1"),
         (_set("window", value={"window_pct": 1}), r"window\.earliest_s: expected this key, but it is missing"),
         (
@@ -266,8 +323,8 @@ def _delete(*keys: Any) -> Callable[[Any], None]:
         (_set("segments", 2, "name", value=""), r"segments\[2\]\.name: expected at least 1 character"),
         (_set("travel", "wind", value={"east_m_s": 1, "north_m_s": 1, "airspeed_m_s": [0], "pct_per_s": [1]}),
          r"travel\.wind: expected as many rates as air speeds, two at least"),
-        (_set("inspection", value=dict.fromkeys(INSPECTION_KEYS, 9) | {"heights": "hilly"}),
-         "inspection.heights: expected 'flat' or 'known', got 'hilly'"),
+        (_set("inspection", value=dict.fromkeys(INSPECTION_KEYS, 9) | {"flat": "hilly"}),
+         "inspection.flat: expected true or false, got 'hilly'"),
     ],
 )  # fmt: skip
 def test_a_broken_file_is_named(tmp_path: Path, change: Callable[[Any], None], reason: str) -> None:

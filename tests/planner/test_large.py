@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from benchmarks.synthetic import SPAN_M, generate_network
 from planner import (
     Cost,
     Dynamics,
@@ -25,7 +26,6 @@ from planner.decomposition import part_of, sort_along_curve, split_into_routes
 from planner.large import LargeSearch
 from planner.params import DEFAULT_PARAMS
 from planner.stop_rules import Stopwatch
-from planner.synthetic import SPAN_M, generate_network
 from tests.planner.builders import fleet, random_instance, table_pct
 
 TRAVEL = Travel(5.0, 1.0, 1.0, 1.0, Dynamics())

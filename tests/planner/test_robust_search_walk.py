@@ -7,7 +7,7 @@ import pytest
 from planner import Cost, Instance, Iterations, Plan, Route, solve
 from planner.evaluate import evaluate
 from planner.replan import build_remaining_problem
-from planner.robust_search import FoundPlan, OuterStopRule, RobustSearch, Walker
+from planner.robust_search import FoundPlan, RobustSearch, Walker
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import fleet, random_instance
 
@@ -18,14 +18,14 @@ def walked(instance: Instance, seed: int, iterations: int) -> Walker:
     """Return a walk that has gone some way below the window of an ordinary plan."""
     plan = solve(instance, cost=Cost.MINSUM, stop=Iterations(2_000), seed=seed).plan
     search = RobustSearch(
-        instance, OuterStopRule(Iterations(10**9), Stopwatch()), seed=seed, all_vehicles=False, starts=1, fly_again=True
+        instance, Iterations(10**9), Stopwatch(), seed=seed, all_vehicles=False, starts=1, fly_again=True
     )
     routes = tuple(route.visits for route in plan.routes)
     walker = search._build_walker(seed, FoundPlan(routes, 0.6 * evaluate(instance, plan, Cost.MINMAX).longest_route_s))
     search._cap_s = float("inf")
     search._begin_cycle(walker)
     walker.left = walker.length = 10 * iterations  # nothing may begin anew
-    search._advance(walker, iterations)
+    search._walk(walker, iterations)
     return walker
 
 

@@ -27,7 +27,7 @@ from planner import (
     solve,
 )
 from planner.construct import plan_of
-from planner.search import Search
+from planner.plan_search import PlanSearch
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
 
@@ -53,8 +53,8 @@ def test_the_seed_and_the_iterations_decide(cost: Cost) -> None:
     again = solve(instance, cost=cost, stop=Iterations(1700), seed=4)
     assert first.plan == again.plan
     assert first.iterations == again.iterations == 1700
-    other = Search(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
-    short = Search(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
+    other = PlanSearch(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
+    short = PlanSearch(instance, cost=cost, seed=4, initial=None, all_vehicles=False, watch=Stopwatch())
     other._advance(600)
     for batch in (1, 99, 500):
         short._advance(batch)
@@ -66,7 +66,7 @@ def test_two_seeds_walk_differently() -> None:
     instance = random_instance(5, 25, fleet(1000.0, 1000.0))
     walks = []
     for seed in (0, 1):
-        search = Search(instance, cost=Cost.MINSUM, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
+        search = PlanSearch(instance, cost=Cost.MINSUM, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
         search._advance(50)
         walks.append(search._starts[0]._current.visits.tolist())
     assert walks[0] != walks[1]
@@ -86,7 +86,7 @@ def test_starts_in_threads_are_as_certain_as_one(starts: int, each: int) -> None
 def test_starts_share_the_best_plan() -> None:
     instance = random_instance(5, 40, fleet(1000.0, 1000.0, 1000.0))
     watch = Stopwatch()
-    search = Search(instance, cost=Cost.MINMAX, seed=0, initial=None, all_vehicles=False, watch=watch, starts=3)
+    search = PlanSearch(instance, cost=Cost.MINMAX, seed=0, initial=None, all_vehicles=False, watch=watch, starts=3)
     search._advance(3 * 3999)
     assert len({tuple(start.key) for start in search._starts}) > 1  # they walked on their own
     best = min(start.key.tolist() for start in search._starts)

@@ -6,6 +6,7 @@ import itertools
 
 import pytest
 
+from benchmarks.table.window_bound import earliest_window_bound_s
 from planner import (
     PRESETS,
     Cost,
@@ -21,7 +22,6 @@ from planner import (
     solve_window,
     travel_for,
 )
-from planner.bounds import earliest_window_bound_s
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))

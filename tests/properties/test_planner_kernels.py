@@ -29,7 +29,7 @@ from planner.kernels.anneal import compute_objective
 from planner.kernels.insertion import find_cheapest_place, insert_by_regret
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import insert, orient_visits
-from planner.search import Search
+from planner.plan_search import PlanSearch
 from planner.stop_rules import Stopwatch
 
 # A coarse grid, so that coincident pylons and segments without length are common.
@@ -70,7 +70,7 @@ LOOSE: dict[str, Any] = {"deadline": None, "derandomize": True}
 def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
     instance: Instance, seed: int, cost: Cost, all_vehicles: bool
 ) -> None:
-    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
+    search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
     for iterations in (1, 7, 40):
         search._advance(iterations)
         for state in (search._leader.best, search._starts[0]._current, search._starts[0]._trial):
@@ -93,7 +93,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
 @settings(max_examples=60, **LOOSE)
 @given(instances(), SEEDS, st.sampled_from(Cost))
 def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost: Cost) -> None:
-    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch(), starts=2)
+    search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch(), starts=2)
     search._advance(150)
     for start in search._starts:
         memory, state = start._memory, start._current
@@ -108,7 +108,7 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
 @settings(max_examples=60, **LOOSE)
 @given(instances(), SEEDS, st.sampled_from(Cost))
 def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost: Cost) -> None:
-    search = Search(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
+    search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
     search._advance(20)
     truth = build_true_weights(problem_of(instance), cost, all_vehicles=False)
     evaluation = evaluate(instance, plan_of(search._leader.best), cost)

@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.table.window_bound import earliest_window_bound_s
 from planner import (
     Cost,
     Instance,
@@ -20,7 +21,7 @@ from planner import (
     evaluate,
     solve,
 )
-from planner.bounds import earliest_window_bound_s, explain_infeasibility, explain_infeasibility_fully
+from planner.bounds import explain_infeasibility, explain_infeasibility_fully
 from planner.exact import find_covering_plan
 from planner.window import replan_window
 from tests.planner.builders import random_instance

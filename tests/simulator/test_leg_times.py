@@ -9,8 +9,9 @@ import pytest
 
 from missions.items import MissionItem
 from simulator.config import AutopilotKind
+from simulator.physics import Vector
 from simulator.px4_velocity_smoothing import Axis, braking_speed_m_s
-from simulator.scurves import LegLimits, SCurve, Vector, overlap_s
+from simulator.scurves import LegLimits, SCurve, overlap_s
 from tests.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 
 AP, PX4 = AutopilotKind.ARDUPILOT, AutopilotKind.PX4
@@ -116,7 +117,7 @@ def test_a_curve_goes_from_rest_to_rest_and_never_jumps() -> None:
     curve = SCurve.build(Vector(30.0, 40.0, 10.0), PACE)
     moments = [curve.state_at(step / 50) for step in range(round(curve.duration_s * 50) + 2)]
     assert moments[0].done_m == moments[0].speed_m_s == 0.0
-    assert moments[-1].done_m == pytest.approx(curve.way.length)
+    assert moments[-1].done_m == pytest.approx(curve.way.length_m)
     assert moments[-1].speed_m_s == pytest.approx(0.0, abs=0.01)
     for before, after in itertools.pairwise(moments):
         assert after.done_m - before.done_m == pytest.approx((before.speed_m_s + after.speed_m_s) / 100, abs=1e-3)

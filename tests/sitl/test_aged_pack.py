@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.virtual_site import AMPLE_AH, size_batteries, with_budgets, with_capacity
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
-from executor.virtual.virtual_site import AMPLE_AH, size_batteries, with_budgets, with_capacity
 from planner import Cost
 from tests.sitl.flights import NAMES, VICTIM, Flown, Prepared, Story, flown
 from tests.sitl.real import ARDUPILOT, BOTH, Autopilot

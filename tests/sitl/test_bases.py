@@ -12,7 +12,7 @@ import httpx
 import pytest
 import tomli_w
 
-from executor.site import day_flight, site_model
+from executor.site import site_model
 from executor.site.site_model import SiteModel
 from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
@@ -89,9 +89,12 @@ def test_a_base_closes_and_a_spare_flies_what_it_leaves(autopilot: Autopilot, tm
     plan = json.loads(day.read_text())
     assert {one["vehicle"] for one in plan["sorties"]} == {NORTH, SOUTH}, plan["sorties"]
     assert sum(one["vehicle"] == SOUTH for one in plan["sorties"]) >= 2, plan["sorties"]
-    pads = day_flight.find_morning_pads(ground)
     wanted = Wanted(
-        {name: pads[name] for name in NAMES}, ground.network.frame, story.speedup, story.settings, frozenset()
+        {name: ground.setup.pad_of(name) for name in NAMES},
+        ground.network.frame,
+        story.speedup,
+        story.settings,
+        frozenset(),
     )
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         crew = Closing(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"))

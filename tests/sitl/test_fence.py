@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from executor.core.preflight.board_changes import ChangeStage
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
-from executor.flight.kept_lists import ListStage, read_kept_lists
+from executor.flight.board_record import read_kept_lists
 from missions.fences import find_list_differences
 from missions.items import MissionItem, MissionKind, PlaceCommand
 from tests.sitl.flights import VICTIM, Story, flown
@@ -94,8 +95,8 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
     print(flight.said)
     kept = {(one.vehicle, one.kind): one for one in read_kept_lists(flight.run)}
     # What was on board in flight is what was put there.
-    assert find_list_differences(kept[VICTIM, MissionKind.FENCE].new[-1], look.fence) == ()
-    assert find_list_differences(kept[VICTIM, MissionKind.RALLY].new[-1], look.rally) == ()
+    assert find_list_differences(kept[VICTIM, MissionKind.FENCE].new, look.fence) == ()
+    assert find_list_differences(kept[VICTIM, MissionKind.RALLY].new, look.rally) == ()
     for name in ("uav1", VICTIM, "uav3"):
         assert f"{name}: fence of " in flight.said
     # It did what its autopilot should, and that was declared as what it was.
@@ -108,8 +109,8 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
     assert flight.report["finished"]
     assert flight.report["replans"][0]["feasible"]
     # Everybody has again what was there before, but for what another station has put there since.
-    assert {kept[name, MissionKind.FENCE].stage for name in ("uav1", "uav3")} == {ListStage.RESTORED}
-    left = ListStage.LEFT if autopilot is ARDUPILOT else ListStage.RESTORED
+    assert {kept[name, MissionKind.FENCE].stage for name in ("uav1", "uav3")} == {ChangeStage.RESTORED}
+    left = ChangeStage.LEFT if autopilot is ARDUPILOT else ChangeStage.RESTORED
     assert kept[VICTIM, MissionKind.FENCE].stage is left
 
 
@@ -122,6 +123,6 @@ def test_a_replan_that_leads_out_of_a_fence_widens_it_first(autopilot: Autopilot
     assert "fence widened first" in flight.said
     assert "fence breached" not in flight.said
     assert flight.report["finished"]
-    widened = [one for one in read_kept_lists(flight.run) if one.kind is MissionKind.FENCE and len(one.new) > 1]
+    widened = [one for one in read_kept_lists(flight.run) if one.kind is MissionKind.FENCE and one.earlier]
     assert widened
-    assert all(one.stage is ListStage.RESTORED for one in widened if one.vehicle != "uav3")
+    assert all(one.stage is ChangeStage.RESTORED for one in widened if one.vehicle != "uav3")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.virtual_site import AMPLE_AH, dearest_route_pct, size_batteries, with_budgets, with_capacity
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
-from executor.virtual.virtual_site import AMPLE_AH, dearest_route_pct, size_batteries, with_budgets, with_capacity
 from planner import Cost
 from planner.evaluate import completion_times_s
 from tests.sitl.flights import VICTIM, Prepared, Story, flown

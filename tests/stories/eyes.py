@@ -8,11 +8,9 @@ from dataclasses import replace
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import NewRoute, SolveEnded
 from executor.core.payload.camera_state import Picture
-from executor.virtual.radio import MemoryRadio
 from missions import Network
 from simulator.camera import CapturedImage
-from simulator.config import SimCamera
-from simulator.vehicle import SimulatedVehicle
+from simulator.config import SimCamera, SimVehicle
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east, tall_line_east
 from tests.stories.story import Story
@@ -65,19 +63,17 @@ class Eyes(Sky):
     def _network(self) -> Network:
         return tall_line_east(self._pylons) if self._tall else line_east(self._pylons)
 
-    def _radio(self, name: str, sysid: int) -> MemoryRadio:
-        radio = super()._radio(name, sysid)
-        config = radio.vehicle.autopilot.vehicle
+    def _craft(self, name: str, sysid: int) -> SimVehicle:
+        self.shots[name] = []
         carried = tuple(
             SimCamera(str(one["name"]), int(str(one.get("id", 0))), gimbal=bool(one.get("gimbal")))
             for one in self._cameras
             if name in (one.get("vehicles") or [name])  # type: ignore[operator]
         )
-        self.shots[name] = []
-        return MemoryRadio(SimulatedVehicle(replace(config, cameras=carried)), sysid)
+        return replace(super()._craft(name, sysid), cameras=carried)
 
-    def _lived(self, now_s: float) -> None:
-        super()._lived(now_s)
+    def _after_step(self, now_s: float) -> None:
+        super()._after_step(now_s)
         for name, radio in self.radios.items():
             self.shots[name] += radio.vehicle.drain_shots()
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Coroutine, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
 
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core import fleet_step
@@ -26,9 +26,11 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.runtime import vehicle_preflight
-from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
+from executor.runtime.flight_loop import Flight
 from executor.site import site_model
-from executor.virtual.radio import MemoryRadio, run_radios
+from executor.virtual.in_process_solver import InProcessSolver
+from executor.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
+from executor.virtual.radio import MemoryRadio
 from missions import Network, dialect_for, encode
 from planner import PRESETS
 from simulator.config import AutopilotKind, SimVehicle
@@ -36,11 +38,11 @@ from simulator.faults import parse_fault
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
 from tests.executor.builders import ground_for, site_of
-from tests.fakes.clock import LoopClock
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east
 from tests.stories.story import MISSION, Answers, Story, World
 
+Got = TypeVar("Got")
 LOOK_S = 1.0
 """How often somebody looks at the page, and the truth notes where everybody is."""
 PATIENCE_S = 90.0
@@ -87,7 +89,7 @@ class Flown:
     solver_asked: int
 
 
-class Sink:
+class Sink(NullEventSink):
     """Keeps events as the log would."""
 
     def __init__(self) -> None:
@@ -96,33 +98,29 @@ class Sink:
     def write(self, event: Event, now_s: float) -> None:
         self.written.append((now_s, event))
 
-    async def settle(self) -> None:
-        """Nothing is ever lost here."""
 
-
-class Sky(World):
+class Sky(MemoryFlight, World):
     """A story on its way."""
 
+    sink: Sink
+    solver: FakeSolver | InProcessSolver
     patience_s = PATIENCE_S
     return_m = 40.0
     """How high they return by themselves."""
     as_prepared = False
     """Whether all else of their return is as a flight sets it."""
+    in_turn = True
+    """Whether a vehicle is only asked when the one before it has answered."""
 
     def __init__(self, story: Story, autopilot: str) -> None:
         self.story, self.autopilot = story, autopilot
-        self.clock = LoopClock()
-        self.sink: Sink = Sink()
-        self.solver = FakeSolver(takes_s=story.solve_s)
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, self._network())
         self._setup = site_model.build_flight_setup(self._ground)
-        self.radios = {table.name: self._radio(table.name, table.sysid) for table in site.vehicle}
-        self.truths: list[Truth] = []
-        self.said: list[tuple[float, Say]] = []
+        radios = {table.name: self._radio(self._craft(table.name, table.sysid)) for table in site.vehicle}
+        super().__init__(radios, FakeSolver(takes_s=story.solve_s), Sink())
         self.shown: list[Shown] = []
-        self.flight: Flight | None = None
         self._numbers = itertools.count(1)
         self._left = list(story.moments)
         self._looked_s = self._down_s = float("-inf")
@@ -130,7 +128,10 @@ class Sky(World):
     def _network(self) -> Network:
         return line_east(self.story.pylons)
 
-    def _radio(self, name: str, sysid: int) -> MemoryRadio:
+    def _radio(self, vehicle: SimVehicle) -> MemoryRadio:
+        return MemoryRadio(SimulatedVehicle(vehicle), vehicle.sysid)
+
+    def _craft(self, name: str, sysid: int) -> SimVehicle:
         pad, frame = self._setup.pad_of(name), self._setup.frame
         lat_deg, lon_deg = frame.to_wgs84_deg(pad.east_m, pad.north_m)
         dialect = dialect_for(self.autopilot)
@@ -139,11 +140,10 @@ class Sky(World):
         parameters[height.height] = self.return_m / height.unit_m
         if self.as_prepared:
             parameters[height.cone] = height.cone_off
-        config = SimVehicle(
+        return SimVehicle(
             name, sysid, AutopilotKind(self.autopilot), "udpin://127.0.0.1:14550", lat_deg, lon_deg, pad.alt_m,
             drone=PRESETS["mavic3"], charge_pct=self.story.charge_pct, parameters=parameters, seed=sysid,
         )  # fmt: skip
-        return MemoryRadio(SimulatedVehicle(config), sysid)
 
     # What a story may look at and do.
 
@@ -172,8 +172,7 @@ class Sky(World):
         return None
 
     def befall(self, spec: str) -> None:
-        words = MISSION[self.autopilot]
-        fault = parse_fault(spec.format(**words) + "@0s")
+        fault = parse_fault(spec.format(**MISSION[self.autopilot]) + "@0s")
         for name, radio in self.radios.items():
             if fault.vehicle in {name, "all"}:
                 radio.vehicle.apply_injection(fault)
@@ -200,56 +199,39 @@ class Sky(World):
 
     async def fly(self) -> Flown:
         """Connect, check, put on board, fly to the end."""
-        links = {name: radio.link for name, radio in self.radios.items()}
-        tasks = [asyncio.create_task(self._live()), asyncio.create_task(send_heartbeats(links, self.clock))]
-        try:
-            facts = {name: await self._interview(name, link) for name, link in links.items()}
-            context, boards = self._context(facts)
-            for name, board in boards.items():
-                if board is not None:
-                    mission = encode(board.path, context.vehicles[name].dialect)
-                    await vehicle_preflight.load_mission(
-                        name, links[name], self.clock, context.vehicles[name].dialect, mission
-                    )
+        async with self.live():
+            facts = await self._with_each(self._interview(name, link) for name, link in self.links.items())
+            context, boards = self._context({one.name: one for one in facts})
+            await self._with_each(
+                self._load(context, name, board) for name, board in boards.items() if board is not None
+            )
             began_s = self.now_s
-            self.flight = Flight(
-                context, self._initial(boards), links, self.clock, self.sink, self.solver,
-                Observer(lambda line, at_s: self.said.append((at_s, line)), lambda *_: None),
-            )  # fmt: skip
-            ended_s = await self._run(self.flight, began_s + self.story.limit_s)
-        finally:
-            for task in tasks:
-                task.cancel()
-            for result in await asyncio.gather(*tasks, return_exceptions=True):
-                if isinstance(result, Exception):
-                    raise result
+            flight = self._begin_flight(context, self._initial(boards))
+            ended_s = await self._run(flight, began_s + self.story.limit_s)
         return self._flown(context, began_s, ended_s)
+
+    async def _with_each(self, work: Iterable[Coroutine[None, None, Got]]) -> list[Got]:
+        return [await one for one in work] if self.in_turn else list(await asyncio.gather(*work))
 
     def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
         return fleet_step.build_initial_state(boards)
 
     async def _run(self, flight: Flight, until_s: float) -> float | None:
-        flying = asyncio.create_task(flight.run())
-        try:
-            async with asyncio.timeout_at(until_s):
-                await asyncio.shield(flying)
-        except TimeoutError:
-            flight.stop_supervising()
-            with suppress(asyncio.CancelledError):
-                await flying
-            return None
-        finally:
-            flying.cancel()
-        return self.now_s
+        return self.now_s if await run_until(flight, until_s) else None
 
     async def _interview(self, name: str, link: VehicleLink) -> VehicleFacts:
         return await vehicle_preflight.interview_vehicle(
             name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None
         )
 
+    async def _load(self, context: Context, name: str, board: OnboardMission) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(board.path, dialect)
+        await vehicle_preflight.load_mission(name, self.links[name], self.clock, dialect, mission)
+
     def _context(self, facts: Mapping[str, VehicleFacts]) -> tuple[Context, dict[str, OnboardMission | None]]:
-        setup, task = self._setup, site_model.build_first_task(self._ground)
-        dialect = dialect_for(self.autopilot)
+        setup, dialect = self._setup, dialect_for(self.autopilot)
+        task = site_model.build_first_task(self._ground, self._wanted())
         own = {name: read_link_failsafe(dialect, fact.parameters) for name, fact in facts.items()}
         context = site_model.build_context(self._ground, setup, task, own)
         paths = site_model.build_paths(setup, {name: visits for name, visits in self.story.fleet.items() if visits})
@@ -259,18 +241,20 @@ class Sky(World):
         }
         return context, boards
 
-    async def _live(self) -> None:
-        """Let time pass for everybody, and the story happen."""
-        await run_radios(self.radios.values(), self._lived)
+    def _wanted(self) -> Sequence[int] | None:
+        """Return the segments to be inspected; None is all."""
+        return None
 
-    def _lived(self, _: float) -> None:
-        for radio in self.radios.values():
-            self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
-        if self.flight is not None and self.flight.state.progress.launched_s is not None:
+    def _after_step(self, now_s: float) -> None:
+        super()._after_step(now_s)
+        if self.flight is not None and self._is_under_way():
             self._happen()
             if self.now_s - self._looked_s >= LOOK_S:
                 self._looked_s = self.now_s
                 self._look()
+
+    def _is_under_way(self) -> bool:
+        return self.state.progress.launched_s is not None
 
     def _happen(self) -> None:
         due = [moment for moment in self._left if moment.when(self)]
@@ -282,7 +266,7 @@ class Sky(World):
         """Note where everybody is."""
         for radio in self.radios.values():
             radio.vehicle.autopilot.frame.record_event("at")
-            self.truths += radio.vehicle.drain_truths(lambda at_s: at_s)
+            self.truths += radio.drain_truths()
 
     def _look(self) -> None:
         self._note()
@@ -324,7 +308,4 @@ class Sky(World):
 
 async def flown(story: Story, autopilot: str) -> Flown:
     """Fly a story on one of the dialects."""
-    return await Sky(replace(story), autopilot).fly()
-
-
-Condition = Callable[[World], bool]
+    return await Sky(story, autopilot).fly()

@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink, discard_frame
+from executor.adapters.mavlink.codec import DecodedFrame
+from executor.adapters.mavlink.link import discard_frame
 from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
+from executor.virtual.radio import MemoryRadio
 from simulator.messages import (
     ItemReceived,
     MissionCount,
@@ -33,8 +33,6 @@ NEVER_S = -math.inf
 INT32_MIN = -(2**31)
 E7_DEG_M = 90.0
 """Units of 1e-7 degrees in a metre of latitude."""
-NOT_FOLLOWED = ("LOCAL_POSITION_NED", "VFR_HUD", "SYSTEM_TIME", "TIMESYNC")
-"""Streams that nobody reads; what is spared here is flying more stories."""
 DROPPED: dict[str, tuple[type[Message], ...]] = {
     "no position": (Position,),
     "no heartbeat": (Heartbeat,),
@@ -56,12 +54,10 @@ class Trouble:
     gps_m: float = 0.0
 
 
-class Air:
-    """One vehicle's radio; the vehicle lives as it is told the time."""
+class Air(MemoryRadio):
+    """One vehicle's radio, with its troubles."""
 
     def __init__(self, vehicle: SimulatedVehicle, sysid: int, rng: random.Random) -> None:
-        self.vehicle = vehicle
-        self.sysid = sysid
         self.trouble = Trouble()
         self.late_s = 0.0
         """By how much its own time lags, after it was frozen."""
@@ -71,19 +67,12 @@ class Air:
         """Until when messages of a sort do not come."""
         self._rng = rng
         self._place = f"10.0.0.{sysid}:14550"
-        self._waiting: list[bytes] = []
         self._inbox: deque[bytes] = deque()
-        for name in NOT_FOLLOWED:
-            vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
-        self.reopen()
+        super().__init__(vehicle, sysid)
+        self.stop_unread_streams()
 
-    def reopen(self) -> None:
-        """Begin anew on the ground's side, as a new process does."""
-        codec = MavlinkCodec()
-        self.link = VehicleLink(self.sysid, codec)
-        self._router = Router([self.link], codec)
-        self.link.write = self.write
-        self._waiting.clear()
+    def connect(self) -> None:
+        super().connect()
         self._inbox.clear()
         self.open = True
 
@@ -94,11 +83,13 @@ class Air:
 
     def write(self, frame: bytes) -> bool:
         """Send a frame up."""
-        if self.open:
-            self._waiting.append(frame)
-        return True
+        return not self.open or super().write(frame)
 
     # Time.
+
+    def exchange_until(self, now_s: float) -> None:
+        self.live(now_s)
+        self.hand_over(now_s)
 
     def live(self, now_s: float) -> None:
         """Let the vehicle live until now, and what it says wait for who reads."""
@@ -131,9 +122,8 @@ class Air:
                 received = (one for one in map(self._spoilt(now_s), received) if one is not None)
             self._router.route_frames(received, self.write, self._place)
 
-    def truths(self) -> list[Truth]:
-        """Take away what really happened, by the flight's clock."""
-        truths = self.vehicle.drain_truths(lambda at_s: at_s)
+    def drain_truths(self) -> list[Truth]:
+        truths = super().drain_truths()
         return [replace(one, t_s=one.t_s + self.late_s) for one in truths] if self.late_s else truths
 
     def _in_burst(self, now_s: float) -> bool:

@@ -6,10 +6,10 @@ import asyncio
 from dataclasses import replace
 
 from executor.adapters.eventlog import DISK_S
-from executor.adapters.solver import SolverSetup, solve_for_survivors
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import Event, SolveEnded
 from executor.site.site_model import SiteModel
+from executor.virtual.in_process_solver import InProcessSolver
 from missions import Pricing
 from tests.stories.world import Sink
 
@@ -42,16 +42,13 @@ class Disk(Sink):
             await asyncio.sleep(DISK_S)
 
 
-class Deputy:
-    """The solver of a flight, in this process and with an end that no clock decides; or one that does not work."""
+class Deputy(InProcessSolver):
+    """The solver of a flight; or one that does not work."""
 
     def __init__(self, ground: SiteModel, takes_s: float) -> None:
-        self.asked: list[Solve] = []
+        super().__init__(1, takes_s=takes_s, settled=SETTLED)
         self.mood = ""
-        self._setup = SolverSetup(3600.0, 1)
-        self._takes_s = takes_s
         self._limit_s = ground.site.flight.solve_s
-        self._cancelled = -1
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         self.asked.append(problem)
@@ -65,8 +62,4 @@ class Deputy:
         if mood in {"hangs", "fails"}:
             reason = "the solver did not answer" if mood == "hangs" else "the solver's process died"
             return SolveEnded(problem.revision, None, (), 0.0, reason)
-        ended = solve_for_survivors(self._setup, problem, pricing, lambda: False, settled=SETTLED)
-        return replace(ended, solve_s=takes_s)
-
-    def cancel(self, revision: int) -> None:
-        self._cancelled = max(self._cancelled, revision)
+        return replace(self._answer(problem, pricing), solve_s=takes_s)

@@ -15,22 +15,19 @@ from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Reopened, ReturnAllOrdered
 from executor.core.interface.intents import Action, IntentRecord
-from executor.core.preflight.failsafe_parameters import read_link_failsafe
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import ConnectionFailed
-from executor.runtime import vehicle_preflight
-from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
-from executor.site import site_model
+from executor.runtime.flight_loop import Flight
 from executor.virtual.loop import VirtualLoop, run_virtual
-from missions import Network, build_flight_path, dialect_for, encode
-from simulator.faults import parse_fault
+from missions import Network
+from simulator.config import SimVehicle
+from simulator.vehicle import SimulatedVehicle
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers
 from tests.storm.machine import Deputy, Disk
-from tests.storm.plot import ALL, GROUND, Happening, Plot, network_named
+from tests.storm.plot import GROUND, Happening, Plot, network_named
 
 QUIET_S = 135.0
 """So long after the last happening, and the launch, the crew calls it a day."""
@@ -73,12 +70,15 @@ class Stormed:
 class StormSky(Sky):
     """A story on its way."""
 
+    step_s = STEP_S
+    in_turn = False
     patience_s = 25.0
     return_m = 32.0
+    sink: Disk
+    solver: Deputy
 
     def __init__(self, plot: Plot) -> None:
         self.plot = plot
-        self._rng = random.Random(f"air {plot.seed}")
         self.airs: dict[str, Air] = {}
         super().__init__(
             Story(
@@ -89,12 +89,7 @@ class StormSky(Sky):
             ),
             plot.autopilot,
         )  # fmt: skip
-        self.airs = {
-            name: Air(radio.vehicle, radio.link.sysid, random.Random(f"{plot.seed} {name}"))
-            for name, radio in self.radios.items()
-        }
-        self.disk, self.deputy = Disk(), Deputy(self._ground, plot.solve_s)
-        self.sink = self.disk
+        self.sink, self.solver = Disk(), Deputy(self._ground, plot.solve_s)
         self.began: list[tuple[float, Happening]] = []
         self.mistakes: list[str] = []
         self.left = False
@@ -102,7 +97,6 @@ class StormSky(Sky):
         self._then: list[tuple[float, int, str]] = []
         self._number = itertools.count()
         self._flying: asyncio.Task[None] | None = None
-        self._beat: asyncio.Task[None] | None = None
         self._away_until_s: float | None = None
         self._reopened: Reopened | None = None
         self._sent_again_s: dict[str, float] = {}
@@ -114,81 +108,57 @@ class StormSky(Sky):
     def _network(self) -> Network:
         return network_named(self.plot.network)
 
+    def _radio(self, vehicle: SimVehicle) -> Air:
+        rng = random.Random(f"{self.plot.seed} {vehicle.name}")
+        self.airs[vehicle.name] = Air(SimulatedVehicle(vehicle), vehicle.sysid, rng)
+        return self.airs[vehicle.name]
+
+    def _wanted(self) -> list[int]:
+        return sorted({visit >> 1 for visits in self.plot.routes.values() for visit in visits})
+
     # The flight.
 
     async def storm(self) -> Stormed:
         """Connect, check, put on board, fly to the end, whatever happens."""
         asyncio.get_running_loop().set_exception_handler(lambda _, context: self._died(context))
-        living = asyncio.create_task(self._live(), name="live")
-        links = {name: air.link for name, air in self.airs.items()}
-        self._beat = asyncio.create_task(send_heartbeats(links, self.clock))
-        ended_s = None
-        try:
-            asked = [self._interview(name, link) for name, link in links.items()]
-            facts = {fact.name: fact for fact in await asyncio.gather(*asked)}
-            self.context, boards = self._ready({name: read_link_failsafe(dialect_for(self.autopilot), fact.parameters)
-                for name, fact in facts.items()})  # fmt: skip
-            await asyncio.gather(*(self._loaded(name, board) for name, board in boards.items() if board is not None))
-            self._boards = boards
-            self._launch_s = self.now_s
-            try:
-                async with asyncio.timeout_at(self._launch_s + self._quiet_s + LIMIT_S):
-                    await self._to_the_end()
-                ended_s = self.now_s
-            except TimeoutError:
-                pass
-        finally:
-            self._beat.cancel()
-            living.cancel()
-            for task in (self._flying, living):
-                if task is not None:
-                    task.cancel()
-                    with suppress(asyncio.CancelledError):
-                        await asyncio.gather(task, return_exceptions=True)
-            if not living.cancelled() and living.exception() is not None:
-                raise living.exception()  # type: ignore[misc]
-        self._note()
-        flown = self._flown(self.context, self._launch_s, ended_s)
+        flown = await self.fly()
         shown = {one.name: one.state for one in self.view.vehicles}
-        return Stormed(
-            self.plot, flown, tuple(self.began), tuple(self.mistakes), self.left, shown,
-            self.context.setup.layers.spacing_m,
-        )  # fmt: skip
+        spacing_m = self._setup.layers.spacing_m
+        return Stormed(self.plot, flown, tuple(self.began), tuple(self.mistakes), self.left, shown, spacing_m)
 
     def _died(self, context: Mapping[str, object]) -> None:
         error = context.get("exception")
         self.mistakes.append(f"{context.get('message')}: {_where(error) if isinstance(error, Exception) else ''}")
 
-    async def _loaded(self, name: str, board: OnboardMission) -> None:
-        dialect = self.context.vehicles[name].dialect
-        await vehicle_preflight.load_mission(
-            name, self.airs[name].link, self.clock, dialect, encode(board.path, dialect)
-        )
+    def _flown(self, context: Context, began_s: float, ended_s: float | None) -> Flown:
+        self._note()
+        return super()._flown(context, began_s, ended_s)
 
-    def _ready(self, own: Mapping[str, object]) -> tuple[Context, dict[str, OnboardMission | None]]:
-        setup = self._setup
-        task = site_model.build_first_task(
-            self._ground, sorted({v >> 1 for visits in self.plot.routes.values() for v in visits})
-        )
-        context = site_model.build_context(self._ground, setup, task, own)  # type: ignore[arg-type]
-        boards = {
-            name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)
-            if visits
-            else None
-            for name, visits in self.plot.routes.items()
-        }
-        return context, boards
+    def _is_under_way(self) -> bool:
+        return self._launch_s is not None
 
-    async def _to_the_end(self) -> None:
+    def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:
+        self._boards = boards
+        return super()._initial(boards)
+
+    async def _run(self, flight: Flight, until_s: float) -> float | None:
+        self._launch_s = self.now_s
+        try:
+            async with asyncio.timeout_at(until_s + self._quiet_s):
+                await self._to_the_end(flight)
+        except TimeoutError:
+            return None
+        else:
+            return self.now_s
+        finally:
+            if self._flying is not None:
+                self._flying.cancel()
+                await asyncio.gather(self._flying, return_exceptions=True)
+
+    async def _to_the_end(self, flight: Flight) -> None:
         """Fly, and take the flight up again as often as the ground station is killed."""
-        state = fleet_step.build_initial_state(self._boards)
         while True:
-            links = {name: air.link for name, air in self.airs.items()}
-            self.flight = Flight(
-                self.context, state, links, self.clock, self.sink, self.deputy,
-                Observer(lambda line, at_s: self.said.append((at_s, line)), lambda *_: None),
-            )  # fmt: skip
-            self._flying = asyncio.create_task(self.flight.run(self._reopened, PATIENCE_S), name="flight")
+            self._flying = asyncio.create_task(flight.run(self._reopened, PATIENCE_S), name="flight")
             nobody = False
             try:
                 await asyncio.shield(self._flying)
@@ -212,60 +182,36 @@ class StormSky(Sky):
                 again = Happening("ground killed", GROUND, 0.0, AGAIN_LATER_S + PATIENCE_S)
                 self.began.append((self.now_s - PATIENCE_S, replace(again, for_s=again.for_s + PATIENCE_S)))
             await self._up.wait()
-            state = self._replayed()
+            flight = self._begin_flight(flight.context, self._replayed(flight.context))
 
-    def _replayed(self) -> FleetState:
-        state = fleet_step.build_initial_state(self._boards)
-        for at_s, event in self.disk.kept:
+    def _replayed(self, context: Context) -> FleetState:
+        state = self._initial(self._boards)
+        for at_s, event in self.sink.kept:
             with suppress(Exception):
-                state, _ = fleet_step.step(self.context, state, event, at_s)
+                state, _ = fleet_step.step(context, state, event, at_s)
         return state
 
     def _die(self, until_s: float) -> None:
         """Kill the ground station: it says nothing to anybody, not even that it gives up."""
         for air in self.airs.values():
             air.close()
-        self.disk.lose()
+        self.sink.lose()
         self._up.clear()
         self._away_until_s = until_s
         assert self._flying is not None
-        assert self._beat is not None
         self._flying.cancel()
-        self._beat.cancel()
+        self._stop_heartbeats()
 
     def _come_back(self, set_s: float) -> None:
-        last_s = self.disk.kept[-1][0] if self.disk.kept else 0.0
+        last_s = self.sink.kept[-1][0] if self.sink.kept else 0.0
         self._away_until_s = None
         for air in self.airs.values():
-            air.reopen()
-        links = {name: air.link for name, air in self.airs.items()}
-        self._beat = asyncio.create_task(send_heartbeats(links, self.clock))
+            air.connect()
+        self._start_heartbeats()
         self._reopened = Reopened(1.8e9, max(0.0, self.now_s - last_s + set_s), ())
         self._up.set()
 
     # Time.
-
-    async def _live(self) -> None:
-        """Let time pass for everybody, and the story happen."""
-        try:
-            step = 0
-            while True:
-                step += 1
-                now_s = step * STEP_S
-                for air in self.airs.values():
-                    air.live(now_s)
-                    air.hand_over(now_s)
-                    self.truths += air.truths()
-                if self._launch_s is not None and self.flight is not None:
-                    self._befalls()
-                    step = max(step, round(self.now_s / STEP_S))  # it slept
-                    if self.now_s - self._looked_s >= 1.0:
-                        self._looked_s = self.now_s
-                        self._look()
-                await asyncio.sleep(max(0.0, (step + 1) * STEP_S - self.now_s))
-        except Exception as error:
-            self.mistakes.append(f"the sky: {_where(error)}")
-            raise
 
     def _look(self) -> None:
         if self._away_until_s is None:
@@ -285,12 +231,7 @@ class StormSky(Sky):
         if self.now_s - self._sent_again_s.get(name, -SENT_AGAIN_S) >= SENT_AGAIN_S:
             self.ask(Action.INCLUDE, name)
 
-    def _note(self) -> None:
-        for air in self.airs.values():
-            air.vehicle.autopilot.frame.record_event("at")
-            self.truths += air.truths()
-
-    def _befalls(self) -> None:
+    def _happen(self) -> None:
         assert self._launch_s is not None
         since_s = self.now_s - self._launch_s
         while self._due and self._due[0].at_s <= since_s:
@@ -327,10 +268,10 @@ class StormSky(Sky):
             case "wish" if self._away_until_s is None:
                 self._asks(Action(one.word), None if one.vehicle == GROUND else one.vehicle, sure=one.value > 0)
             case "solver":
-                self.deputy.mood = one.word
+                self.solver.mood = one.word
                 asyncio.get_running_loop().call_later(one.for_s, self._recovers)
             case "disk":
-                self.disk.full, self.disk.hangs = one.word == "full", one.word == "hangs"
+                self.sink.full, self.sink.hangs = one.word == "full", one.word == "hangs"
                 asyncio.get_running_loop().call_later(one.for_s, self._has_room)
             case "ground sleeps" if self._away_until_s is None:
                 self._sleeps(one.for_s)
@@ -348,12 +289,6 @@ class StormSky(Sky):
         value = one.word or (f"{one.for_s:g}s" if one.for_s else f"{one.value:g}" if one.value else "")
         self.befall(f"{one.vehicle}:{spec}={value}" if value else f"{one.vehicle}:{spec}")
 
-    def befall(self, spec: str) -> None:
-        fault = parse_fault(spec + "@0s")
-        for name, air in self.airs.items():
-            if fault.vehicle in {name, ALL}:
-                air.vehicle.apply_injection(fault)
-
     def _later(self, one: Happening, spec: str) -> None:
         self._then.append((one.ends_s, next(self._number), spec))
         self._then.sort()
@@ -363,10 +298,10 @@ class StormSky(Sky):
             self.ask(action, vehicle, sure=sure)
 
     def _recovers(self) -> None:
-        self.deputy.mood = ""
+        self.solver.mood = ""
 
     def _has_room(self) -> None:
-        self.disk.full = self.disk.hangs = False
+        self.sink.full = self.sink.hangs = False
 
     def _sleeps(self, for_s: float) -> None:
         """Let the ground's process stand still: its clock goes on, and what is sent waits as long as there is room."""
@@ -378,7 +313,7 @@ class StormSky(Sky):
                 air.live(begins_s + number * STEP_S)
                 if number % 10 == 0:
                     air.vehicle.autopilot.frame.record_event("at")
-                self.truths += air.truths()
+                self.truths += air.drain_truths()
         loop.advance(round(for_s / STEP_S) * STEP_S)
 
     def _interrupted(self, word: str) -> None:

@@ -13,11 +13,11 @@ from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from executor.adapters.assets import NamedAssets
+from executor.adapters.intent_body import IntentBody
 from executor.adapters.mqtt.broker import IntakeRules
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.interface.commands import Level
-from executor.core.interface.intents import FOR_ALL, FOR_BASE, PACK, Action, ActionName, Intent
+from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error
 
 MOST_BYTES = 4096
@@ -33,10 +33,8 @@ TOLD_EVERY_S = 10.0
 """Real seconds between two lines for the operator about messages that were refused."""
 
 
-class IntentMessage(BaseModel):
+class IntentMessage(IntentBody):
     """What an operator wants; acknowledged on `intent/ack` under its `id`."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
 
     headerId: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None  # noqa: N815 - VDA 5050's name
     """Counted by the sender; not looked at."""
@@ -44,21 +42,8 @@ class IntentMessage(BaseModel):
     """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
     version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.5.0"
     """Of these topics and payloads."""
-    id: Annotated[str, Field(pattern=ID)]
-    """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
-    action: ActionName
-    """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
     """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
-    confirmed: bool = False
-    """Whether the second question was answered with yes, which an acknowledgement asked."""
-    pack: Annotated[str, Field(pattern=PACK)] = ""
-    """The id of the pack that was put in, for `swap`; left out where packs have none."""
-    base: Annotated[str, Field(max_length=64)] = ""
-    """Which base of a day is closed or opened, for `close` and `open`."""
-    assets: NamedAssets = ()
-    """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
-    or missed."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -71,8 +56,6 @@ class IntentMessage(BaseModel):
             raise ValueError("base: expected a name for close and open, and none for anything else")
         if self.pack and self.action != "swap":
             raise ValueError(f"pack: expected none, as {self.action} changes none")
-        if self.assets and self.action != "prove":
-            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
         if not everybody and self.vehicle is None:
             raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
         return self
@@ -114,10 +97,7 @@ def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retain
     if objection is not None:
         code, why = objection
         return RefusedMessage(message.id, why, code)
-    action = Action(message.action)
-    return Intent(
-        message.id, action, message.vehicle, SOURCE, message.confirmed, message.pack, message.base, message.assets
-    )
+    return message.build_intent(SOURCE)
 
 
 def _find_objection(

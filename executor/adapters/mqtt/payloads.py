@@ -6,7 +6,7 @@ the topic, the states of a connection. What a flight looks like is in the core's
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -18,6 +18,7 @@ from executor.core.interface.intents import IntentReason
 from executor.core.state.fleet_state import CheckLine, Question
 from executor.core.state.vehicle_state import FaultCode
 from missions.plan_json import PlanDocument
+from missions.validation import document_of
 
 VERSION = "1.6.0"
 
@@ -140,8 +141,8 @@ class PlanMessage(MqttPayload):
     """The plan in force; retained."""
 
     revision: int
-    plan: PlanDocument
-    """As a plan file has it (faultline-plan/1)."""
+    plan: Annotated[dict[str, Any], document_of(PlanDocument)]
+    """As a plan file has it (faultline-plan/2)."""
 
 
 class AcknowledgementMessage(MqttPayload):

@@ -137,7 +137,7 @@ export interface VehicleView {
   satellites: number | null;
   voltage_v: number | null;
   /** As it measures it. */
-  wind: WindView | null;
+  wind: Wind | null;
   /** Who has it, if it is not flown from here. */
   taken: TakenView | null;
   /** Whether it could take over work, and waits for the crew's word. */
@@ -296,9 +296,10 @@ export interface LossView {
   left_over: number[];
 }
 
-/** Wind. */
-export interface WindView {
+/** WIND_COV of PX4, WIND of ArduPilot. */
+export interface Wind {
   speed_m_s: number;
+  /** Where the air comes from, clockwise from north. */
   from_deg: number;
 }
 

@@ -18,25 +18,26 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from importlib import resources
+from pathlib import PurePath
 from types import TracebackType
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import uvicorn
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from executor.adapters.assets import NamedAssets
+from executor.adapters.intent_body import IntentBody
 from executor.adapters.web.connection_limits import ConnectionLimits, ConnectionRegistry, WebConnection
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
 from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
-from executor.core.interface.intents import PACK, Action, ActionName, Intent, IntentRecord, Outcome
+from executor.core.interface.intents import Intent, IntentRecord, Outcome
 from executor.errors import ConnectionFailed
 from executor.supervised import WAITS_S, run_beside
 from missions import Window, format_first_error
@@ -48,22 +49,16 @@ SEND_BYTES = 1 << 16
 ANSWER_S = 5.0
 """How long the flight may take to decide about an intent."""
 START_S = 10.0
-FILES: Mapping[str, str] = {
-    "page.css": "text/css; charset=utf-8",
-    "page.js": "text/javascript; charset=utf-8",
-    "map.js": "text/javascript; charset=utf-8",
-    "assets.js": "text/javascript; charset=utf-8",
-    "strips.js": "text/javascript; charset=utf-8",
-    "intents.js": "text/javascript; charset=utf-8",
-    "briefing.js": "text/javascript; charset=utf-8",
-    "freshness.js": "text/javascript; charset=utf-8",
-    "ground.js": "text/javascript; charset=utf-8",
-    "offers.js": "text/javascript; charset=utf-8",
-    "elements.js": "text/javascript; charset=utf-8",
-    "words.js": "text/javascript; charset=utf-8",
-    "icon.svg": "image/svg+xml",
+TYPES: Mapping[str, str] = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".webp": "image/webp",
 }
-PICTURES: Mapping[str, str] = {".webp": "image/webp", ".png": "image/png"}
+"""Of the files that browsers are given, by what their names end in."""
+STATIC = resources.files("executor.adapters.web").joinpath("static")
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
 Mistake = Callable[[str, BaseException], None]
@@ -101,31 +96,6 @@ class _CachedFile:
     def etag(self) -> str:
         """What it is told by."""
         return f'"{sha256(self.content).hexdigest()[:20]}"'
-
-
-class _IntentBody(BaseModel):
-    """The body of an intent."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
-    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
-    action: ActionName
-    vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
-    confirmed: bool = False
-    pack: Annotated[str, Field(pattern=PACK)] = ""
-    base: Annotated[str, Field(max_length=64)] = ""
-    assets: NamedAssets = ()
-
-    @model_validator(mode="after")
-    def _check_assets(self) -> _IntentBody:
-        if self.assets and self.action != "prove":
-            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
-        return self
-
-    @property
-    def intent(self) -> Intent:
-        """Return what is asked for."""
-        action = Action(self.action)
-        return Intent(self.id, action, self.vehicle, "page", self.confirmed, self.pack, self.base, self.assets)
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
@@ -291,13 +261,14 @@ class WebServer:
             await asyncio.sleep(PERIOD_S)
 
     async def _serve_page(self, request: Request) -> Response:  # noqa: ARG002
-        return Response(_read_resource("page.html"), media_type="text/html; charset=utf-8")
+        return Response(STATIC.joinpath("page.html").read_bytes(), media_type="text/html; charset=utf-8")
 
     async def _serve_file(self, request: Request) -> Response:
         name = request.path_params["name"]
-        if name not in FILES:
+        kind, file = TYPES.get(PurePath(name).suffix), STATIC.joinpath(name)
+        if kind is None or PurePath(name).name != name or not file.is_file():
             return PlainTextResponse("there is no such file", 404)
-        return Response(_read_resource(name), media_type=FILES[name])
+        return Response(file.read_bytes(), media_type=kind)
 
     async def _serve_ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
@@ -308,8 +279,7 @@ class WebServer:
         headers = {"cache-control": "private, no-cache", "etag": kept.etag}
         if kept.etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
-        kind = PICTURES.get(name[name.rfind(".") :], "application/json")
-        return Response(kept.content, media_type=kind, headers=headers)
+        return Response(kept.content, media_type=TYPES.get(PurePath(name).suffix), headers=headers)
 
     async def _serve_events(self, request: Request) -> ASGIApp:  # noqa: ARG002
         return EventStream(self._newest, self._limits)
@@ -319,14 +289,14 @@ class WebServer:
         if kind != "application/json":
             return PlainTextResponse("expected content-type application/json", 415)
         try:
-            wish = _IntentBody.model_validate_json(await request.body())
+            wish = IntentBody.model_validate_json(await request.body())
         except ClientDisconnect:
             return PlainTextResponse("the body did not come", 400)
         except ValidationError as error:
             return PlainTextResponse(format_first_error(error), 422)
         try:
             async with asyncio.timeout(ANSWER_S):
-                record = await asyncio.wrap_future(self._submit(wish.intent))
+                record = await asyncio.wrap_future(self._submit(wish.build_intent("page")))
         except TimeoutError:
             return PlainTextResponse("the flight does not answer", 503)
         return JSONResponse(_record_to_plain(record), STATUS[record.outcome])
@@ -347,10 +317,6 @@ def _find_own_address() -> str:
         except OSError:
             return socket.gethostname()
         return str(one.getsockname()[0])
-
-
-def _read_resource(name: str) -> bytes:
-    return resources.files("executor.adapters.web").joinpath("static", name).read_bytes()
 
 
 def _record_to_plain(record: IntentRecord) -> dict[str, object]:

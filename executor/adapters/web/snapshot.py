@@ -84,10 +84,6 @@ class WebSnapshot:
         self._covered: tuple[Coverage, int] | None = None
         self._assets_changed = 0
 
-    def build_view(self) -> FleetView:
-        """Return what is known now."""
-        return self._describe(self._context, *self._now())
-
     def encode_clock(self) -> bytes:
         """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
         _, now_s = self._now()

@@ -40,7 +40,7 @@ def draw_gantt_figure(content: DayPlanFile) -> Figure:
         top_in = total_in - HEAD_IN - place * (panel_in + GAP_IN)
         axes = figure.add_axes((0.09, (top_in - panel_in) / total_in, 0.89, panel_in / total_in))
         _draw_day(axes, content, day)
-    handles = [Patch(color=_colour_of(number), label=base.name) for number, base in enumerate(content.places)]
+    handles = [Patch(color=_colour_of(number), label=base.name) for number, base in enumerate(content.bases)]
     figure.legend(handles=handles, loc="lower center", ncols=8, frameon=False, fontsize=9,
                   title="take-off from")  # fmt: skip
     return figure

@@ -50,7 +50,7 @@ class LabelPlacer:
             if price < best_price:
                 best, best_price = int(index), price
         self._occupy(anchors[best], middles[best], size)
-        return _to_place(anchors[best]), _to_place(middles[best])
+        return to_place(anchors[best]), to_place(middles[best])
 
     def _generate_candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (c, 2) anchors and (c, 2) middles of labels about them, inside the map."""
@@ -77,7 +77,8 @@ class LabelPlacer:
         self._taken_m = np.concatenate((self._taken_m, box, _sample_leader_m(anchor, middle)))
 
 
-def _to_place(point_m: FloatArray) -> Place:
+def to_place(point_m: FloatArray) -> Place:
+    """Return a point as a tuple."""
     return float(point_m[0]), float(point_m[1])
 
 

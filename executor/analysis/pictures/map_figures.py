@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from executor.analysis.flight_record import (
+    GAP_S,
     FlightRecord,
     Place,
     PlannedRoute,
@@ -21,9 +22,9 @@ from executor.analysis.flight_record import (
     VehicleRecord,
     build_launch_revision,
     find_abandoned_segments,
-    find_last_place_m,
+    find_last_row,
 )
-from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m
+from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m, to_place
 from executor.analysis.pictures.map_background import draw_below
 from executor.analysis.pictures.map_sheet import (
     MapSheet,
@@ -53,8 +54,6 @@ FONT_PT = 9.0
 LEFT_PT = 8.0
 """Width of the outline about what a lost vehicle left."""
 LINE_LETTERS = 20
-GAP_S = 5.0
-"""Where nothing was heard for longer than this, nothing is drawn."""
 _CHAR_IN, _LINE_IN = 0.62 * FONT_PT / 72.0, 1.9 * FONT_PT / 72.0
 
 
@@ -214,11 +213,12 @@ def _label_events(
     axes: Axes, sheet: MapSheet, placer: LabelPlacer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
 ) -> None:
     for vehicle, fault in record.losses:
-        place_m = find_last_place_m(vehicle, fault.detected_s)
-        if place_m is not None:
+        row = find_last_row(vehicle, fault.detected_s)
+        if row is not None:
+            place_m = vehicle.track[row, 1:3]
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
             words = f"{vehicle.name} lost: {fault.kind.value}\n{format_flight_time(fault.detected_s)}"
-            _draw_callout(axes, sheet, placer, np.array([place_m]), words, LOSS)
+            _draw_callout(axes, sheet, placer, place_m[np.newaxis], words, LOSS)
     for left_by, by, segments in _group_handovers(record):
         words = f"{by} took over {len(segments)}\nfrom {left_by}"
         _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(segments)), words, styles[by].colour)
@@ -288,14 +288,10 @@ def _label_vehicles(
 def _make_placer(sheet: MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> LabelPlacer:
     """Return a placer that keeps off the segments and off (n, 2) ways."""
     step_m = 0.05 * sheet.m_per_in
-    drawn = [sample_line_m(_to_place(a_m), _to_place(b_m), step_m) for a_m, b_m in ends_m]
+    drawn = [sample_line_m(to_place(a_m), to_place(b_m), step_m) for a_m, b_m in ends_m]
     for way in ways_m:
-        drawn += [sample_line_m(_to_place(here), _to_place(there), step_m) for here, there in itertools.pairwise(way)]
+        drawn += [sample_line_m(to_place(here), to_place(there), step_m) for here, there in itertools.pairwise(way)]
     return LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
-
-
-def _to_place(point_m: FloatArray) -> Place:
-    return float(point_m[0]), float(point_m[1])
 
 
 def _split_inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:

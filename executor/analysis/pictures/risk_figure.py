@@ -10,6 +10,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, make_white_edge, style_of
+from executor.site.campaign_risk import describe_policy
 from planner import RiskEstimate
 
 HEIGHT_IN = 6.6
@@ -68,13 +69,6 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
     figure.text(0.01, 1.0 - 0.58 / HEIGHT_IN, f"curves: {swept[0].flights} flights a point; bands: 95 % confidence",
                 fontsize=9.5, color=INK, va="center")  # fmt: skip
     return figure
-
-
-def describe_policy(replans: int) -> str:
-    """Return in words how many losses are re-planned."""
-    if replans == 0:
-        return "as planned, no re-plan"
-    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"
 
 
 def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> None:

@@ -135,15 +135,15 @@ def apply_remaining_report(
     """
     stands_for_pct = min(FULL_PCT, remaining_pct + middle_pct)
     sample = BatterySample(now_s, remaining_pct, state.modelled_pct)
+    least_pct = remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct)
+    reported = replace(
+        state, remaining_pct=remaining_pct, least_pct=least_pct, reported_s=now_s, charge_state=charge_state
+    )
     if state.estimate is None or state.remaining_pct is None:
         return replace(
-            state,
+            reported,
             first_pct=remaining_pct,
-            remaining_pct=remaining_pct,
-            least_pct=remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct),
             lowest_pct=remaining_pct,
-            reported_s=now_s,
-            charge_state=charge_state,
             history=(sample,),
             estimate=kalman.initialise_estimate(stands_for_pct, prior),
             usual=prior.factor,
@@ -173,12 +173,8 @@ def apply_remaining_report(
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
     return replace(
-        state,
-        remaining_pct=remaining_pct,
-        least_pct=remaining_pct if state.least_pct is None else min(state.least_pct, remaining_pct),
+        reported,
         lowest_pct=remaining_pct if state.lowest_pct is None else min(state.lowest_pct, remaining_pct),
-        reported_s=now_s,
-        charge_state=charge_state,
         history=(*state.history[begins:], sample),
         estimate=estimate,
         usual=_update_usual_factor(state, estimate, drift, elapsed_s, now_s),

@@ -7,7 +7,6 @@ the sorties of others.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.interface.commands import Command, SendHome
@@ -33,11 +32,11 @@ def is_base_closed(context: Context, state: FleetState, base: str) -> bool:
     return all(vehicle.orders.base_closed for vehicle in find_vehicles_at_base(context, state, base))
 
 
-def close_base(context: Context, state: FleetState, base: str, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def close_base(context: Context, state: FleetState, base: str, now_s: float) -> Stepped:
     """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
     commands: list[Command] = []
     for vehicle in find_vehicles_at_base(context, state, base):
-        shut = replace(vehicle, orders=replace(vehicle.orders, base_closed=True, cleared_s=None))
+        shut = vehicle.with_orders(base_closed=True, cleared_s=None)
         state, more = _keep_on_ground(context, state.put(shut), shut, f"base {base} is closed", now_s)
         commands.extend(more)
     return state, tuple(commands)
@@ -63,7 +62,7 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
 def open_base(context: Context, state: FleetState, base: str) -> FleetState:
     """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
     for vehicle in find_vehicles_at_base(context, state, base):
-        state = state.put(replace(vehicle, orders=replace(vehicle.orders, base_closed=False)))
+        state = state.put(vehicle.with_orders(base_closed=False))
     return state
 
 

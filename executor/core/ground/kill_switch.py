@@ -6,8 +6,6 @@ refuse to arm as long as the switch is on.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from executor.core.interface.commands import Command, HandsOff, Level, Say
 from executor.core.interface.messages import StatusText
 from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
@@ -33,13 +31,7 @@ def stand_down_vehicle(state: FleetState, vehicle: VehicleState, now_s: float) -
     if starting:
         vehicle = leave_plan(vehicle, Stage.LANDED, now_s)
     given = starting or vehicle.assignment.pending is not None
-    state = state.put(
-        replace(
-            vehicle,
-            orders=replace(vehicle.orders, excluded=True, cleared_s=None),
-            assignment=replace(vehicle.assignment, pending=None),
-        )
-    )
+    state = state.put(vehicle.with_orders(excluded=True, cleared_s=None).with_assignment(pending=None))
     if given:
         state, more = withdraw_vehicle(state, name, f"{name}: its kill switch is on", now_s)
         commands = (*commands, *more)

@@ -16,25 +16,16 @@ from executor.core.replanning import (
     replan_separation,
     survivors,
 )
-from executor.core.replanning.flying_hours import CLEARED_S
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
+from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
 from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase, build_open_task
 from planner import Vehicle, segment_of
 
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
-LEAST_SPARE_PCT = 5.0
-"""A battery with less than this over the reserve is not worth an offer."""
 _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
-
-
-def may_take_off(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle on the ground may take off by the clearance that it has."""
-    if survivors.may_take_off_unasked(context, vehicle):
-        return True
-    return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= CLEARED_S
 
 
 def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -115,14 +106,14 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
         and _is_landing_expected(state)
         and now_s - (state.crew.offer_wanted_s or now_s) < LANDING_S
     ):
-        return replace(state, crew=replace(state.crew, offer_wanted_s=state.crew.offer_wanted_s or now_s)), ()
+        return state.with_crew(offer_wanted_s=state.crew.offer_wanted_s or now_s), ()
     segments = tuple(sorted(frozenset[int]().union(*able.values())))
     if state.crew.offer is not None and (state.crew.offer.vehicles, state.crew.offer.again) == (tuple(able), again):
         if state.crew.offer.segments != segments:
-            state = replace(state, crew=replace(state.crew, offer=replace(state.crew.offer, segments=segments)))
+            state = state.with_crew(offer=replace(state.crew.offer, segments=segments))
         return _expire_offer(context, state, now_s)
     offer = TakeoffOffer(tuple(able), segments, now_s, again)
-    state = replace(state, crew=replace(state.crew, offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s))
+    state = state.with_crew(offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s)
     level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
     return state, (Say(level, f"{describe_offer(context, offer)} Use include for each that may take off"),)
 
@@ -172,7 +163,7 @@ def describe_offer(context: Context, offer: TakeoffOffer) -> str:
 def _withdraw_offer(state: FleetState) -> FleetState:
     if state.crew.offer is None and state.crew.offer_wanted_s is None:
         return state
-    return replace(state, crew=replace(state.crew, offer=None, offer_wanted_s=None))
+    return state.with_crew(offer=None, offer_wanted_s=None)
 
 
 def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> bool:
@@ -203,21 +194,17 @@ def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
     offer = state.crew.offer
     aloft = any(one.stage in IN_THE_AIR or one.stage is Stage.STARTING for one in state.vehicles.values())
     if offer is None or aloft:
-        return state if offer is None else replace(
-            state, crew=replace(state.crew, offer=replace(offer, alone_since_s=None))
-        ), ()
+        return state if offer is None else state.with_crew(offer=replace(offer, alone_since_s=None)), ()
     if offer.alone_since_s is None:
-        return replace(state, crew=replace(state.crew, offer=replace(offer, alone_since_s=now_s))), ()
+        return state.with_crew(offer=replace(offer, alone_since_s=now_s)), ()
     if now_s - offer.alone_since_s < context.offer_s:
         return state, ()
     left = find_open_segments(context, state)
     if offer.again:
         text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {_describe_distant_segments(offer)}"
-        return replace(state, crew=replace(state.crew, offer=None, offers_over=True)), (Say(Level.INFO, text),)
-    state = replace(
-        state,
-        crew=replace(state.crew, offer=None, offers_over=True),
-        coverage=replace(state.coverage, given_up=state.coverage.given_up | (left - state.coverage.left_over)),
+        return state.with_crew(offer=None, offers_over=True), (Say(Level.INFO, text),)
+    state = state.with_crew(offer=None, offers_over=True).with_coverage(
+        given_up=state.coverage.given_up | (left - state.coverage.left_over)
     )
     over = f"{format_count(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
     text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {over}"

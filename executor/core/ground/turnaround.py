@@ -32,10 +32,10 @@ from executor.core.preflight.pack_checks import (
     pack_facts_from_parameters,
 )
 from executor.core.replanning import replan_cycle, survivors
-from executor.core.replanning.flying_hours import CLEARED_S, find_remaining_hours, min_draw_pct
+from executor.core.replanning.flying_hours import find_remaining_hours, min_draw_pct
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_parts import PlannedSortie, PowerState, Turnaround
+from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import build_flight_path, estimate
 from planner import segment_of
@@ -46,8 +46,6 @@ LATE_S = 30.0
 """An examination that has not come to its end so much later than that never will."""
 PLACELESS_S = 10.0
 """Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
-LEAST_SPARE_PCT = 5.0
-"""A pack with less than this over the reserve is not worth a sortie."""
 _ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
 
 
@@ -56,8 +54,7 @@ def begin_turnaround(
 ) -> tuple[FleetState, str, tuple[Command, ...]]:
     """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
     state, ready = return_to_service(state, vehicle)
-    turn = replace(ready.turn, label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
-    state = state.put(replace(ready, turn=turn))
+    state = state.put(ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None))
     named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
     return state, f"{named} installed; running checks before the next sortie", (Examine(vehicle.name),)
 
@@ -97,9 +94,9 @@ def _apply_examination(context: Context, state: FleetState, event: Examined, now
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
         level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
     if context.day is not None:
-        ready = replace(vehicle, turn=replace(vehicle.turn, ready_s=now_s))
+        ready = vehicle.with_turn(ready_s=now_s)
         return state.put(ready), (Say(level, text),)
-    state = clear_for_takeoff(state, replace(vehicle, turn=replace(vehicle.turn, asked_s=None)), now_s)
+    state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
     state = _close_intent(
         state, vehicle.turn.intent, Outcome.DONE, "its checks have passed; re-planning with it", None, now_s
     )
@@ -154,16 +151,14 @@ def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> Fl
             and not stays
             and not describe_hours_conflict(context, state, vehicle, now_s)
         ):
-            turn = replace(vehicle.turn, asked_s=now_s, ready_s=now_s)
-            state = state.put(replace(vehicle, turn=turn))
+            state = state.put(vehicle.with_turn(asked_s=now_s, ready_s=now_s))
     return state
 
 
 def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetState:
     """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
     vehicle = state.vehicles[name]
-    turn = replace(vehicle.turn, asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:])
-    state = state.put(replace(vehicle, turn=turn))
+    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:]))
     return _close_intent(
         state, vehicle.turn.intent, Outcome.DONE, "its next sortie is on board; it starts", None, now_s
     )
@@ -320,7 +315,7 @@ def _release_later_sorties(context: Context, state: FleetState, vehicle: Vehicle
         return state, ()
     visits = {segment_of(visit) for sortie in vehicle.turn.ahead for visit in sortie.visits}
     left = visits - set(state.coverage.inspected)
-    state = state.put(replace(vehicle, turn=replace(vehicle.turn, ahead=())))
+    state = state.put(vehicle.with_turn(ahead=()))
     state = replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left))
     what = f"{format_count(len(left), 'segment')} of its later sorties"
     return state, (Say(Level.WARNING, f"{vehicle.name}: {what} open for the sorties of others"),) if left else ()
@@ -397,9 +392,7 @@ def _assign_next_sortie(
         said.append(Say(Level.INFO, text))
     if not visits and not pool:
         return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
-    vehicle = replace(
-        vehicle, orders=replace(vehicle.orders, cleared_s=ready_s), turn=_drop_finished_sorties(vehicle, visits)
-    )
+    vehicle = replace(vehicle, turn=_drop_finished_sorties(vehicle, visits)).with_orders(cleared_s=ready_s)
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
@@ -414,8 +407,7 @@ def _assign_next_sortie(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
     )  # fmt: skip
-    known = replace(state.replanning, revision=revision, replan=Replan(solve, now_s))
-    state = replace(state.put(vehicle), replanning=known)
+    state = state.put(vehicle).with_replanning(revision=revision, replan=Replan(solve, now_s))
     what = f"{format_count(len(visits), 'segment')}, as planned" if as_planned else "re-planned for its budget"
     return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
 
@@ -463,8 +455,8 @@ def _hand_over_sortie(
 ) -> tuple[FleetState, VehicleState]:
     """Make one vehicle's sortie another's."""
     kept = tuple(sortie for sortie in giver.turn.ahead if not set(visits) & set(sortie.visits))
-    taker = replace(taker, turn=replace(taker.turn, ahead=(PlannedSortie(visits, 0.0),)))
-    state = state.put(replace(giver, turn=replace(giver.turn, ahead=kept)))
+    taker = taker.with_turn(ahead=(PlannedSortie(visits, 0.0),))
+    state = state.put(giver.with_turn(ahead=kept))
     return state.put(taker), taker
 
 
@@ -488,8 +480,7 @@ def _next_sortie_number(vehicle: VehicleState) -> int:
 
 def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
     """End the crew's word without a start: it has to be given again."""
-    turn = replace(vehicle.turn, asked_s=None, ready_s=None)
-    state = state.put(replace(vehicle, turn=turn, orders=replace(vehicle.orders, cleared_s=None)))
+    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None).with_orders(cleared_s=None))
     state = _close_intent(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
     return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
 
@@ -501,4 +492,4 @@ def _close_intent(
     if record is None or record.ended_s is not None:
         return state
     over = replace(record, outcome=outcome, text=text, ended_s=now_s, code=code)
-    return replace(state, crew=replace(state.crew, intents=MappingProxyType({**state.crew.intents, intent: over})))
+    return state.with_crew(intents=MappingProxyType({**state.crew.intents, intent: over}))

@@ -16,12 +16,11 @@ from executor.core.interface.commands import Command, Level, Say
 from executor.core.payload.camera_state import BrokenCamera, CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions.cameras import FIRST_COMPONENT, Capture, Trigger
 from planner import segment_of
 
-Stepped = tuple[FleetState, tuple[Command, ...]]
 CameraFinding = tuple[FaultCode, str]
 
 MOVES = 0.5

@@ -14,15 +14,13 @@ from executor.core.context import Context
 from executor.core.interface.commands import AskPicture, Command, Level, Say
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures, WantedPicture
 from executor.core.payload.span_coverage import find_unseen_stretches, max_picture_spacing_m
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_run import SegmentPass
 from executor.core.state.vehicle_state import IN_THE_AIR, VehicleState
 from missions import Phase
 from missions.cameras import FIRST_COMPONENT
 from missions.inspection_height import visit_distances_m
 from planner import segment_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 WAITS_S = 8.0
 """For the words of pictures, once a span is flown: time to ask for a lost one three times."""

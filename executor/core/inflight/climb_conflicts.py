@@ -170,7 +170,7 @@ def _restore_speed(vehicle: VehicleState, waits: YieldState, now_s: float) -> tu
 
 
 def _set_yielding(vehicle: VehicleState, waits: YieldState | None, now_s: float) -> VehicleState:
-    return replace(vehicle, orders=replace(vehicle.orders, gives_way=waits, gave_way_s=now_s))
+    return vehicle.with_orders(gives_way=waits, gave_way_s=now_s)
 
 
 def _is_on_our_mission(context: Context, vehicle: VehicleState) -> bool:

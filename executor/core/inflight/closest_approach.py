@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.state.fleet_state import ClosestApproach, FleetState
@@ -42,4 +41,4 @@ def record_separation(context: Context, state: FleetState, vehicle: VehicleState
             least = ClosestApproach(apart_m, (vehicle.name, other.name), now_s)
     if least is state.progress.separation:
         return state
-    return replace(state, progress=replace(state.progress, separation=least))
+    return state.with_progress(separation=least)

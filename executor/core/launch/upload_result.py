@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.ground import takeoff_offers, turnaround
+from executor.core.ground import turnaround
 from executor.core.inflight.homing import return_home
 from executor.core.interface.commands import Command, Level, Say
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.launch import vehicle_start
-from executor.core.replanning import mission_retry, new_missions
+from executor.core.replanning import mission_retry, new_missions, survivors
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
 from executor.core.state.vehicle_state import (
@@ -33,9 +33,9 @@ def apply_upload_result(context: Context, state: FleetState, event: UploadEnded,
     if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
         return state, ()
     mission = plan.missions[event.vehicle]
-    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, pending=None))
+    vehicle = vehicle.with_assignment(pending=None)
     if event.fenced and mission.fence is not None:
-        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, fence=mission.fence))
+        vehicle = vehicle.with_assignment(fence=mission.fence)
     plan = replace(plan, pending=plan.pending - {event.vehicle})
     if event.accepted:
         state, more = _apply_accepted_upload(context, state, vehicle, mission, event, now_s)
@@ -45,7 +45,7 @@ def apply_upload_result(context: Context, state: FleetState, event: UploadEnded,
     commands: list[Command] = [*more]
     state, more = _continue_after_upload(context, state, vehicle, plan, event, now_s)
     commands.extend(more)
-    state = replace(state, replanning=replace(state.replanning, replan=plan))
+    state = state.with_replanning(replan=plan)
     if event.mixed and not event.accepted and not mission.fresh and not _has_left_mission(context, vehicle):
         unknown = event.code is Ending.NO_ANSWER
         why = f"its mission on board {'may be' if unknown else 'is'} a mix of two"
@@ -61,7 +61,7 @@ def _apply_accepted_upload(
 ) -> Stepped:
     board = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
     if mission.fresh:
-        vehicle = replace(vehicle, assignment=replace(vehicle.assignment, waypoint=0))
+        vehicle = vehicle.with_assignment(waypoint=0)
     state = state.put(apply_onboard_mission(vehicle, board, now_s))
     to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
     what = f"{format_count(to_go, 'segment')} to go" if to_go else "no segment left, returning"
@@ -82,8 +82,8 @@ def _apply_failed_upload(
     refused, how_long = mission_retry.record_declined_mission(context, vehicle, mission, event, now_s)
     text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); re-planning without it{how_long}"
     trigger = f"{vehicle.name}: {event.reason}"
-    known = replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s)
-    return replace(state.put(refused), replanning=known), (Say(Level.WARNING, text),)
+    state = state.put(refused).with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
+    return state, (Say(Level.WARNING, text),)
 
 
 def _continue_after_upload(
@@ -91,7 +91,7 @@ def _continue_after_upload(
 ) -> Stepped:
     """Start a vehicle on its base, or go on with a start that the upload broke off."""
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
-    if mission.fresh and event.accepted and takeoff_offers.may_take_off(context, vehicle, now_s):
+    if mission.fresh and event.accepted and survivors.may_take_off(context, vehicle, now_s):
         if not sortie:
             return vehicle_start.start_from_base(context, state, state.vehicles[vehicle.name], now_s)
         state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # it has looked at its boots itself

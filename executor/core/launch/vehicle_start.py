@@ -38,7 +38,7 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
-            state = state.put(replace(vehicle, link=replace(vehicle.link, heard_s=now_s, excused_s=now_s)))
+            state = state.put(vehicle.with_link(heard_s=now_s, excused_s=now_s))
     planned: set[int] = set()
     begun: set[int] = set()
     for vehicle in state.vehicles.values():
@@ -63,12 +63,10 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
     if left:
         commands.append(Say(Level.INFO, f"planned for the next sortie: {format_segments(context, left)}"))
     given_up = state.coverage.given_up | (planned - begun)
-    state = replace(state, coverage=replace(state.coverage, given_up=given_up, left_over=left))
-    return replace(
-        state,
-        progress=replace(state.progress, launched_s=now_s),
-        crew=replace(state.crew, briefing=replace(state.crew.briefing, question=None)),
-    ), tuple(commands)
+    state = state.with_coverage(given_up=given_up, left_over=left)
+    return state.with_progress(launched_s=now_s).with_crew(briefing=replace(state.crew.briefing, question=None)), tuple(
+        commands
+    )
 
 
 def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
@@ -78,21 +76,14 @@ def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_
     if StartStep.GUIDED in dialect.start:
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
     vehicle = change_stage(sortie_log.begin_sortie(state, vehicle, now_s), Stage.STARTING)
-    vehicle = replace(
-        vehicle,
-        orders=replace(
-            vehicle.orders,
-            ordered_mode_s=now_s,
-            errand=None,
-            ordered_modes=frozenset(modes_on_the_way),
-            start_let_go=False,
-        ),
-        assignment=replace(
-            vehicle.assignment, waypoint=0, run=None, owed=None, carried=MissionOwnership(ours_s=now_s), leg_began=None
-        ),
-        sortie=replace(vehicle.sortie, armed_once=False, took_off=False, rebooted_s=None, away_once=False),
-        motion=replace(vehicle.motion, anchor=None),
-        power=replace(vehicle.power, began_pct=vehicle.power.battery.remaining_pct, aloft_pct=None),
+    vehicle = (
+        vehicle.with_orders(
+            ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way), start_let_go=False
+        )
+        .with_assignment(waypoint=0, run=None, owed=None, carried=MissionOwnership(ours_s=now_s), leg_began=None)
+        .with_sortie(armed_once=False, took_off=False, rebooted_s=None, away_once=False)
+        .with_motion(anchor=None)
+        .with_power(began_pct=vehicle.power.battery.remaining_pct, aloft_pct=None)
     )
     return state.put(vehicle), Start(vehicle.name)
 
@@ -107,11 +98,7 @@ def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, 
     if placed and not anew:
         return state, (order,)
     owed = state.vehicles[vehicle.name]
-    owed = replace(
-        owed,
-        orders=replace(owed.orders, start_owed_s=now_s),
-        sortie=replace(owed.sortie, rebooted_s=vehicle.sortie.rebooted_s if anew else None),
-    )
+    owed = owed.with_orders(start_owed_s=now_s).with_sortie(rebooted_s=vehicle.sortie.rebooted_s if anew else None)
     said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: take-off waits for a position"),)
     return state.put(owed), said
 
@@ -135,14 +122,10 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
     may = context.fly_again is RelaunchPolicy.AUTO or (_is_clearance_fresh(state, vehicle, now_s) and not stopped)
     may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
     if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
-        vehicle = replace(
-            vehicle,
-            assignment=replace(vehicle.assignment, failures=vehicle.assignment.failures + 1),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s),
-        )
+        vehicle = vehicle.with_assignment(failures=vehicle.assignment.failures + 1).with_orders(ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         if not _has_fresh_position(context, vehicle, now_s):
-            owed = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=now_s))
+            owed = vehicle.with_orders(start_owed_s=now_s)
             return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}"
@@ -170,11 +153,7 @@ def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, no
 
 def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle to fly its mission that was seen to have taken off."""
-    vehicle = replace(
-        change_stage(vehicle, Stage.FLYING),
-        assignment=replace(vehicle.assignment, failures=0),
-        orders=replace(vehicle.orders, ordered_mode_s=now_s),
-    )
+    vehicle = change_stage(vehicle, Stage.FLYING).with_assignment(failures=0).with_orders(ordered_mode_s=now_s)
     return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
 
 
@@ -197,7 +176,7 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
         starts = vehicle.stage is Stage.STARTING
         if starts and not why and (fix is None or fix.at_s <= owed_s):
             continue
-        paid = replace(vehicle, orders=replace(vehicle.orders, start_owed_s=None, ordered_mode_s=now_s))
+        paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
         state = state.put(paid)
         if starts and why:
             fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)

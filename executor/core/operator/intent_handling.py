@@ -23,7 +23,7 @@ from executor.core.replanning import pilot_takeover, replan_cycle
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.fleet_state import FleetState, Stepped
-from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
 from executor.core.state.vehicle_position import describe_down_place
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 
@@ -33,8 +33,6 @@ ANSWER_S = 90.0
 """A vehicle that has not answered an order by then did not hear it."""
 OTHERS_MODE_S = 20.0
 """A held vehicle that flies its mission for longer than this was sent on by somebody else, or never heard the order."""
-LATE_S = 120.0
-"""An order may be followed this late: a radio keeps it, or only the answers were lost."""
 SHARED_S = 15.0
 """So long the work of one that was cleared to fly again waits for the others that were offered."""
 _RETURNS = frozenset({Action.RETURN, Action.EXCLUDE, Action.ABORT})
@@ -108,7 +106,7 @@ def _store_intent(state: FleetState, record: IntentRecord) -> FleetState:
     if len(intents) > KEPT_INTENTS:
         over = next((name for name, one in intents.items() if one.ended_s is not None), None)
         intents.pop(over or next(iter(intents)))
-    return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
+    return state.with_crew(intents=MappingProxyType(intents))
 
 
 def _vehicle_of(state: FleetState, intent: Intent) -> VehicleState:
@@ -119,17 +117,11 @@ def _vehicle_of(state: FleetState, intent: Intent) -> VehicleState:
 
 def _hold(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
     vehicle = _vehicle_of(state, intent)
-    held = replace(vehicle, orders=replace(vehicle.orders, held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s))
+    held = vehicle.with_orders(held_s=now_s, hold_asked_s=now_s, ordered_mode_s=now_s)
     if vehicle.stage is Stage.PILOT:
-        held = replace(change_stage(held, Stage.FLYING), custody=replace(held.custody, taken=None))
+        held = change_stage(held, Stage.FLYING).with_custody(taken=None)
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    state = state.put(
-        replace(
-            held,
-            orders=replace(held.orders, ordered_modes=frozenset({hold})),
-            custody=replace(held.custody, cause=ModeCause.OURS),
-        )
-    )
+    state = state.put(held.with_orders(ordered_modes=frozenset({hold})).with_custody(cause=ModeCause.OURS))
     return _IntentResult(state, "hold commanded", (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
@@ -137,9 +129,7 @@ def _resume(context: Context, state: FleetState, intent: Intent, now_s: float) -
     vehicle = _vehicle_of(state, intent)
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     mission = context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
-    state = state.put(
-        replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
-    )
+    state = state.put(vehicle.with_orders(ordered_mode_s=now_s, ordered_modes=frozenset({mission})))
     return _IntentResult(state, "resume commanded", (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
 
 
@@ -163,12 +153,11 @@ def _send_vehicle_home(
     """Send a vehicle home that flies its mission; one that has not armed yet must not take off."""
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
         left = leave_plan(vehicle, Stage.LANDED, now_s)
-        state = state.put(replace(left, orders=replace(left.orders, excluded=True)))
+        state = state.put(left.with_orders(excluded=True))
         return state, (SendHome(vehicle.name),)  # in place of its start
-    left = leave_plan(vehicle, Stage.RETURNING, now_s)
-    left = replace(left, orders=replace(left.orders, excluded=True))
+    left = leave_plan(vehicle, Stage.RETURNING, now_s).with_orders(excluded=True)
     if force:
-        left = replace(left, custody=replace(left.custody, taken=None, cause=ModeCause.OURS))
+        left = left.with_custody(taken=None, cause=ModeCause.OURS)
     return bring_home(context, state, left, now_s, force=force)
 
 
@@ -180,7 +169,7 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
     )
     left = leave_plan(vehicle, Stage.RETURNING, now_s)
     left = replace(left, fault=fault, orders=replace(left.orders, lands=True, excluded=True))
-    left = replace(left, custody=replace(left.custody, taken=None, cause=ModeCause.OURS)) if intent.confirmed else left
+    left = left.with_custody(taken=None, cause=ModeCause.OURS) if intent.confirmed else left
     state, told = bring_home(context, state, left, now_s, land=True, force=intent.confirmed)
     others: tuple[Command, ...] = ()
     if planned:
@@ -190,16 +179,11 @@ def _land(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
 
 
 def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
-    vehicle = _vehicle_of(state, intent)
-    vehicle = replace(vehicle, orders=replace(vehicle.orders, excluded=True))
+    vehicle = _vehicle_of(state, intent).with_orders(excluded=True)
     state = state.put(vehicle)
     if vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.DOWN}:
         given = vehicle.assignment.pending is not None
-        vehicle = replace(
-            vehicle,
-            orders=replace(vehicle.orders, cleared_s=None),
-            assignment=replace(vehicle.assignment, pending=None),
-        )
+        vehicle = vehicle.with_orders(cleared_s=None).with_assignment(pending=None)
         state = state.put(vehicle)
         if given:  # it would start as soon as its new mission is on board
             state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: excluded on the ground", now_s)
@@ -207,7 +191,7 @@ def _exclude(context: Context, state: FleetState, intent: Intent, now_s: float) 
         return _IntentResult(state, "it stays on the ground")
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
-        state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=hold)))
+        state = state.put(vehicle.with_custody(taken=hold))
         state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: excluded, with its pilot", now_s)
         return _IntentResult(state, "it stays with its pilot; its segments are to be reassigned", more)
     starting = vehicle.stage is Stage.STARTING and not vehicle.armed
@@ -242,10 +226,7 @@ def _include(context: Context, state: FleetState, intent: Intent, now_s: float) 
     state = clear_for_takeoff(state, ready, now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
         # The others may be cleared in a moment: the work is shared then.
-        state = replace(
-            state,
-            replanning=replace(state.replanning, wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S)),
-        )
+        state = state.with_replanning(wait_until_s=max(state.replanning.wait_until_s, now_s + SHARED_S))
     if replan_cycle.find_orphan_segments(context, state) or left:
         return _IntentResult(state, "included; re-planning with it")
     if again:
@@ -279,17 +260,17 @@ def _disarm(context: Context, state: FleetState, intent: Intent, now_s: float) -
 
 def _answer(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
     briefing = replace(state.crew.briefing, question=None, answered=intent.action.value)
-    return _IntentResult(replace(state, crew=replace(state.crew, briefing=briefing)), "yes")
+    return _IntentResult(state.with_crew(briefing=briefing), "yes")
 
 
 def _replan(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
-    trigger = f"requested by {intent.source}"
-    state = replace(
-        state,
-        replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s),
-        coverage=replace(state.coverage, given_up=frozenset()),
-    )
-    return _IntentResult(state, "all open segments are re-planned", open=True)
+    state, text = state.with_coverage(given_up=frozenset()), "all open segments are re-planned"
+    return _order_replan(state, f"requested by {intent.source}", text, now_s)
+
+
+def _order_replan(state: FleetState, trigger: str, text: str, now_s: float) -> _IntentResult:
+    state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=now_s)
+    return _IntentResult(state, text, open=True)
 
 
 def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
@@ -297,9 +278,8 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
         return _look_again(context, state, intent, now_s)
     wanted = state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state)
     coverage = again.discard_proof(state.coverage, wanted)
-    known = replace(state.replanning, ordered=True, trigger=f"proof requested by {intent.source}", trigger_s=now_s)
     text = f"re-flying {format_segments(context, wanted)} for proof"
-    return _IntentResult(replace(state, coverage=coverage, replanning=known), text, open=True)
+    return _order_replan(replace(state, coverage=coverage), f"proof requested by {intent.source}", text, now_s)
 
 
 def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
@@ -307,14 +287,9 @@ def _look_again(context: Context, state: FleetState, intent: Intent, now_s: floa
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
     names = format_segments(context, found)
-    known = replace(
-        state.replanning,
-        ordered=True,
-        trigger=f"re-inspection of {names} requested by {intent.source}",
-        trigger_s=now_s,
-    )
-    state = replace(state, coverage=again.reopen_segments(state.coverage, found), replanning=known)
-    return _IntentResult(state, f"{names} reopened for re-inspection", open=True)
+    trigger = f"re-inspection of {names} requested by {intent.source}"
+    state = replace(state, coverage=again.reopen_segments(state.coverage, found))
+    return _order_replan(state, trigger, f"{names} reopened for re-inspection", now_s)
 
 
 def _abort(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
@@ -340,12 +315,8 @@ def _recall(context: Context, state: FleetState, now_s: float) -> Stepped:
         elif vehicle.stage in _ON_MISSION:
             state, more = _send_vehicle_home(context, state, vehicle, now_s)
             commands.extend(more)
-    return replace(
-        state,
-        progress=replace(state.progress, recalled=True, launched_s=state.progress.launched_s or now_s),
-        replanning=replace(state.replanning, replan=None),
-        crew=replace(state.crew, offer=None),
-    ), tuple(commands)
+    state = state.with_progress(recalled=True, launched_s=state.progress.launched_s or now_s)
+    return state.with_replanning(replan=None).with_crew(offer=None), tuple(commands)
 
 
 _Handler = Callable[[Context, FleetState, Intent, float], _IntentResult]
@@ -376,29 +347,21 @@ def _apply_order_result(context: Context, state: FleetState, event: OrderEnded, 
     state = _close_intents(state, event.vehicle, actions, event, now_s)
     if event.action is Action.HOLD and not event.accepted and vehicle.orders.held_s is not None:
         # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
-        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
+        state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
     if event.action is Action.RESUME and event.accepted and vehicle.orders.held_s is not None:
-        gone_on = replace(
-            vehicle,
-            orders=replace(vehicle.orders, held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s),
-            motion=replace(vehicle.motion, anchor=None),
-        )
-        state = state.put(gone_on)
+        gone_on = vehicle.with_orders(held_s=None, hold_asked_s=float("-inf"), ordered_mode_s=now_s)
+        state = state.put(gone_on.with_motion(anchor=None))
     if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
         # It was to be stopped on the ground and is not there any more.
         state, more = return_home.bring_home(context, state, vehicle, now_s)
     if not event.accepted:
         text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
         return state, (Say(Level.WARNING, text), *more)
-    done = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands", Action.DISARM: "disarmed"}[
-        event.action
-    ]
+    words = {Action.HOLD: "holds", Action.RESUME: "flies on", Action.LAND: "lands", Action.DISARM: "disarmed"}
     note = f"; {event.reason}" if event.reason else ""
     if event.action is Action.DISARM and vehicle.stage is Stage.DOWN:
-        note = (
-            f"; {describe_down_place(context, replace(vehicle, telemetry=replace(vehicle.telemetry, heartbeat=None)))}"
-        )
-    return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {done}{note}"),)
+        note = f"; {describe_down_place(context, vehicle.with_telemetry(heartbeat=None))}"
+    return state, (Say(Level.WARNING if note else Level.INFO, f"{event.vehicle}: {words[event.action]}{note}"),)
 
 
 def _apply_return_result(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
@@ -441,20 +404,16 @@ def _close_intents(
             intents[name] = replace(record, outcome=Outcome.DONE, text=text, waiting=waiting, ended_s=now_s)
         else:
             intents[name] = replace(record, waiting=waiting)
-    return replace(state, crew=replace(state.crew, intents=MappingProxyType(intents)))
+    return state.with_crew(intents=MappingProxyType(intents))
 
 
 def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Bring intents to their end that no answer ends, and notice who was sent on by somebody else."""
     for vehicle in state.vehicles.values():
         if vehicle.orders.held_s is not None and _is_back_on_mission(context, vehicle, now_s):
-            state = state.put(
-                replace(
-                    vehicle, orders=replace(vehicle.orders, held_s=None), motion=replace(vehicle.motion, anchor=None)
-                )
-            )
+            state = state.put(vehicle.with_orders(held_s=None).with_motion(anchor=None))
         elif vehicle.orders.held_s is None and _is_holding_late(context, vehicle, now_s):
-            state = state.put(replace(vehicle, orders=replace(vehicle.orders, held_s=now_s)))
+            state = state.put(vehicle.with_orders(held_s=now_s))
     ended = {
         name: replace(record, outcome=outcome, text=text, waiting=frozenset(), ended_s=now_s, code=code)
         for name, record in state.crew.intents.items()
@@ -464,8 +423,7 @@ def settle_intents(context: Context, state: FleetState, now_s: float) -> Stepped
     }
     if not ended:
         return state, ()
-    intents = MappingProxyType({**state.crew.intents, **ended})
-    return replace(state, crew=replace(state.crew, intents=intents)), ()
+    return state.with_crew(intents=MappingProxyType({**state.crew.intents, **ended})), ()
 
 
 def _is_back_on_mission(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -476,7 +434,7 @@ def _is_back_on_mission(context: Context, vehicle: VehicleState, now_s: float) -
 def _is_holding_late(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     if (
         vehicle.stage is not Stage.FLYING
-        or now_s - vehicle.orders.hold_asked_s > LATE_S
+        or now_s - vehicle.orders.hold_asked_s > FOLLOWED_LATE_S
         or vehicle.telemetry.heartbeat is None
     ):
         return False

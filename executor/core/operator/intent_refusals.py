@@ -18,6 +18,7 @@ from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, I
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
 from executor.core.state.vehicle_position import describe_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
@@ -28,8 +29,6 @@ LINE_M = 12.0
 """Nearer to the line than this nobody lands: wires sag and swing, and pylons are 5 to 10 m wide."""
 PAD_M = 4.0
 """Nearer to somebody else's pad than this nobody lands."""
-LEAST_SPARE_PCT = 5.0
-"""A battery with less than this over the reserve brings nobody back into the plan."""
 NOT_BEGUN = "the flight has not begun"
 _ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
 _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})

@@ -38,8 +38,8 @@ def check_missions_and_areas(
             text = f"it stands {off_m:.0f} m from the pad that the site states for it; it lands where it stands"
             found.append(Check(Severity.WARNING, name, text, CheckCode.AREAS))
     if setup.alternates:
-        names = ", ".join(place.name for place in setup.alternates)
-        found.append(Check(Severity.OK, SUBJECT, f"alternates: {names}", CheckCode.AREAS))
+        text = f"alternates: {', '.join(setup.alternates)}"
+        found.append(Check(Severity.OK, SUBJECT, text, CheckCode.AREAS))
     if not setup.areas:
         return found
     wrong = check_areas(setup, paths)

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
+from executor.core.preflight.board_changes import format_number
 from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names
 from executor.core.preflight.parameter_proposals import (
     REAL32,
     ParameterChange,
     ParameterProposal,
     Present,
-    format_number,
     list_change_checks,
 )
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts

@@ -1,15 +1,15 @@
-"""Parameters that a flight needs otherwise than the vehicles have them: what is changed, and how it is given back."""
+"""Parameters that a flight needs otherwise than the vehicles have them, and what is changed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import dataclass
 
 from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import ParamValue
+from executor.core.preflight.board_changes import format_change
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
@@ -52,9 +52,7 @@ class ParameterChange:
     @property
     def words(self) -> str:
         """Old, new and why, for the crew to confirm."""
-        return (
-            f"{self.name} {format_number(self.old)} -> {format_number(self.new)}{_format_unit(self.unit)}: {self.why}"
-        )
+        return f"{self.name} {format_change(self.old, self.new, self.unit)}: {self.why}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +68,6 @@ class ParameterProposal:
     def changes_of(self, vehicle: str) -> tuple[ParameterChange, ...]:
         """Return the changes of one vehicle."""
         return tuple(change for change in self.changes if change.vehicle == vehicle)
-
-
-def format_number(value: float) -> str:
-    """Return a value as people write it.
-
-    >>> number(1500.0), number(27.299999237060547), number(0.0)
-    ('1500', '27.3', '0')
-    """
-    return str(int(value)) if value == int(value) else f"{value:g}"
-
-
-def is_same_value(one: float, other: float) -> bool:
-    """Return whether two values are one, but for what a float loses on its way."""
-    return math.isclose(one, other, rel_tol=1e-5, abs_tol=1e-6)
 
 
 def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -238,114 +222,3 @@ def _propose_other_changes(
         why = "waits over its pad in its own layer"
         changes.append(ParameterChange(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
     return changes
-
-
-class ChangeStage(Enum):
-    """How far a change has come."""
-
-    PLANNED = "planned"
-    """It may be on board: this is written before it is sent."""
-    SET = "set"
-    """It was read back."""
-    RESTORED = "restored"
-    """What was there before was read back."""
-    LEFT = "left"
-    """Something else was found on board, which somebody set since: it was left as it is."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeptParameter:
-    """What is on record of one parameter, so that it can be given back whatever happens to the ground station."""
-
-    vehicle: str
-    sysid: int
-    autopilot: str
-    name: str
-    old: float
-    """What was there before anybody here set anything."""
-    new: float
-    """What was set last."""
-    kind: int
-    """MAV_PARAM_TYPE."""
-    unit: str
-    why: str
-    stage: ChangeStage = ChangeStage.PLANNED
-    earlier: tuple[float, ...] = ()
-    """What earlier attempts at the same flight set, and may have left on board."""
-
-    @property
-    def open(self) -> bool:
-        """Whether it has still to be given back."""
-        return self.stage is not ChangeStage.RESTORED
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """Vehicle and name."""
-        return self.vehicle, self.name
-
-    @property
-    def words(self) -> str:
-        """What is restored, for the crew to confirm."""
-        new, old = format_number(self.new), format_number(self.old)
-        return f"{self.vehicle}: {self.name} {new} -> {old}{_format_unit(self.unit)}"
-
-    def is_ours(self, value: float) -> bool:
-        """Return whether a value on board was set from here."""
-        return any(is_same_value(value, one) for one in (self.new, *self.earlier))
-
-
-def build_kept_parameter(
-    change: ParameterChange, sysid: int, autopilot: str, before: KeptParameter | None
-) -> KeptParameter:
-    """Return what is on record once a change is planned.
-
-    Args:
-        change: What is to be set.
-        sysid: Of its vehicle.
-        autopilot: Of its vehicle, 'ardupilot' or 'px4'.
-        before: What an earlier attempt left on record of it. What that one found is the oldest value, and given back,
-            unless somebody set something else since.
-    """
-    fresh = KeptParameter(
-        change.vehicle, sysid, autopilot, change.name, change.old, change.new, change.kind, change.unit, change.why
-    )
-    if before is None or not before.open or not (is_same_value(change.old, before.old) or before.is_ours(change.old)):
-        return fresh
-    earlier = dict.fromkeys((*before.earlier, before.new))
-    return replace(fresh, old=before.old, earlier=tuple(value for value in earlier if value != change.new))
-
-
-def build_parameter_record(
-    changes: Sequence[ParameterChange], about: Mapping[str, tuple[int, str]], before: Sequence[KeptParameter]
-) -> list[KeptParameter]:
-    """Return the whole record before a flight sets anything.
-
-    Args:
-        changes: What it is going to set.
-        about: System and autopilot of each vehicle.
-        before: The record of earlier attempts; what is not set again stays on it.
-    """
-    known = {one.key: one for one in before}
-    for change in changes:
-        key = (change.vehicle, change.name)
-        known[key] = build_kept_parameter(change, *about[change.vehicle], known.get(key))
-    return list(known.values())
-
-
-class ValueOrigin(Enum):
-    """What a parameter's value on board means."""
-
-    OLD = "old"
-    OURS = "ours"
-    OTHER = "other"
-
-
-def classify_value(one: KeptParameter, value: float) -> ValueOrigin:
-    """Return what a value on board means: it is only ours to take back where we set it."""
-    if is_same_value(value, one.old):
-        return ValueOrigin.OLD
-    return ValueOrigin.OURS if one.is_ours(value) else ValueOrigin.OTHER
-
-
-def _format_unit(unit: str) -> str:
-    return f" {unit}" if unit else ""

@@ -9,9 +9,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import Survivor
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
-
-CLEARED_S = 120.0
-"""After this the crew's word that a pad is clear is too old; who takes off by it may, with hours that begin so soon."""
+from executor.core.state.vehicle_parts import CLEARED_S
 
 
 def find_remaining_hours(
@@ -24,7 +22,7 @@ def find_remaining_hours(
         state: Of the flight.
         name: Of the vehicle.
         now_s: The time.
-        ahead_s: Hours that begin so soon count as begun.
+        ahead_s: Hours that begin so soon count as begun: a clearance may be so old at the take-off.
 
     Returns:
         The seconds until its hours end, infinite where nobody set any, and 0 outside them; and the seconds after the

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from executor.core.context import Context
 from executor.core.interface.commands import Solve
 from executor.core.replanning import replan_cycle, replan_separation, survivors
@@ -43,7 +41,7 @@ def build_loss_problem(context: Context, state: FleetState, name: str, now_s: fl
     alone = replan_cycle.find_orphan_segments(context, state)
     if not alone:
         return ()
-    free = (replace(vehicle, orders=replace(vehicle.orders, held_s=None)) for vehicle in state.vehicles.values())
+    free = (vehicle.with_orders(held_s=None) for vehicle in state.vehicles.values())
     asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in free)
     offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
     if not offers:

@@ -13,18 +13,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
+from executor.core.interface.commands import Level, Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
 from executor.core.replanning import reinspection, replan_cycle, replan_separation, survivors
 from executor.core.replanning.flying_hours import limit_to_hours
 from executor.core.replanning.replan_messages import format_segments
-from executor.core.state.fleet_state import FleetState, Replan
+from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import VehicleState
 from missions import build_flight_path, continue_path, estimate
 from missions.inspection_height import must_leave_layer
 from planner import is_reversed, segment_of
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 LOOKED_S = 1.0
 LOOKED_AT, PAIRS_AT_ONCE = 3, 24
@@ -171,7 +169,7 @@ def _choose_low(context: Context, state: FleetState, plan: Replan, now_s: float)
 def _assign_plan(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
     [offer], revision = plan.solve.survivors, plan.solve.revision
     plan = replace(plan, solve=replace(plan.solve, trigger=why))
-    state = replace(state, replanning=replace(state.replanning, revision=revision, replan=plan))
+    state = state.with_replanning(revision=revision, replan=plan)
     answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
     state, commands = replan_cycle.apply_solution(context, state, answer, now_s)
     return state, (Say(Level.INFO, why), *commands)

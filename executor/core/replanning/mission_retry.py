@@ -52,7 +52,7 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
         refused = vehicle.assignment.declined
         if refused is None or refused.tries >= OFFERS or not _is_answering_again(vehicle, refused, now_s):
             continue
-        ready = replace(vehicle, assignment=replace(vehicle.assignment, stubborn=False))
+        ready = vehicle.with_assignment(stubborn=False)
         if survivors.build_survivor(context, ready, now_s) is None:
             if vehicle.stage is not Stage.FLYING:
                 state = state.put(ready)  # it waits for the crew's word, as others do
@@ -60,7 +60,7 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
         if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.read_s <= refused.at_s:
             # As if it had said that it was given one: that is read, and nothing is put on board before.
             carried = replace(vehicle.assignment.carried, told_s=now_s)
-            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=carried)))
+            state = state.put(vehicle.with_assignment(carried=carried))
             continue
         return _replan_with(state, ready, now_s)
     return state, ()
@@ -82,9 +82,5 @@ def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Step
     known = replace(state.replanning, ordered=True)
     if not known.urgent:
         known = replace(known, trigger=trigger, trigger_s=now_s)
-    state = replace(
-        state.put(vehicle),
-        coverage=replace(state.coverage, given_up=state.coverage.given_up - left),
-        replanning=known,
-    )
+    state = replace(state.put(vehicle), replanning=known).with_coverage(given_up=state.coverage.given_up - left)
     return state, (Say(Level.INFO, f"{trigger}; re-planning with it"),)

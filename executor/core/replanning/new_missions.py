@@ -10,7 +10,7 @@ from executor.core.inflight.homing.return_home import is_coming_down
 from executor.core.interface.commands import Command, Compose, Level, Say, Survivor, Upload
 from executor.core.interface.events import MissionsWanted, NewRoute
 from executor.core.replanning import replan_separation, survivors
-from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReplanRecord
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
 from executor.core.state.vehicle_parts import ModeCause
 from executor.core.state.vehicle_state import Stage, VehicleState
@@ -26,9 +26,7 @@ WAYS_AT_ONCE = 500
 Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
 
 
-def apply_missions_wanted(
-    context: Context, state: FleetState, event: MissionsWanted, now_s: float
-) -> tuple[FleetState, tuple[Command, ...]]:
+def apply_missions_wanted(context: Context, state: FleetState, event: MissionsWanted, now_s: float) -> Stepped:
     """Make some more missions of a re-plan."""
     plan = state.replanning.replan
     if plan is None or plan.solve.revision != event.revision:
@@ -36,9 +34,7 @@ def apply_missions_wanted(
     return compose_missions(context, state, plan, now_s)
 
 
-def compose_missions(
-    context: Context, state: FleetState, plan: Replan, now_s: float
-) -> tuple[FleetState, tuple[Command, ...]]:
+def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: float) -> Stepped:
     """Make and send the next missions, with `WAYS_AT_ONCE` or one vehicle's; the others wait for their turn."""
     commands: list[Command] = []
     offers = {offer.vehicle: offer for offer in plan.solve.survivors}
@@ -62,7 +58,7 @@ def compose_missions(
             if near:
                 why = f"its path conflicts with others' parts of the line ({near[0]})"
                 state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
-                state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + RETRY_S))
+                state = state.with_replanning(wait_until_s=now_s + RETRY_S)
                 commands.append(said)
                 continue
             if waits:
@@ -74,7 +70,7 @@ def compose_missions(
     plan = replace(plan, unmade=(*waiting, *unmade))
     if unmade:
         commands.append(Compose(plan.solve.revision))
-    state, ended = end_replan_if_done(replace(state, replanning=replace(state.replanning, replan=plan)), now_s)
+    state, ended = end_replan_if_done(state.with_replanning(replan=plan), now_s)
     return state, (*commands, *ended)
 
 
@@ -97,10 +93,8 @@ def drop_late_mission(
     """Let go of a part of a re-plan that came too late for one vehicle: what it would have flown is planned anew."""
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     vehicle = state.vehicles[name]
-    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=None)))
-    state = replace(
-        state, replanning=replace(state.replanning, replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
-    )
+    state = state.put(vehicle.with_assignment(pending=None))
+    state = state.with_replanning(replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
     return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
 
 
@@ -110,14 +104,9 @@ def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
     A sortie that is given up is asked for again by its turnaround, as long as the crew's word holds.
     """
     if plan.solve.sortie:
-        return replace(state, replanning=replace(state.replanning, replan=None))
-    wanted = replace(
-        state,
-        replanning=replace(
-            state.replanning, replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s
-        ),
-    )
-    return replace(wanted, replanning=replace(wanted.replanning, ordered=plan.ordered))
+        return state.with_replanning(replan=None)
+    wanted = state.with_replanning(replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
+    return wanted.with_replanning(ordered=plan.ordered)
 
 
 def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
@@ -154,13 +143,13 @@ def _build_new_mission(
     return NewMission(path, (*stay, *visits), False, fence)
 
 
-def end_replan_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
     """Close the re-plan once every new mission is on board, or known not to come on board."""
     plan = state.replanning.replan
     if plan is None or plan.solve_s is None or plan.pending:
         return state, ()
     if plan.closer:  # nothing was planned
-        return replace(state, replanning=replace(state.replanning, replan=None)), ()
+        return state.with_replanning(replan=None), ()
     record = ReplanRecord(
         revision=plan.solve.revision,
         trigger=plan.solve.trigger,
@@ -173,12 +162,7 @@ def end_replan_if_done(state: FleetState, now_s: float) -> tuple[FleetState, tup
         gain=plan.gain,
         sortie=plan.solve.sortie,
     )
-    state = replace(
-        state,
-        replanning=replace(
-            state.replanning, replan=None, records=(*state.replanning.records, record), orphans_since_s=None
-        ),
-    )
+    state = state.with_replanning(replan=None, records=(*state.replanning.records, record), orphans_since_s=None)
     since_s = record.ended_s - record.begun_s
     what = f"{record.trigger}, plan {record.revision}," if record.sortie else f"re-plan {record.revision}"
     text = f"{what} is on board" + (f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else "")

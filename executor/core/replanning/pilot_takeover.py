@@ -16,7 +16,7 @@ from executor.core.interface.messages import Actor
 from executor.core.replanning import new_missions
 from executor.core.replanning.withdrawal import withdraw_vehicle
 from executor.core.state import sortie_log
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, Takeover
 from executor.core.state.vehicle_position import (
     describe_down_place,
@@ -27,8 +27,6 @@ from executor.core.state.vehicle_position import (
 )
 from executor.core.state.vehicle_state import Stage, VehicleState, change_stage
 from missions.autopilots.modes import mode_name
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 RETURNED_AFTER_S = 1.0
 """So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""
@@ -109,9 +107,7 @@ def monitor_taken_vehicle(context: Context, state: FleetState, vehicle: VehicleS
 def _apply_pilot_return(
     context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float, *, returned: bool
 ) -> Stepped:
-    state = state.put(
-        replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, returned_s=now_s if returned else None)))
-    )
+    state = state.put(vehicle.with_custody(taken=replace(hold, returned_s=now_s if returned else None)))
     if not returned:
         beat = vehicle.telemetry.heartbeat
         mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
@@ -133,7 +129,7 @@ def _apply_pilot_return(
 def _reassign_segments(
     context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float
 ) -> Stepped:
-    state = state.put(replace(vehicle, custody=replace(vehicle.custody, taken=replace(hold, given_away=True))))
+    state = state.put(vehicle.with_custody(taken=replace(hold, given_away=True)))
     who = "with its pilot" if vehicle.assignment.carried.foreign_s is None else "on another station's mission"
     trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
@@ -150,13 +146,11 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
     stage = Stage.DOWN if place else Stage.LANDED
     vehicle = vehicle if place else sortie_log.end_sortie(vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
-        replace(
-            change_stage(vehicle, stage),
-            custody=replace(vehicle.custody, taken=None),
-            orders=replace(vehicle.orders, excluded=True),
-            assignment=replace(vehicle.assignment, run=None),
-            sortie=replace(vehicle.sortie, place_told=bool(place) and not fell),
-        )
+        change_stage(vehicle, stage)
+        .with_custody(taken=None)
+        .with_orders(excluded=True)
+        .with_assignment(run=None)
+        .with_sortie(place_told=bool(place) and not fell)
     )
     text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
     if fell:
@@ -172,10 +166,7 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
     hold = vehicle.custody.taken
     trigger = f"{vehicle.name}: {'disarmed with' if fell else 'landed by'} its pilot"
     if hold is not None and not hold.given_away:
-        state = replace(
-            state,
-            replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=vehicle.link.heard_s or 0.0),
-        )
+        state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=vehicle.link.heard_s or 0.0)
     return state, (Say(Level.FAULT if place else Level.INFO, text),)
 
 
@@ -187,19 +178,17 @@ def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleSt
     modes = context.vehicles[vehicle.name].dialect.modes
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
     hold = vehicle.custody.taken
-    back = replace(
-        change_stage(vehicle, Stage.FLYING),
-        custody=replace(vehicle.custody, taken=None, cause=ModeCause.OURS),
-        assignment=replace(vehicle.assignment, run=None),
-        motion=replace(vehicle.motion, anchor=None),
-        orders=replace(
-            vehicle.orders, excluded=False, ordered_mode_s=now_s, ordered_modes=frozenset({modes.mission.custom_mode})
-        ),
+    back = (
+        change_stage(vehicle, Stage.FLYING)
+        .with_custody(taken=None, cause=ModeCause.OURS)
+        .with_assignment(run=None)
+        .with_motion(anchor=None)
+        .with_orders(excluded=False, ordered_mode_s=now_s, ordered_modes=frozenset({modes.mission.custom_mode}))
     )
     state = state.put(back)
     if hold is not None and hold.given_away:
         trigger = f"{vehicle.name}: is back in the plan"
-        state = replace(state, replanning=replace(state.replanning, ordered=True, trigger=trigger, trigger_s=now_s))
+        state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=now_s)
     text = f"{vehicle.name}: is back in the plan, from its pilot"
     commands: tuple[Command, ...] = (Resume(vehicle.name, speed_m_s),) if speed_m_s > 0 else ()
     return state, (Say(Level.INFO, text), *commands)

@@ -19,7 +19,7 @@ from executor.core.replanning.replan_messages import (
     find_passed_segments,
     format_segments,
 )
-from executor.core.state.fleet_state import Coverage, FleetState, Replan
+from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState
 from planner import segment_of
 
@@ -61,14 +61,11 @@ def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: fl
     if out or not left or state.progress.recalled:
         return state
     trigger = f"{vehicle.name}: link regained"
-    return replace(
-        state,
-        coverage=replace(state.coverage, given_up=state.coverage.given_up - left),
-        replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
-    )
+    state = state.with_coverage(given_up=state.coverage.given_up - left)
+    return state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
 
 
-def begin_replan(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Begin a re-plan if there is a need for one and somebody to do it, or go on with one that waits."""
     plan = state.replanning.replan
     if plan is not None and plan.low and plan.unmade:
@@ -78,7 +75,7 @@ def begin_replan(context: Context, state: FleetState, now_s: float) -> tuple[Fle
     return _begin_new_replan(context, state, now_s)
 
 
-def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
     alone = find_orphan_segments(context, state)
     if (
         state.replanning.replan is not None
@@ -88,9 +85,9 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tupl
     ):
         return state, ()
     if not alone and not state.replanning.ordered:
-        return replace(state, replanning=replace(state.replanning, orphans_since_s=None, urgent=False)), ()
+        return state.with_replanning(orphans_since_s=None, urgent=False), ()
     since = now_s if state.replanning.orphans_since_s is None else state.replanning.orphans_since_s
-    state = replace(state, replanning=replace(state.replanning, orphans_since_s=since))
+    state = state.with_replanning(orphans_since_s=since)
     if now_s < state.replanning.wait_until_s or (
         not state.replanning.urgent and not state.replanning.ordered and now_s - since < PROOF_GRACE_S
     ):
@@ -98,9 +95,7 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tupl
     asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
     offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
     if not offers:
-        return _give_up_without_vehicle(
-            context, replace(state, replanning=replace(state.replanning, ordered=False)), alone
-        )
+        return _give_up_without_vehicle(context, state.with_replanning(ordered=False), alone)
     if not state.replanning.urgent and not state.replanning.ordered:
         state, alone = _count_attempts(state, alone)
         if not alone:
@@ -108,7 +103,7 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tupl
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _find_segments_under_way(state, offers)
     to_spare = find_left_over_segments(state) | (freed & state.coverage.left_over)
     if not alone and not freed and not to_spare:
-        return replace(state, replanning=replace(state.replanning, ordered=False)), ()
+        return state.with_replanning(ordered=False), ()
     trigger = (
         state.replanning.trigger
         if state.replanning.urgent or state.replanning.ordered
@@ -120,16 +115,12 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> tupl
     offers = replan_separation.close_occupied_segments(context, state, offers, (*own, *to_spare), now_s)
     solve = Solve(revision, own, offers, trigger, tuple(sorted(to_spare - done)))
     begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
-    state = replace(
-        state,
-        replanning=replace(
-            state.replanning,
-            revision=revision,
-            replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
-            urgent=False,
-            ordered=False,
-            considered=frozenset(offer.vehicle for offer in offers),
-        ),
+    state = state.with_replanning(
+        revision=revision,
+        replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
+        urgent=False,
+        ordered=False,
+        considered=frozenset(offer.vehicle for offer in offers),
     )
     names = ", ".join(offer.vehicle for offer in offers)
     text = (
@@ -157,12 +148,7 @@ def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetStat
         **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in flown},
     }
     hopeless = frozenset(segment for segment in flown if attempts[segment] > ATTEMPTS)
-    state = replace(
-        state,
-        coverage=replace(
-            state.coverage, attempts=MappingProxyType(attempts), given_up=state.coverage.given_up | hopeless
-        ),
-    )
+    state = state.with_coverage(attempts=MappingProxyType(attempts), given_up=state.coverage.given_up | hopeless)
     return state, alone - hopeless
 
 
@@ -173,9 +159,7 @@ def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[
     return replace(coverage, given_up=coverage.given_up | set(segments))
 
 
-def _give_up_without_vehicle(
-    context: Context, state: FleetState, alone: frozenset[int]
-) -> tuple[FleetState, tuple[Command, ...]]:
+def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozenset[int]) -> Stepped:
     back = any(
         one.stage is Stage.RETURNING and one.fault is None and not one.orders.excluded
         for one in state.vehicles.values()
@@ -184,11 +168,7 @@ def _give_up_without_vehicle(
         return state, ()  # somebody is landing, or about to: it may fly again
     if back and context.fly_again is RelaunchPolicy.AUTO:
         return state, ()
-    state = replace(
-        state,
-        coverage=set_aside_segments(context, state.coverage, alone),
-        replanning=replace(state.replanning, urgent=False),
-    )
+    state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
     waiting = any(
         one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.orders.excluded
         for one in state.vehicles.values()
@@ -197,16 +177,14 @@ def _give_up_without_vehicle(
     return state, (Say(Level.WARNING, f"{who} {format_segments(context, alone)}"),)
 
 
-def apply_solution(
-    context: Context, state: FleetState, event: SolveEnded, now_s: float
-) -> tuple[FleetState, tuple[Command, ...]]:
+def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
     """Take the solver's answer: check that it still fits, then upload."""
     plan = state.replanning.replan
     if plan is None or event.revision != plan.solve.revision or plan.solve_s is not None:
         return state, ()  # made stale by a newer fault
     if event.routes is None:
         state = new_missions.request_replan_again(state, plan)
-        state = replace(state, replanning=replace(state.replanning, wait_until_s=now_s + new_missions.RETRY_S))
+        state = state.with_replanning(wait_until_s=now_s + new_missions.RETRY_S)
         return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
     offers = plan.solve.survivors
     late = [offer.vehicle for offer in offers if not survivors.is_offer_valid(state.vehicles[offer.vehicle], offer)]
@@ -227,7 +205,7 @@ def apply_solution(
         unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
     for route in unmade:
         vehicle = state.vehicles[route.vehicle]
-        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, pending=event.revision)))
+        state = state.put(vehicle.with_assignment(pending=event.revision))
     lines: list[Command] = []
     if not plan.solve.given:
         lines.append(Say(Level.INFO, describe_solution(event, [route.vehicle for route in unmade])))
@@ -245,16 +223,8 @@ def apply_solution(
         unmade=unmade,
         pending=frozenset(route.vehicle for route in unmade),
     )
-    state, commands = new_missions.compose_missions(
-        context,
-        replace(
-            state,
-            replanning=replace(state.replanning, replan=plan),
-            coverage=set_aside_segments(context, state.coverage, event.uncovered),
-        ),
-        plan,
-        now_s,
-    )
+    state = replace(state, coverage=set_aside_segments(context, state.coverage, event.uncovered))
+    state, commands = new_missions.compose_missions(context, state.with_replanning(replan=plan), plan, now_s)
     return state, (*lines, *commands)
 
 

@@ -10,14 +10,12 @@ from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
 from executor.core.state import landing_projection
 from executor.core.state.current_setup import current_setup_of
-from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from missions.pace import AS_MODELLED
 
-CLEARED_S = 60.0
-"""After this the crew's word that a pad is clear is too old to plan with."""
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
 
@@ -45,7 +43,7 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
     if state.stage in {Stage.GROUND, Stage.LANDED}:
         if state.sensors.tilted_since_s is not None or state.orders.base_closed:
             return None  # it lies on its side, or nobody takes off from there
-        if not (may_take_off_unasked(context, state) or _is_cleared(state, now_s)):
+        if not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
             return None
         return build_pad_survivor(context, state)
     if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
@@ -107,18 +105,15 @@ def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> b
     return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
 
 
-def may_take_off_unasked(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle on the ground takes off without the crew's word.
+def may_take_off(context: Context, vehicle: VehicleState, now_s: float, within_s: float = CLEARED_S) -> bool:
+    """Return whether a vehicle on the ground may take off: the crew has cleared it lately, or need not be asked.
 
-    Not where somebody has set a mode on it since it landed that only a person flies in.
+    The crew is asked where somebody has set a mode on it since it landed that only a person flies in.
     """
     held = vehicle.stage is Stage.LANDED and is_in_manual_mode(context, vehicle)
-    return context.fly_again is RelaunchPolicy.AUTO and not held
-
-
-def _is_cleared(state: VehicleState, now_s: float) -> bool:
-    """Return whether the crew has said that it may take off, just now."""
-    return state.orders.cleared_s is not None and now_s - state.orders.cleared_s <= CLEARED_S
+    if context.fly_again is RelaunchPolicy.AUTO and not held:
+        return True
+    return vehicle.orders.cleared_s is not None and now_s - vehicle.orders.cleared_s <= within_s
 
 
 def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:

@@ -107,14 +107,10 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
     solving = plan is not None and plan.solve_s is None
     before = [plan.solve.trigger] if plan is not None and solving and not plan.solve.sortie else []
     before += [state.replanning.trigger] if state.replanning.urgent and state.replanning.trigger not in before else []
-    state = replace(
-        state, replanning=replace(state.replanning, urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
-    )
+    state = state.with_replanning(urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
     if plan is not None and solving:
-        return replace(state, replanning=replace(state.replanning, replan=None)), (CancelSolve(plan.solve.revision),)
+        return state.with_replanning(replan=None), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:
-        state = replace(
-            state, replanning=replace(state.replanning, replan=replace(plan, pending=plan.pending - {name}))
-        )
+        state = state.with_replanning(replan=replace(plan, pending=plan.pending - {name}))
         return new_missions.end_replan_if_done(state, now_s)
     return state, ()

@@ -35,7 +35,7 @@ def record_blackout(context: Scene, state: FleetState, now_s: float) -> Stepped:
     for vehicle in state.vehicles.values():
         before = vehicle.assignment.before or last_known_of(vehicle, since_s)
         if before is not vehicle.assignment.before:
-            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=before, run=None)))
+            state = state.put(vehicle.with_assignment(before=before, run=None))
     return state, ()
 
 
@@ -58,7 +58,7 @@ def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleS
     since_s = before.until_s
     asked = math.isinf(since_s)  # after a restart it was asked already
     if asked or fix is None or vehicle.link.heartbeat_s is None or board is None:
-        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), ()
+        return state.put(vehicle.with_assignment(before=None)), ()
     again_s = since_s if vehicle.link.regained_s is None else max(since_s, vehicle.link.regained_s)
     if vehicle.link.stale or (again_s <= since_s and fix.at_s <= since_s):
         return None
@@ -96,10 +96,8 @@ def catch_up_mission(
     vehicle = _close_gap(vehicle, board, {*found.segments, *proven}, told=bool(found.why_not))
     known = replace(vehicle.assignment, waypoint=waypoint)
     vehicle = replace(
-        vehicle,
-        assignment=known if joins is None else replace(known, run=found.run, run_visit=joins),
-        sortie=replace(vehicle.sortie, took_off=vehicle.sortie.took_off or not vehicle.armed),
-    )
+        vehicle, assignment=known if joins is None else replace(known, run=found.run, run_visit=joins)
+    ).with_sortie(took_off=vehicle.sortie.took_off or not vehicle.armed)
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
     heard_s = vehicle.link.heard_s or 0.0
@@ -107,7 +105,7 @@ def catch_up_mission(
         context, state, vehicle.name, [(segment, None) for segment in new], heard_s
     )
     inferred = state.coverage.inferred | {*new, *proven}
-    state = replace(state, coverage=replace(state.coverage, inferred=inferred))
+    state = state.with_coverage(inferred=inferred)
     if found.why_not:
         text = f"{vehicle.name}: flight during the outage is not counted: {found.why_not}"
         return state, (Say(Level.WARNING, text),)

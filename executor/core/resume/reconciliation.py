@@ -47,30 +47,21 @@ def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped
     """Begin to listen again: nothing of the time in between is held against anybody."""
     for vehicle in state.vehicles.values():
         state = state.put(
-            replace(
-                vehicle,
-                watches=(),
-                assignment=replace(
-                    vehicle.assignment, before=vehicle.assignment.before or last_known_of(vehicle), run=None
-                ),
-                orders=replace(
-                    vehicle.orders,
-                    errand=None if vehicle.orders.errand is None else replace(vehicle.orders.errand, told=False),
-                ),
-                link=replace(
-                    vehicle.link,
-                    heard_s=None if vehicle.link.heard_s is None else now_s,
-                    heartbeat_s=None,
-                    excused_s=now_s,
-                    stale=False,
-                    quality=LinkQuality(),
-                ),
-                motion=replace(vehicle.motion, anchor=None, reopened=True),
-                power=replace(vehicle.power, volts=VoltageState(highest_v=vehicle.power.volts.highest_v)),
+            replace(vehicle, watches=())
+            .with_assignment(before=vehicle.assignment.before or last_known_of(vehicle), run=None)
+            .with_orders(errand=None if vehicle.orders.errand is None else replace(vehicle.orders.errand, told=False))
+            .with_link(
+                heard_s=None if vehicle.link.heard_s is None else now_s,
+                heartbeat_s=None,
+                excused_s=now_s,
+                stale=False,
+                quality=LinkQuality(),
             )
+            .with_motion(anchor=None, reopened=True)
+            .with_power(volts=VoltageState(highest_v=vehicle.power.volts.highest_v))
         )
     absences = (*state.listening.absences, GroundStationAbsence(now_s, event.away_s, restarted=True))
-    state = replace(state, listening=replace(state.listening, tick_s=None, silent_since_s=None, absences=absences))
+    state = state.with_listening(tick_s=None, silent_since_s=None, absences=absences)
     said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
     return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
 
@@ -109,7 +100,7 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
         if route.vehicle in plan.pending:
             state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
     plan = replace(plan, unmade=())
-    return replace(state, replanning=replace(state.replanning, replan=plan))
+    return state.with_replanning(replan=plan)
 
 
 def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
@@ -121,9 +112,7 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
     elif plan is not None and plan.unmade and plan.low:
         state = _drop_waiting_missions(state, plan, now_s)
     elif plan is not None and plan.unmade:
-        state = replace(
-            state, replanning=replace(state.replanning, replan=new_missions.build_all_missions(context, state, plan))
-        )
+        state = state.with_replanning(replan=new_missions.build_all_missions(context, state, plan))
     state, said = turnaround.end_turnarounds_after_absence(state, now_s)
     commands: list[Command] = [*said]
     ended: list[Event] = []
@@ -133,7 +122,7 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
         if not found.heard:
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
             vehicle = state.vehicles[found.vehicle]
-            state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+            state = state.put(vehicle.with_assignment(before=None))
             ended += _end_unanswered_upload(context, state, found.vehicle)
             continue
         state, one = _resume_vehicle(context, state, found, now_s)
@@ -160,11 +149,8 @@ def _correct_absence(state: FleetState, event: Resumed) -> FleetState:
     if not state.listening.absences or not gaps:
         return state
     last = state.listening.absences[-1]
-    return replace(
-        state,
-        listening=replace(
-            state.listening, absences=(*state.listening.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps)))
-        ),
+    return state.with_listening(
+        absences=(*state.listening.absences[:-1], replace(last, pause_s=max(last.pause_s, *gaps)))
     )
 
 
@@ -211,7 +197,7 @@ def _resume_vehicle(
             strange=((found.vehicle, why),)
         )
     if vehicle.stage is Stage.STARTING and _has_started(context, vehicle):
-        state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+        state = state.put(vehicle.with_assignment(before=None))
         return state, _VehicleResumption(ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
     if vehicle.stage is Stage.STARTING:
         return _handle_unstarted_vehicle(context, state, vehicle, now_s, ours=not other)
@@ -261,7 +247,7 @@ def _finish_upload(
             )
         )
     vehicle = state.vehicles[found.vehicle]
-    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None)))
+    state = state.put(vehicle.with_assignment(before=None))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
     again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
@@ -334,7 +320,7 @@ def _handle_unstarted_vehicle(
         ours: Whether what it carries is what it should fly. If not it waits for the next re-plan as others do.
     """
     name = vehicle.name
-    vehicle = replace(vehicle, assignment=replace(vehicle.assignment, before=None))
+    vehicle = vehicle.with_assignment(before=None)
     state = state.put(vehicle)
     had_pct, has_pct = vehicle.power.began_pct, vehicle.power.battery.remaining_pct
     lost_pct = 0.0 if had_pct is None or has_pct is None else had_pct - has_pct
@@ -344,7 +330,7 @@ def _handle_unstarted_vehicle(
         why = "was armed and had not taken off when the ground station went away"
         return state, _VehicleResumption(strange=((name, why),))
     if context.fly_again is RelaunchPolicy.AUTO and ours and not flown:
-        state = state.put(replace(vehicle, orders=replace(vehicle.orders, ordered_mode_s=now_s)))
+        state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
         return state, _VehicleResumption((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
     said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
     if flown:
@@ -352,7 +338,7 @@ def _handle_unstarted_vehicle(
         said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
     plan = state.replanning.replan
     # Nor is that yes one for a start that is planned from now on.
-    stays = replace(vehicle, orders=replace(vehicle.orders, cleared_s=None))
+    stays = vehicle.with_orders(cleared_s=None)
     state = state.put(change_stage(stays, Stage.LANDED if flown else Stage.GROUND))
     if plan is None or name not in plan.pending:
         return state, _VehicleResumption((said,))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from executor.core.interface.check_codes import CheckCode
@@ -12,6 +12,7 @@ from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
 from executor.core.state.inspection_run import SegmentPass
+from executor.core.state.part_updates import PartUpdate
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
@@ -302,6 +303,12 @@ class FleetState:
     listening: ContactState = field(default_factory=ContactState)
     crew: CrewDialogue = field(default_factory=CrewDialogue)
 
+    with_progress = PartUpdate(FlightProgress)
+    with_coverage = PartUpdate(Coverage)
+    with_replanning = PartUpdate(ReplanningState)
+    with_listening = PartUpdate(ContactState)
+    with_crew = PartUpdate(CrewDialogue)
+
     def put(self, vehicle: VehicleState) -> FleetState:
         """Return the state with one vehicle replaced."""
         if self.vehicles.get(vehicle.name) is vehicle:
@@ -312,7 +319,7 @@ class FleetState:
 
     def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
         """Return the state with lines for the operator added."""
-        return replace(self, crew=replace(self.crew, said=(*self.crew.said, *lines)[-KEPT_LINES:]))
+        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
 
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""

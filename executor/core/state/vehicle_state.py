@@ -10,6 +10,7 @@ from executor.core.context import Context
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
 from executor.core.state.inspection_run import Track
 from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.part_updates import PartUpdate
 from executor.core.state.vehicle_parts import (
     Assignment,
     Custody,
@@ -200,6 +201,16 @@ class VehicleState:
     payload: PayloadState = NO_PAYLOAD
     turn: Turnaround = field(default_factory=Turnaround)
     own: OwnMission = field(default_factory=OwnMission)
+
+    with_link = PartUpdate(LinkState)
+    with_telemetry = PartUpdate(Telemetry)
+    with_motion = PartUpdate(MotionState)
+    with_power = PartUpdate(PowerState)
+    with_assignment = PartUpdate(Assignment)
+    with_orders = PartUpdate(Orders)
+    with_sortie = PartUpdate(SortieProgress)
+    with_custody = PartUpdate(Custody)
+    with_turn = PartUpdate(Turnaround)
 
     @property
     def airborne(self) -> bool:

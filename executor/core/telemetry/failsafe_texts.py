@@ -64,6 +64,43 @@ _GOES_ON = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
 """It says that it does nothing about it."""
 
 
+_ALARM = re.compile(
+    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
+    r"low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
+    re.IGNORECASE,
+)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
+_CHANGES_MODE = re.compile(
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
+    r"no valid mission)",
+    re.IGNORECASE,
+)
+"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+_STOPS = re.compile(r"emergency stop|kill", re.IGNORECASE)
+_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+
+
+def is_alarm(text: str) -> bool:
+    """Return whether a text may say why a mission ends."""
+    return bool(_ALARM.search(text))
+
+
+def may_change_mode(text: str) -> bool:
+    """Return whether an autopilot changes its mode after a text."""
+    return bool(_CHANGES_MODE.search(text))
+
+
+def may_stop_motors(text: str) -> bool:
+    """Return whether a text may say that somebody stops the motors."""
+    return bool(_STOPS.search(text))
+
+
+def may_explain_disarming(text: str) -> bool:
+    """Return whether a text may say why a vehicle disarms in the air."""
+    return bool(_DISARMS.search(text))
+
+
 @lru_cache(maxsize=256)
 def parse_failure_text(text: str, *, low_acts: bool) -> OwnFailsafe | None:
     """Return what a text says has failed, None if it says nothing of that.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 
 from executor.core.battery import account
@@ -44,19 +43,11 @@ from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
 from executor.core.telemetry import mode_evidence
 from executor.core.telemetry.battery_reports import apply_battery_status, apply_pack_setting, apply_system_status
-from executor.core.telemetry.failsafe_texts import FENCE_BREACH
+from executor.core.telemetry.failsafe_texts import is_alarm, may_explain_disarming, may_stop_motors
 from executor.core.telemetry.foreign_systems import add_foreign_system
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
-
-_ALARM = re.compile(
-    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
-    r"low battery|"
-    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
-    re.IGNORECASE,
-)
-"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
 
 OVERTAKEN_S = 60.0
 """A position older than the one before it by less than this was overtaken on the way; by more, or after a silence, the
@@ -141,7 +132,7 @@ def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of
             return MessageEffect(state.with_parts(link, sensors=sensors))
         case StatusText(_, said):
             assignment, telemetry = _apply_mission_report(context, state, message, now_s), state.telemetry
-            if _ALARM.search(said) and not _is_redundant_text(state, said, now_s):
+            if is_alarm(said) and not _is_redundant_text(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
@@ -232,15 +223,13 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     return fix.alt_rel_m > context.limits.airborne_m or math.hypot(*fix.velocity_m_s) > context.limits.at_rest_m_s
 
 
-_STOPPED = re.compile(r"emergency stop|kill", re.IGNORECASE)
 RESTS_M_S = 0.3
-_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
 
 
 def _has_disarm_reason(state: VehicleState, now_s: float) -> bool:
     """Return whether it says why it disarms in the air."""
     text, said_s = state.telemetry.alarm
-    return now_s - said_s <= NAMED_S and bool(_DISARMS.search(text))
+    return now_s - said_s <= NAMED_S and may_explain_disarming(text)
 
 
 def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
@@ -250,7 +239,7 @@ def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     vehicle that has landed, which ends no flight.
     """
     does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
-    return does or (bool(_STOPPED.search(said)) and _is_at_rest(state, now_s))
+    return does or (may_stop_motors(said) and _is_at_rest(state, now_s))
 
 
 def _is_at_rest(state: VehicleState, now_s: float) -> bool:
@@ -304,7 +293,7 @@ def _apply_evidence(state: VehicleState, message: mode_evidence.EvidenceMessage,
         return state
     known = replace(state, evidence=mode_evidence.record_evidence(state.evidence, message, now_s))
     if isinstance(message, OwnFailsafe) and message.active:
-        return replace(known, telemetry=replace(known.telemetry, alarm=(message.words, now_s)))
+        return known.with_telemetry(alarm=(message.words, now_s))
     if isinstance(message, VehicleSetting):
         return replace(known, power=apply_pack_setting(state, message))
     return known
@@ -430,7 +419,7 @@ def _keep_state_before_gap(state: VehicleState, elapsed_s: float) -> VehicleStat
     if elapsed_s <= GAP_S or state.assignment.before is not None or state.motion.fix is None:
         return state
     before = last_known_of(state, state.motion.fix.at_s)
-    return state if before is None else replace(state, assignment=replace(state.assignment, before=before, run=None))
+    return state if before is None else state.with_assignment(before=before, run=None)
 
 
 def _find_jump(

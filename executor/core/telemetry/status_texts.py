@@ -14,7 +14,7 @@ from executor.core.context import Scene
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Command, Level, Say
 from executor.core.interface.messages import ComponentText, StatusText
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import TextWindow
 from executor.core.state.vehicle_state import VehicleState
 
@@ -38,10 +38,8 @@ class TextRank(IntEnum):
 MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
 """In a window, of each rank by itself: what matters less takes no room from what matters more."""
 
-TextStep = tuple[FleetState, tuple[Command, ...]]
 
-
-def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> TextStep:
+def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
     """Take a text of a vehicle's autopilot."""
     alarmed = vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
@@ -50,7 +48,7 @@ def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText,
     return _show_line(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
 
 
-def show_component_text(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> TextStep:
+def show_component_text(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> Stepped:
     """Take a text of something else on board: shown, and nothing more."""
     if text.severity > WARNING_SEVERITY:
         return state, ()
@@ -59,18 +57,18 @@ def show_component_text(state: FleetState, vehicle: VehicleState, text: Componen
     )
 
 
-def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> TextStep:  # noqa: ARG001
+def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
     """Say how many texts were passed over, once their window has ended."""
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
         if vehicle.telemetry.texts.passed_over and now_s - vehicle.telemetry.texts.since_s >= WINDOW_S:
             flow, more = _begin_window(vehicle, now_s)
-            state = state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow)))
+            state = state.put(vehicle.with_telemetry(texts=flow))
             commands += more
     return state, tuple(commands)
 
 
-def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: str, now_s: float) -> TextStep:
+def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: str, now_s: float) -> Stepped:
     flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
         flow, commands = _begin_window(vehicle, now_s)
@@ -82,7 +80,7 @@ def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: s
         shown = tuple(count + (other == rank) for other, count in enumerate(flow.shown))
         flow = replace(flow, last=(line, now_s), shown=shown)
         commands.append(Say(Level.WARNING, line))
-    return state.put(replace(vehicle, telemetry=replace(vehicle.telemetry, texts=flow))), tuple(commands)
+    return state.put(vehicle.with_telemetry(texts=flow)), tuple(commands)
 
 
 def _strip_number(line: str) -> str:

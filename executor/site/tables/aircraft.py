@@ -82,7 +82,7 @@ class VehicleTable(SiteTable):
     """Label of the pack that it flies with: what `[energy] packs` knows of it is reckoned with, and `replay --packs`
     with this site file, or of a flight's run directory, writes it down by it."""
     pad: Annotated[str, Field(min_length=1, max_length=60)] | None = None
-    """The `[[place]]` where it starts and lands; without it a pad is chosen around the depot."""
+    """The `[[place]]` where it starts and lands; without it a pad is chosen around its base, or the depot."""
 
     @model_validator(mode="after")
     def _check_vehicle(self) -> VehicleTable:

@@ -33,9 +33,10 @@ class BaseTable(SiteTable):
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
     """WGS 84."""
     alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
-    """Ground above mean sea level; without it that of the nearest pylon where it is known, else the depot's."""
+    """Ground above mean sea level; where [terrain] knows it that of the raster. Without both that of the nearest pylon
+    where it is known, else the depot's."""
     vehicles: tuple[str, ...] = ()
-    """Who stands here in the morning. Each vehicle stands at one base."""
+    """Who stands here in the morning, and begins single flights here. Each vehicle stands at one base."""
     packs: Annotated[int, Field(ge=0, le=1000)] | None = None
     """Charged packs in the morning; without it there are always enough."""
     turnaround_s: Seconds = 180.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.scenarios import Day, DayInstance, DayTask, DayVehicle
-from planner.road_graph import build_road_graph
+from benchmarks.scenarios import Day, Stand, build_day_instance
+from benchmarks.scenarios.road_graph import build_road_graph
+from planner.sorties import SortieInstance
 
 
 def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int = 7, whole: bool = True) -> Day:
@@ -20,7 +21,7 @@ def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int
     farthest = float(ways.times_s.max())
     return Day(
         streets=ways,
-        tasks=tuple(DayTask(a, b, float(ways.along_s[a, b])) for a, b in wanted),
+        tasks=tuple(wanted),
         depots=tuple(chance.choice(places, depots, replace=False).tolist()),
         starts=tuple(chance.integers(0, places, vehicles).tolist()),
         capacity_s=float(chance.choice([1.3, 2.0, 3.0])) * farthest,
@@ -28,12 +29,16 @@ def random_day(seed: int, tasks: int, vehicles: int, depots: int, *, places: int
     )
 
 
-def instance_of(day: Day, seed: int = 0) -> DayInstance:
-    """Return the whole day, with vehicles that are ready at different times."""
-    chance = np.random.default_rng([seed, 5])
-    ended = chance.integers(0, 20, len(day.starts)).tolist()
-    vehicles = tuple(
-        DayVehicle(place, float(end) + day.turnaround_s, float(end))
-        for place, end in zip(day.starts, ended, strict=True)
-    )
-    return DayInstance(day.streets.times_s, day.tasks, day.depots, vehicles, day.capacity_s, day.turnaround_s)
+def row_day(length: int, tasks: list[tuple[int, int]], depots: tuple[int, ...], *, capacity_s: float) -> Day:
+    """Return a day of one vehicle on places in a row, 10 s from one to the next."""
+    row = build_road_graph(length, [(place, place + 1, 10.0) for place in range(length - 1)])
+    return Day(row, tuple(tasks), depots, (depots[0],), capacity_s, 5.0)
+
+
+def instance_of(day: Day, seed: int | None = None) -> SortieInstance:
+    """Return the whole day, with vehicles that are ready at different times if there is a seed."""
+    ready = [0.0] * len(day.starts)
+    if seed is not None:
+        ready = np.random.default_rng([seed, 5]).integers(0, 20, len(day.starts)).astype(float).tolist()
+    stands = [Stand(place, ready_s) for place, ready_s in zip(day.starts, ready, strict=True)]
+    return build_day_instance(day, range(len(day.tasks)), stands)

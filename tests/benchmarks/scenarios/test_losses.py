@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 
 from benchmarks.scenarios import (
     Day,
-    DayInstance,
     DayLeft,
-    DayPlan,
-    DayResult,
-    DayTask,
-    DayVehicle,
     TimedTrip,
     build_day_left,
     build_day_left_with_foresight,
@@ -22,21 +17,21 @@ from benchmarks.scenarios import (
     least_last_end_s,
     open_tasks,
     replan_losses,
-    solve_day,
 )
+from benchmarks.scenarios.road_graph import build_road_graph
 from planner import InstanceError, Iterations, PlanError
-from planner.road_graph import build_road_graph
-from tests.benchmarks.scenarios.builders import random_day
+from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
+from tests.benchmarks.scenarios.builders import instance_of, random_day
 
 ROW = build_road_graph(5, [(place, place + 1, 10.0) for place in range(4)])
-DAY = Day(ROW, tuple(DayTask(place, place + 1, 10.0) for place in range(4)), (0, 4), (0, 4), 80.0, 5.0)
+DAY = Day(ROW, tuple((place, place + 1) for place in range(4)), (0, 4), (0, 4), 80.0, 5.0)
 """Five places in a row, a depot at each end, everything to do; two vehicles."""
 PLAN = (DAY.time_walks([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.time_walks([(4, 3, 4), (4, 3, 2, 3, 4)]))
 """Each does the outer task, and the inner one after it: from 25 s on."""
 
 
-def replanned(_: DayLeft, instance: DayInstance) -> DayResult:
-    return solve_day(instance, stop=Iterations(200), seed=1)
+def replanned(instance: SortieInstance, tails: tuple[tuple[Sortie, ...], ...]) -> SortiePlan:
+    return solve_sorties(instance, stop=Iterations(200), seed=1, initial=tails).plan
 
 
 def test_trips_follow_each_other_with_the_turnaround_between() -> None:
@@ -68,13 +63,13 @@ def test_a_survivor_ends_its_trip_and_may_be_given_another_after_its_turnaround(
     assert left.kept[1] == PLAN[1][:1]
     assert left.open == (0, 1, 2)
     assert left.instance is not None
-    assert left.instance.vehicles == (DayVehicle(4, ready_s=25.0, ended_s=20.0),)
-    assert left.tails == ((4,),)  # the third of what is open
+    assert [(DAY.bases[own.base], own.ready_s) for own in left.instance.vehicles] == [(4, 25.0)]
+    assert left.tails == ((Sortie(1, (5,), 1, 25.0),),)  # the third of what is open, towards the start
     # One that has long been ready begins at the loss, where its next trip is not under way.
     waiting = (PLAN[0], PLAN[1][:1])
     later = build_day_left(DAY, waiting, [0], 60.0)
     assert later.instance is not None
-    assert later.instance.vehicles == (DayVehicle(4, ready_s=60.0, ended_s=20.0),)
+    assert [(DAY.bases[own.base], own.ready_s) for own in later.instance.vehicles] == [(4, 60.0)]
 
 
 def test_a_trip_that_begins_at_the_loss_has_not_begun() -> None:
@@ -121,12 +116,8 @@ def test_nobody_knows_a_loss_before_its_time(seed: int, vehicles: int, depots: i
     """The day up to a loss is the same whatever comes later; what has begun is never changed."""
     day = random_day(seed, 6, vehicles, depots)
     chance = np.random.default_rng(seed)
-    whole = tuple(DayVehicle(place) for place in day.starts)
-    first = DayInstance(day.streets.times_s, day.tasks, day.depots, whole, day.capacity_s, day.turnaround_s)
-    plan = solve_day(first, stop=Iterations(200), seed=1).plan
-    everybody = day_after(
-        day, DayLeft(((),) * vehicles, tuple(range(vehicles)), tuple(range(len(day.tasks))), first, ()), plan
-    )
+    plan = solve_sorties(instance_of(day), stop=Iterations(200), seed=1).plan
+    everybody = day_after(day, _whole(day), plan)
     end_s = max((trip.end_s for own in everybody for trip in own), default=1.0)
     lost = chance.permutation(vehicles).tolist()
     times = np.sort(chance.uniform(0.0, 1.5 * end_s, vehicles)).tolist()
@@ -174,7 +165,7 @@ def test_shortest_ways_lead_along_edges() -> None:
 def test_a_plan_for_nobody_changes_nothing() -> None:
     left = build_day_left(DAY, PLAN, [0], 500.0)
     assert left.instance is None
-    assert day_after(DAY, left, DayPlan(())) == left.kept
+    assert day_after(DAY, left, SortiePlan(())) == left.kept
 
 
 def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
@@ -193,11 +184,11 @@ def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:
 def test_no_answer_falls_below_the_bound_of_who_knows_all_losses(seed: int) -> None:
     chance = np.random.default_rng(seed)
     day = random_day(seed, 5, 3, 2, places=6)
-    alone = solve_day(_whole(day), stop=Iterations(200), seed=1)
+    alone = solve_sorties(instance_of(day), stop=Iterations(200), seed=1)
     if alone.plan.uncovered:
         return
-    first = day_after(day, DayLeft(((),) * 3, (0, 1, 2), tuple(range(5)), _whole(day), ()), alone.plan)
-    horizon = int(max(alone.evaluation.last_end_s, 2.0))
+    first = day_after(day, _whole(day), alone.plan)
+    horizon = int(max(alone.evaluation.finish_s, 2.0))
     times = np.sort(chance.integers(1, horizon, 2)).tolist()
     losses = list(zip(chance.permutation(3)[:2].tolist(), times, strict=True))
     last = replan_losses(day, first, losses, replanned)[-1]
@@ -209,6 +200,6 @@ def test_no_answer_falls_below_the_bound_of_who_knows_all_losses(seed: int) -> N
         assert max(trip.end_s for own in last for trip in own) >= max(ends) - 1e-6
 
 
-def _whole(day: Day) -> DayInstance:
-    vehicles = tuple(DayVehicle(place) for place in day.starts)
-    return DayInstance(day.streets.times_s, day.tasks, day.depots, vehicles, day.capacity_s, day.turnaround_s)
+def _whole(day: Day) -> DayLeft:
+    fleet, tasks = len(day.starts), len(day.tasks)
+    return DayLeft(((),) * fleet, tuple(range(fleet)), tuple(range(tasks)), instance_of(day), ())

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from executor.analysis import flight_record as recorded
+from executor.analysis.documents import FaultRow
 from executor.analysis.flight_record import (
-    FaultRecord,
     FlightRecord,
     PlannedRoute,
     PlanRevision,
@@ -55,7 +55,9 @@ THERE = tuple((3.0 * step, 15.0 * step) for step in range(8))
 
 
 def lost(name: str, at_s: float) -> VehicleRecord:
-    return vehicle_of(name, fault=FaultRecord(FaultKind.LINK, "why", at_s, None))
+    return vehicle_of(
+        name, fault=FaultRow(vehicle=name, kind=FaultKind.LINK, reason="why", detected_s=at_s, happened_s=None)
+    )
 
 
 def planned(number: int, decided_s: float, **routes: tuple[int, ...]) -> PlanRevision:
@@ -103,8 +105,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("a battery that never reported", lambda: recorded.draw_at_pct(vehicle_of(battery=np.empty((0, 2))), 5.0), 0.0),
     (
         "where it was last",
-        lambda: [recorded.find_last_place_m(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
-        [None, (0.0, 0.0), (0.0, 0.0), (30.0, 0.0), (60.0, 40.0)],
+        lambda: [recorded.find_last_row(vehicle_of(), t_s) for t_s in (-0.1, 0.0, 19.9, 20.0, 99.0)],
+        [None, 0, 1, 2, 3],
     ),
     (
         "when it takes off",

@@ -10,11 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.analysis.flight_record import (
-    FaultRecord,
     compute_used_pct,
     draw_at_pct,
     find_abandoned_segments,
-    find_last_place_m,
+    find_last_row,
     inspection_time_s,
     route_join_time_s,
     take_off_time_s,
@@ -48,9 +47,13 @@ def test_the_vehicles_as_they_were_heard(tmp_path: Path) -> None:
     assert one.track.shape == (151, 4)
     assert one.track[50] == pytest.approx([50.0, 450.0, 0.0, 30.0], abs=1e-3)
     assert one.battery.tolist() == [pytest.approx([10.0 * k, 100.0 - k]) for k in range(16)]
-    assert two.fault == FaultRecord(FaultKind.LINK, "link lost for 10 s", 50.0, 40.0)
+    assert two.fault is not None
+    assert (two.fault.kind, two.fault.reason) == (FaultKind.LINK, "link lost for 10 s")
+    assert (two.fault.detected_s, two.fault.happened_s) == (50.0, 40.0)
     assert (one.fault, three.fault) == (None, None)
-    assert find_last_place_m(two, 50.0) == pytest.approx((250.0, 0.0), abs=1e-3)
+    row = find_last_row(two, 50.0)
+    assert row is not None
+    assert two.track[row, 1:3] == pytest.approx([250.0, 0.0], abs=1e-3)
     assert three.pad_m == pytest.approx((0.0, 0.0), abs=1e-3)
 
 

@@ -9,9 +9,9 @@ import pytest
 from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
-from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
-from executor.flight.kept_parameters import build_parameter_rows
+from executor.flight.board_record import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
@@ -83,8 +83,8 @@ def test_what_was_asked_before_the_flight_is_kept() -> None:
 def test_what_was_changed_on_board_is_named_with_what_became_of_it() -> None:
     flight = under_way()
     rows = build_parameter_rows([
-        KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", ChangeStage.RESTORED),
-        KeptParameter("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", ChangeStage.SET),
+        KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.RESTORED),
+        KeptParameter("uav2", 2, "ardupilot", "RTL_ALT", 1217.0, 3200.0, 6, "cm", "", stage=ChangeStage.SET),
     ])  # fmt: skip
     content = build_report(FLEET.context, flight.state, flight.now_s, said=SAID, parameters=rows)
     assert content.to_plain()["parameters"] == [

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RouteRow, SortieRow
 from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision
 from executor.analysis.read_run import read_run
-from executor.analysis.report_page import describe_outcome, format_value, render_report_page, write_report_page
+from executor.analysis.report_page import describe_outcome, render_report_page, write_report_page
 from executor.core.interface.commands import Level
 from tests.executor.flights import short_report, write_run
 
@@ -161,7 +161,7 @@ def test_nothing_from_outside_becomes_markup(flight: tuple[FlightRecord, FlightR
     evil = """</td><script>alert("1 & 2")</script><img src='http://x/'>"""
     fault = record.vehicles[1].fault
     assert fault is not None
-    lost = replace(record.vehicles[1], name=evil, fault=replace(fault, reason=evil))
+    lost = replace(record.vehicles[1], name=evil, fault=fault.model_copy(update={"reason": evil}))
     record = replace(record, vehicles=(lost,), decisions=(DecisionLine(1.0, Level.INFO, evil),))
     vehicle = report.vehicles[0].model_copy(update={"name": evil, "segments": (3,)})
     replan = report.replans[0].model_copy(update={"trigger": evil})
@@ -208,22 +208,6 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightRepor
     assert "P2-P3, P3-P4, P4-P5" in cells
     row = ["P0-P1", "100.0", "uav2", "uav2"]
     assert any(cells[at : at + 4] == row for at in range(len(cells)))
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        (None, "unknown"),
-        (False, "no"),
-        (7, "7"),
-        (9.994, "9.99"),
-        (211.44, "211.4"),
-        ([], "none"),
-        ((3, True), "3, yes"),
-    ],
-)
-def test_values_in_words(value: object, words: str) -> None:
-    assert format_value(value) == words
 
 
 @given(st.text())

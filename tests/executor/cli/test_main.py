@@ -18,9 +18,9 @@ from executor.analysis.learned_document import build_learned_document
 from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
-from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
-from executor.flight.kept_parameters import write_kept_parameters
+from executor.flight.board_record import write_kept_parameters
 from missions import Pace, parse_qgc_plan, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report
@@ -433,7 +433,9 @@ def test_a_place_that_cannot_be_written_to(place: Place, option: str) -> None:
 
 
 def kept(stage: ChangeStage, name: str = "RTL_ALT") -> KeptParameter:
-    return KeptParameter("uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage)
+    return KeptParameter(
+        "uav1", 1, "ardupilot", name, 1500.0, 2700.0, 6, "cm", "keeps its RTL in its own layer", stage=stage
+    )
 
 
 def test_a_mistake_of_the_program_is_kept_in_a_file_that_nobody_else_could_have_laid_there(

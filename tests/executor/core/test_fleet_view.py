@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Projection
-from executor.core.fleet_view import FleetView, PositionView, TakenView, VehicleView, WindView, build_fleet_view
+from executor.core.fleet_view import FleetView, PositionView, TakenView, VehicleView, build_fleet_view
 from executor.core.inflight.homing.return_home import HomingAction, advise_homing
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Gps, Heartbeat, Wind
@@ -71,7 +71,7 @@ def test_what_it_says_is_shown() -> None:
         quality=LinkQuality(lost=0.12345), stale=True, excluded=True, fault=FAULT,
     )  # fmt: skip
     assert (view.link_age_s, view.link_loss, view.gps_fix, view.satellites) == (1.3, 0.123, 3, 12)
-    assert (view.wind, view.voltage_v, view.mode, view.armed) == (WindView(4.0, 90.0), 15.5, "MISSION", True)
+    assert (view.wind, view.voltage_v, view.mode, view.armed) == (Wind(4.0, 90.0), 15.5, "MISSION", True)
     assert (view.stale, view.excluded, view.fault, view.fault_kind) == (True, True, "why", "battery")
     assert shown(heard_s=NOW_S + 1.0).link_age_s == 0.0
 

@@ -16,7 +16,6 @@ from executor.core.fleet_view import (
     PositionView,
     ProgressView,
     TakenView,
-    WindView,
 )
 from executor.core.interface.messages import Gps, Wind
 from executor.core.state.fleet_state import LossOutlook, TakeoffOffer
@@ -155,7 +154,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "gps_fix": 3,
             "satellites": 12,
             "voltage_v": 15.0,
-            "wind": WindView(speed_m_s=4.0, from_deg=90.0),
+            "wind": Wind(speed_m_s=4.0, from_deg=90.0),
             "taken": None,
             "offered": True,
             "turn": None,

@@ -11,10 +11,12 @@ import pytest
 from executor.core.context import FenceRules
 from executor.core.interface.commands import Upload
 from executor.core.interface.messages import SendMissionCount
+from executor.core.preflight.board_changes import ChangeStage, KeptList
 from executor.core.state.onboard_fence import build_first_fences, encode_fence
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import fencing
-from executor.flight.kept_lists import KeptList, ListStage, read_kept_lists
+from executor.flight.board_record import read_kept_lists
+from executor.flight.restore_vehicles import restore_board
 from missions import MissionItem, MissionKind, dialect_for
 from missions.fences import Fence, find_list_differences
 from missions.items import PlaceCommand
@@ -60,7 +62,8 @@ class Pads:
         )
 
     async def give_back(self) -> tuple[KeptList, ...]:
-        return await fencing.restore_kept_lists(self.run, self.links, self.clock, self.console)
+        _, lists = await restore_board(self.run, self.links, self.clock, self.console)
+        return lists
 
     def close(self) -> None:
         for link in self.links.values():
@@ -82,10 +85,10 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
     for name, fence in pads.first.items():
         assert find_list_differences(encode_fence(pads.context, fence), pads.fence_of(name)) == ()
         assert len(pads.vehicles[name].beside[RALLY].items) == 1
-    assert {one.stage for one in read_kept_lists(tmp_path)} == {ListStage.SET}
-    assert {one.stage for one in await pads.give_back()} == {ListStage.RESTORED}
+    assert {one.stage for one in read_kept_lists(tmp_path)} == {ChangeStage.SET}
+    assert {one.stage for one in await pads.give_back()} == {ChangeStage.RESTORED}
     assert pads.as_before
-    assert "info uav1: fence and rally points restored" in pads.console.lines
+    assert "info uav1: fence, rally points restored" in pads.console.lines
     assert await pads.give_back() == read_kept_lists(tmp_path), "what is back is not asked for again"
     pads.close()
 
@@ -108,10 +111,10 @@ async def test_what_somebody_put_on_board_since_is_left(autopilot: str, tmp_path
     await pads.put()
     pads.vehicles["uav1"].beside[FENCE].items = list(circle(77.0))
     stages = {(one.vehicle, one.kind): one.stage for one in await pads.give_back()}
-    assert stages["uav1", FENCE] is ListStage.LEFT
-    assert stages["uav1", RALLY] is ListStage.RESTORED
+    assert stages["uav1", FENCE] is ChangeStage.LEFT
+    assert stages["uav1", RALLY] is ChangeStage.RESTORED
     assert pads.fence_of("uav1") == circle(77.0)
-    assert any("uav1: fence not restored: another is on board" in line for line in pads.console.lines)
+    assert any("uav1: fence not restored: somebody has changed the fence since" in line for line in pads.console.lines)
     pads.close()
 
 

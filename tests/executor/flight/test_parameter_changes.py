@@ -15,13 +15,14 @@ import pytest
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Outgoing, SendParamRequest, SendParamSet
-from executor.core.preflight.parameter_proposals import ChangeStage, KeptParameter
+from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import parameter_changes
-from executor.flight.kept_parameters import build_parameter_rows, read_kept_parameters, write_kept_parameters
-from executor.runtime.parameter_restore import HEARD_S, ROUNDS
+from executor.flight.board_record import build_parameter_rows, read_kept_parameters, write_kept_parameters
+from executor.flight.restore_vehicles import check_run, find_open_parameters, restore_board
+from executor.runtime.board_restore import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
 from tests.fakes.clock import LoopClock
@@ -102,12 +103,13 @@ class Pads:
         return await parameter_changes.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
 
     async def give_back(self) -> tuple[KeptParameter, ...]:
-        return await parameter_changes.restore_kept_parameters(self.run, self.links, self.clock, self.console)
+        kept, _ = await restore_board(self.run, self.links, self.clock, self.console)
+        return kept
 
     async def give_back_at_last(self) -> None:
         """Give back as often as a crew would have to."""
         for _ in range(5):
-            if not any(one.open for one in await self.give_back()):
+            if not any(one.is_open for one in await self.give_back()):
                 return
 
     @property
@@ -191,7 +193,7 @@ async def test_killed_at_every_step(autopilot: str, tmp_path: Path) -> None:
         pads.connect(CLEAN)
         await pads.give_back()
         assert pads.as_before, f"killed at step {steps}"
-        assert parameter_changes.find_open_changes(run) == []
+        assert find_open_parameters(run) == []
         pads.close()
         steps += 1
     assert steps >= 8
@@ -213,7 +215,7 @@ async def test_any_loss_disorder_and_death(autopilot: str, seed: int, tmp_path: 
     await pads.give_back_at_last()
     await asyncio.sleep(5.0)
     assert pads.as_before, pads.console.lines
-    assert parameter_changes.find_open_changes(tmp_path) == []
+    assert find_open_parameters(tmp_path) == []
     pads.close()
 
 
@@ -293,7 +295,7 @@ async def test_an_armed_vehicle_is_not_touched(tmp_path: Path) -> None:
     before = len(pads.sets())
     pads.vehicles["uav2"].armed = True
     kept = await pads.give_back()
-    assert {one.vehicle for one in kept if one.open} == {"uav2"}
+    assert {one.vehicle for one in kept if one.is_open} == {"uav2"}
     assert [message for _, message in pads.links["uav2"].sent if isinstance(message, SendParamSet)][2:] == []
     assert len(pads.sets()) == before + 2, "uav1 alone"
     assert pads.vehicles["uav1"].parameters == pads.before
@@ -321,7 +323,7 @@ async def test_a_vehicle_that_is_armed_meanwhile_is_left_alone(tmp_path: Path) -
     sent = len(pads.sets())
     await asyncio.sleep(1.2)
     [one, _] = await pads.give_back()
-    assert one.open
+    assert one.is_open
     assert len(pads.sets()) == sent
     assert pads.console.lines[-2].endswith("armed") or "armed meanwhile" in pads.console.lines[-2]
     pads.close()
@@ -391,11 +393,11 @@ async def test_a_record_that_cannot_be_kept_up_gives_everything_back_all_the_sam
     assert [line for line in pads.console.lines if "cannot be written" in line] == [
         f"warning {tmp_path / 'parameters.json'}: cannot be written: File too large"
     ]
-    assert parameter_changes.find_open_changes(tmp_path), "the record says less than there is"
+    assert find_open_parameters(tmp_path), "the record says less than there is"
     sent = len(pads.sets())
     await pads.give_back()
     assert len(pads.sets()) == sent, "and asking again finds that nothing is left to do"
-    assert parameter_changes.find_open_changes(tmp_path) == []
+    assert find_open_parameters(tmp_path) == []
     pads.close()
 
 
@@ -415,12 +417,12 @@ async def test_interrupted_while_it_gives_back_it_says_what_stays(tmp_path: Path
 
 async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(tmp_path: Path) -> None:
     write_kept_parameters(
-        tmp_path, [KeptParameter("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", ChangeStage.SET)]
+        tmp_path, [KeptParameter("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", stage=ChangeStage.SET)]
     )
     with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not got its RTL_RETURN_ALT back"):
-        parameter_changes.check_run(tmp_path, site_of(("uav1",)))
-    parameter_changes.check_run(tmp_path, site_of(tuple(f"uav{number}" for number in range(1, 10))))
-    parameter_changes.check_run(tmp_path / "none", site_of(("uav1",)))
+        check_run(tmp_path, site_of(("uav1",)))
+    check_run(tmp_path, site_of(tuple(f"uav{number}" for number in range(1, 10))))
+    check_run(tmp_path / "none", site_of(("uav1",)))
 
 
 async def test_a_damaged_record_stops_a_flight_and_hides_no_landing(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -26,6 +26,7 @@ from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Event
 from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import FlownSortie, Turnaround
 from executor.core.state.vehicle_state import Stage
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.errors import LogError
@@ -34,6 +35,7 @@ from executor.flight.run_start import read_run_start
 from executor.replay.run_replay import replay_run
 from executor.site import site_model
 from executor.site.site_file import read_site
+from executor.site.site_packs import read_packs
 from missions import SolverRecord, make_plan_file, write_plan
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
@@ -138,6 +140,19 @@ def test_what_was_learned_in_flight_is_learned_again_from_its_log(tmp_path: Path
     documents = [learn_from_flight(flight.context, state, {}, "2026-01-02") for state in (flight.state, again.state)]
     assert documents[0] == documents[1]
     assert [row.name for row in documents[0].vehicles] == ["uav1", "uav2"]
+
+
+def test_a_report_that_is_made_up_for_comes_with_what_the_packs_flew(tmp_path: Path) -> None:
+    run = prepared(tmp_path)
+    finished(run)
+    ended = left(run)
+    sorties = (FlownSortie(1, "P1", 100.0, 100.0, 16.8, (), 700.0, 40.0, 15.2, 4),)
+    turned = replace(ended.state.vehicles["uav1"], turn=Turnaround(sorties=sorties, swaps=1))
+    state = replace(ended.state, vehicles={**ended.state.vehicles, "uav1": turned})
+    report = resume_flight.finish_report(run, replace(ended, state=state))
+    assert report is not None
+    assert "P1" in {row.pack for row in report.sorties}
+    assert "P1" in {one.label for one in read_packs(RunDirectory(run).packs).flights}
 
 
 @pytest.mark.asyncio

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
@@ -24,7 +25,6 @@ from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
 from executor.virtual.loop import run_virtual
 from executor.virtual.radio import MemoryRadio
-from executor.virtual.virtual_flight import SilentConsole
 from missions import dialect_for
 from simulator.channel import Channel, LinkCondition
 from simulator.config import AutopilotKind, SimVehicle

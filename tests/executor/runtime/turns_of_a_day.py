@@ -7,22 +7,20 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from benchmarks.pad_crew import PadCrew
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core import fleet_step
 from executor.core.battery.pack_history import PackHistory
 from executor.core.context import Context, DayRules
-from executor.core.interface.commands import Say, Solve
-from executor.core.interface.events import Reopened, SolveEnded
+from executor.core.interface.events import Reopened
 from executor.core.interface.intents import IntentRecord
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission, PlannedSortie
-from executor.runtime.flight_loop import Flight, Observer
+from executor.runtime.flight_loop import Flight
 from executor.virtual.in_process_solver import InProcessSolver
-from executor.virtual.pad_crew import PadCrew
-from executor.virtual.radio import MemoryRadio, run_radios
-from missions import Network, Pricing
-from tests.fakes.solver import FakeSolver
+from missions import Network
+from simulator.config import SimVehicle
 from tests.missions.builders import line_east
 from tests.stories.story import Moment, Routes, Story, When
 from tests.stories.world import Flown, Sky
@@ -69,24 +67,10 @@ class Day:
     """When the ground station dies, and comes back a while later."""
 
 
-class _Solver(FakeSolver):
-    """The product's own answers, after a time that no clock decides."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._here = InProcessSolver(1, takes_s=1.0, settled=500)
-
-    async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
-        self.asked.append(problem)
-        return await self._here.solve(problem, pricing)
-
-    def cancel(self, revision: int) -> None:
-        self._here.cancel(revision)
-
-
 class DaySky(Sky):
     """A day on its way."""
 
+    step_s = 0.1
     patience_s = 400.0
     as_prepared = True
 
@@ -97,7 +81,7 @@ class DaySky(Sky):
         super().__init__(Story("a day", day.moments, fleet=day.first, limit_s=LONG_S), autopilot)
         vehicles = {name: radio.vehicle for name, radio in self.radios.items()}
         self._crew = PadCrew(vehicles, self._next_pack, confirms=day.crew.confirms)
-        self.solver = _Solver()
+        self.solver = InProcessSolver(1, takes_s=1.0, settled=500)
         for radio in self.radios.values():
             radio.stop_unread_streams()
 
@@ -123,9 +107,9 @@ class DaySky(Sky):
     def _network(self) -> Network:
         return line_east(self.day.segments + 1)
 
-    def _radio(self, name: str, sysid: int) -> MemoryRadio:
+    def _craft(self, name: str, sysid: int) -> SimVehicle:
         self.return_m = self._setup.return_height_m(name)  # as the flight would have set it
-        return super()._radio(name, sysid)
+        return super()._craft(name, sysid)
 
     def _context(self, facts: Mapping[str, VehicleFacts]) -> tuple[Context, dict[str, OnboardMission | None]]:
         context, self._boards = super()._context(facts)
@@ -155,9 +139,6 @@ class DaySky(Sky):
         ahead = {name: tuple(PlannedSortie(one, 0.0) for one in own) for name, own in sorties.items()}
         return fleet_step.build_initial_state(boards, ahead=ahead)
 
-    async def _live(self) -> None:
-        await run_radios(self.radios.values(), self._lived, every_s=0.1)
-
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         if self.day.dies is None:
             return await super()._run(flight, until_s)
@@ -167,12 +148,9 @@ class DaySky(Sky):
         await asyncio.gather(flying, return_exceptions=True)
         self.flight = None
         await asyncio.sleep(AWAY_S)
-        self.flight = Flight(
-            flight.context, self._by_the_log(flight.context), {name: one.link for name, one in self.radios.items()},
-            self.clock, self.sink, self.solver, flight_observer(self.said),
-        )  # fmt: skip
+        again = self._begin_flight(flight.context, self._by_the_log(flight.context))
         async with asyncio.timeout_at(until_s):
-            await self.flight.run(Reopened(0.0, AWAY_S, ()), 10.0)
+            await again.run(Reopened(0.0, AWAY_S, ()), 10.0)
         return self.now_s
 
     def _by_the_log(self, context: Context) -> FleetState:
@@ -191,11 +169,6 @@ class DaySky(Sky):
         super()._look()
         if self.flight is not None:
             self._crew.attend(self.flight, self.now_s)
-
-
-def flight_observer(said: list[tuple[float, Say]]) -> Observer:
-    """Return who keeps the lines of a flight."""
-    return Observer(lambda line, at_s: said.append((at_s, line)), lambda *_: None)
 
 
 async def day_flown(day: Day, autopilot: str) -> tuple[DaySky, Flown]:

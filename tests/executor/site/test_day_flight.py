@@ -12,20 +12,19 @@ import pytest
 
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site.day_flight import (
-    base_places_m,
     build_day_rules,
     build_first_sorties_plan,
     describe_later_sorties,
     find_later_segments,
-    find_morning_pads,
     sorties_ahead_of,
 )
-from executor.site.day_problem import DayPlanRequest, build_day_problem, solve_day
+from executor.site.day_problem import build_day_problem, solve_day
+from executor.site.site_bases import find_base_pads
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, PlanFileError, check_plan
-from planner import Iterations, segment_of
-from planner.sorties import Objective
+from planner import segment_of
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import FRAME, line_east
 
@@ -45,7 +44,7 @@ def ground() -> SiteModel:
 @pytest.fixture(scope="module")
 def day(ground: SiteModel) -> DayPlanFile:
     """A day of several sorties each."""
-    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(2000), 1, 1))
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=2000, starts=1))
     assert not found.plan.uncovered
     assert max(map(len, found.plan.sorties)) >= 2
     return replace(found, source="day.json")
@@ -74,7 +73,6 @@ def test_the_days_clock_begins_with_its_first_take_off(ground: SiteModel, day: D
     assert rules.stagger_s == 30.0
     assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
     assert rules.ends_s == 7200.0
-    assert base_places_m(day, ground.network.frame)["uav1"] == pytest.approx((0.0, 0.0), abs=0.01)
 
 
 def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
@@ -84,8 +82,8 @@ def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
     bases: dict[str, Any] = {"base": [at_depot, north]}
     site = site_of(("uav1", "uav2", "uav3"), day=HOURS, energy=BATTERY, **bases)
     ground = ground_for(site, line_east(13))
-    stands = find_morning_pads(ground)
-    assert set(stands) == {"uav1", "uav3"}
+    assert set(find_base_pads(site, ground.network)) == {"uav1", "uav3"}
+    stands = {name: ground.setup.pad_of(name) for name in ("uav1", "uav3")}
     places = [(pad.east_m, pad.north_m) for pad in stands.values()]
     assert all(math.dist(place, (600.0, 400.0)) < 40.0 for place in places)
     assert math.dist(*places) >= 12.0
@@ -108,8 +106,9 @@ def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
     first, second = tables["vehicle"]
     moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
     ground = ground_for(moved, line_east(13))
-    day = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
-    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), (0.0, 0.0)]
+    day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
+    second_m = ground.setup.base_of("uav2").place_m[:2]
+    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
     build_first_sorties_plan(day, ground)
     assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
 
@@ -119,14 +118,14 @@ def test_what_a_camera_is_not_good_for_is_barred_in_flight_too() -> None:
     names = [lines.segment_name(number) for number in range(12)]
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "segments": names[:4]}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), lines)
-    found = solve_day(build_day_problem(ground, range(2, 12)), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    found = solve_day(build_day_problem(ground, range(2, 12)), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     assert build_day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
 
 
 def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "speed_m_s": 4.0}]}
     ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
-    found = solve_day(build_day_problem(ground), DayPlanRequest(Objective.FINISH, Iterations(200), 1, 1))
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     said = refused(replace(found, source="day.json"), ground)
     assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
 
@@ -157,7 +156,7 @@ def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: 
 
 def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
     left = (2, 7, 9)
-    found = solve_day(build_day_problem(ground, left), DayPlanRequest(Objective.FINISH, Iterations(500), 1, 1))
+    found = solve_day(build_day_problem(ground, left), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert [segment.id for segment in found.segments] == list(left)
     flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
     assert flown == set(left)

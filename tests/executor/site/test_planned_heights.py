@@ -66,10 +66,11 @@ def test_a_plan_over_a_taller_line_that_crosses_is_refused() -> None:
         [(450.0, 12.0), (450.0, 12.0), (450.0, 50.0), (450.0, 50.0)],
     )
     ground = ground_for(site_of(("uav1",)), crossing)
+    plan = plan_site(ground, WANTED)
     with pytest.raises(
         SiteError, match=r"^test network: heights: uav1 on leg \d \(inspect\) comes 23\.0 m below the top"
     ):
-        compute_planned_heights(ground, plan_site(ground, WANTED))
+        compute_planned_heights(ground, [site_model.name_routes(ground, plan.build_task(), plan.plan)])
 
 
 def test_the_report_has_the_figures() -> None:

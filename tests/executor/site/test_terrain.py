@@ -17,7 +17,6 @@ from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.site import site_model
-from executor.site.day_problem import build_day_problem
 from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
@@ -114,7 +113,7 @@ def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, pla
 
 
 def test_plan_and_checklist_say_the_margin_and_how_sure_it_is(ground: SiteModel, plan: PlanFile) -> None:
-    planned = compute_planned_heights(ground, plan)
+    planned = compute_planned_heights(ground, [site_model.name_routes(ground, plan.build_task(), plan.plan)])
     assert f"; ground +-5 m by {RASTER}, and 18 m over that are kept" in planned.words
     assert ", lowest " in planned.words
     assert planned.document is not None
@@ -160,11 +159,6 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
     write_raster(site.parent / RASTER, MOUNTAIN)
     with pytest.raises(PlanFileError, match=r"terrain\.margin_m is 30, the plan was made with 18"):
         check_plan_fits(plan, ground_at(site), "plan.json")
-
-
-def test_a_day_of_sorties_is_not_planned_over_the_ground_between_the_lines(ground: SiteModel) -> None:
-    with pytest.raises(SiteError, match=r"^\[terrain\]: expected none in the site of a day plan"):
-        build_day_problem(ground)
 
 
 def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from benchmarks.virtual_site import build_virtual_site
 from executor.site.site_model import SiteModel
-from executor.virtual.virtual_site import build_virtual_site
 from missions import PlanFile
 from tests.missions.builders import FRAME
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.prediction import plan_with
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned_document import learn_from_flight, read_learned
 from executor.core.context import Context
@@ -16,7 +17,6 @@ from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.site.site_model import SiteModel
-from executor.virtual.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from missions import PlanFile, check_plan, read_plan, write_plan
 from simulator.config import SimVehicle
 from tests.executor.virtual.short_line import short_ground

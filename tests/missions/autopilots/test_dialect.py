@@ -7,7 +7,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from missions import ARDUPILOT, PX4, Command, Dialect, Frame, SetCurrent, StartStep, dialect_for
+from missions import ARDUPILOT, PX4, Command, Dialect, Frame, StartStep, dialect_for
 
 
 @pytest.mark.parametrize("command", Command)
@@ -54,7 +54,6 @@ def test_an_unknown_autopilot_is_refused() -> None:
 def test_what_was_measured_apart() -> None:
     assert ARDUPILOT.start == (StartStep.GUIDED, StartStep.ARM, StartStep.MISSION_START)
     assert PX4.start == (StartStep.ARM, StartStep.MISSION_MODE)
-    assert (ARDUPILOT.set_current, PX4.set_current) == (SetCurrent.COMMAND, SetCurrent.MESSAGE)
     assert (ARDUPILOT.upload_is_atomic, PX4.upload_is_atomic) == (False, True)
     # A return height of 15 m is RTL_ALT 1500 and RTL_RETURN_ALT 15.
     assert round(15.0 / ARDUPILOT.return_parameters.unit_m) == 1500

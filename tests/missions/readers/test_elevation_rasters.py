@@ -15,9 +15,9 @@ from affine import Affine
 from missions.elevation import Elevation
 from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
-from missions.readers import elevation_rasters as reader
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.readers.kept_elevation import read_kept_ground, write_kept_ground
+from missions.readers.rasters import locate_cells
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 
 FRAME = LocalFrame(LAT_DEG, LON_DEG, 900.0)
@@ -194,7 +194,7 @@ def test_what_a_run_keeps_is_the_same_ground_without_the_raster(tmp_path: Path) 
     assert again.digest == found.digest
     assert (again.source, again.vertical, again.uncertainty_m) == (found.source, found.vertical, found.uncertainty_m)
     places = places_m()
-    for ask in ("at_m", "highest_m", "lowest_m"):
+    for ask in ("interpolate_m", "highest_m", "lowest_m"):
         np.testing.assert_array_equal(getattr(again, ask)(places), getattr(found, ask)(places))
     with pytest.raises(ElevationError, match="depot: expected the ground around 47"):
         read_kept_ground(tmp_path / "terrain.npz", LocalFrame(47.0, LON_DEG))
@@ -330,7 +330,7 @@ def test_a_lattice_finds_cells_as_exactly_as_a_transformation_of_each_place(tmp_
     path = write_raster(tmp_path / "ground.tif", SMOOTH, crs="EPSG:32632", cell=10.0)
     (tile,) = read_elevation([path], reading()).tiles
     with rasterio.open(path) as dataset:
-        at = reader._locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME, places_m())
-        first = reader._locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME, np.zeros((1, 2)))
+        at = locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME.many_to_wgs84_deg(places_m()))
+        first = locate_cells(dataset, pyproj.CRS("EPSG:32632"), FRAME.many_to_wgs84_deg(np.zeros((1, 2))))
     moved = at - first - (tile.to_rows_columns(places_m()) - tile.to_rows_columns(np.zeros((1, 2))))
     assert np.abs(moved).max() < 0.01

@@ -10,6 +10,7 @@ from planner import Iterations, PlanError
 from planner.sorties import (
     Sortie,
     SortieInstance,
+    SortiePlan,
     build_sorties_after_loss,
     evaluate_sorties,
     find_loss_windows,
@@ -54,7 +55,8 @@ def test_a_re_plan_and_what_was_kept_are_a_whole_plan_of_the_day() -> None:
     at_s = lands_s(instance, 0, plan.sorties[0][0]) - 1.0
     left = build_sorties_after_loss(instance, plan, {0: at_s}, at_s)
     rest = solve_sorties(left.instance, stop=Iterations(2_000), initial=left.tails).plan
-    whole = left.whole_plan(rest)
+    sorties = tuple(kept + after for kept, after in zip(left.kept, rest.sorties, strict=True))
+    whole = SortiePlan(sorties, rest.uncovered)
     assert evaluate_sorties(instance, whole).violations == ()
     assert all(one.start_s < at_s for one in whole.sorties[0])
     assert all(one in whole.sorties[1] for one in left.kept[1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from planner.sorties import (
     SurvivalCampaign,
     SurvivalEstimate,
@@ -10,7 +12,6 @@ from planner.sorties import (
     split_samples,
     summarise_samples,
 )
-from planner.sorties.survival import SampleChunk
 from tests.planner.sorties.builders import short_day
 
 
@@ -23,7 +24,7 @@ def test_what_days_come_to_does_not_depend_on_how_they_are_parted() -> None:
     instance, plan = short_day(end_s=1_500.0)
     campaign = SurvivalCampaign(instance, plan, 0.5, 2)
     assert sum(part.flights for part in split_samples(25)) == 25
-    assert flown(campaign, 25) == summarise_samples([simulate_days(campaign, SampleChunk(0, 25))])
+    assert flown(campaign, 25) == summarise_samples([simulate_days(campaign, replace(split_samples(1)[0], flights=25))])
     assert flown(campaign, 25).losses > 0.0
 
 

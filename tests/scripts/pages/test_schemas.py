@@ -23,7 +23,7 @@ from tests.executor.analysis.test_report import SAID
 from tests.executor.core.stories import FLEET, under_way
 from tests.executor.flights import write_run
 
-PLANS = sorted((Path(__file__).parents[2] / "missions" / "plans").iterdir())
+PLANS = sorted((Path(__file__).parents[2] / "missions" / "plans" / "v2").iterdir())
 ODD: list[object] = [None, True, "", "x", -1, 1.5, 1e300, [], [None], {}, {"a": 1}]
 
 
@@ -46,7 +46,7 @@ def flown() -> Any:
 def documents() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Yield real documents: the name of the schema, and what makes one."""
     for path in PLANS:
-        yield "plan", partial(read_json, path)
+        yield "dayplan" if path.stem == "days" else "plan", partial(read_json, path)
     yield "report", flown
     yield "vehicles", lambda: build_vehicle_answers(FLEET.context, SAID).to_plain()
     yield "site", site
@@ -116,7 +116,7 @@ def test_a_run_directory_keeps_to_the_schemas(tmp_path: Path) -> None:
 
 
 WRONG: list[tuple[str, tuple[str | int, ...], object]] = [
-    ("plan", ("format",), "faultline-plan/2"),
+    ("plan", ("format",), "faultline-plan/1"),
     ("plan", ("depot", "lat_deg"), 90.0),
     ("plan", ("depot", "alt_m"), "450"),
     ("plan", ("vehicles",), []),
@@ -127,6 +127,9 @@ WRONG: list[tuple[str, tuple[str | int, ...], object]] = [
     ("plan", ("seed",), -1),
     ("plan", ("segments", 0, "a"), [1.0, 2.0]),
     ("plan", ("segments", 0, "id"), True),
+    ("dayplan", ("days",), []),
+    ("dayplan", ("vehicles", 0, "hours"), [[1.0]]),
+    ("dayplan", ("cost", "name"), "minmax"),
     ("report", ("format",), "faultline-report/2"),
     ("report", ("finished",), "yes"),
     ("report", ("faults", 0, "kind"), "tired"),
@@ -151,7 +154,7 @@ def test_what_is_wrong_is_refused_by_schema_and_model(name: str, place: tuple[st
     assert not accepted(FILES[name], document)
 
 
-@pytest.mark.parametrize("name", ["plan", "report", "vehicles"])
+@pytest.mark.parametrize("name", ["dayplan", "plan", "report", "vehicles"])
 def test_whatever_a_schema_refuses_its_model_refuses_too(name: str) -> None:
     """The other way round a model knows more: ids that belong together, for one."""
     document = next(make() for one, make in documents() if one == name)

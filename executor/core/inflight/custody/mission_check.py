@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.interface.commands import Command, Level, Say
+from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Found
 from executor.core.state import mission_ownership
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import DeclinedMission
 from executor.core.state.vehicle_state import Stage, VehicleState, apply_onboard_mission
 
@@ -20,26 +20,21 @@ def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
     return flies and vehicle.assignment.carried.is_reading_due(now_s)
 
 
-def apply_mission_read(state: FleetState, found: Found, now_s: float) -> tuple[FleetState, tuple[Command, ...]]:
+def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped:
     """Believe, or not, that a vehicle was given another station's mission."""
     vehicle = state.vehicles[found.vehicle]
     if vehicle.assignment.board is None or vehicle.assignment.carried.told_s is None:
         return state, ()  # it was given one of ours meanwhile
     if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= mission_ownership.SURE_S:
         # Nothing came of it at all: it is asked again when it is heard.
-        return state.put(
-            replace(
-                vehicle,
-                assignment=replace(vehicle.assignment, carried=replace(vehicle.assignment.carried, asked_s=None)),
-            )
-        ), ()
+        return state.put(vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=None))), ()
     if vehicle.assignment.stubborn and vehicle.assignment.declined is not None:
         return _apply_read_of_declined(state, vehicle, vehicle.assignment.declined, found, now_s)
     was_ours = vehicle.assignment.carried.foreign_s is None
     known = mission_ownership.apply_mission_readback(
         vehicle.assignment.carried, found.match_of(vehicle.assignment.board.revision), now_s
     )
-    state = state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=known)))
+    state = state.put(vehicle.with_assignment(carried=known))
     if known.foreign_s is not None or not was_ours:
         return state, ()
     text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"
@@ -48,7 +43,7 @@ def apply_mission_read(state: FleetState, found: Found, now_s: float) -> tuple[F
 
 def _apply_read_of_declined(
     state: FleetState, vehicle: VehicleState, declined: DeclinedMission, found: Found, now_s: float
-) -> tuple[FleetState, tuple[Command, ...]]:
+) -> Stepped:
     """Take what a vehicle carries whose last upload came to no known end."""
     board, maybe = vehicle.assignment.board, declined.maybe
     new = None if maybe is None else found.match_of(maybe.revision)
@@ -69,4 +64,4 @@ def _apply_read_of_declined(
     looked_up = mission_ownership.apply_mission_readback(
         vehicle.assignment.carried, found.match_of(board.revision), now_s
     )
-    return state.put(replace(vehicle, assignment=replace(vehicle.assignment, carried=looked_up))), ()
+    return state.put(vehicle.with_assignment(carried=looked_up)), ()

@@ -8,9 +8,7 @@ station. In doubt it is a person's: then nothing is commanded.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 from executor.core.context import Scene
 from executor.core.inflight.custody.mode_attribution import attribute_mode_change, is_fence_breached_near
@@ -20,7 +18,7 @@ from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
 from executor.core.state.vehicle_position import is_home_by_own_estimate
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.core.telemetry.failsafe_texts import FENCE_BREACH
+from executor.core.telemetry.failsafe_texts import may_change_mode
 from missions import Dialect, Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
 
@@ -30,12 +28,6 @@ LATE_TEXT_S = 4.0
 """A text this long after a change of mode still explains it."""
 OVERTAKEN_S = 3.0
 """A start that was withdrawn is seen to have been followed within two heartbeats, and some of their way."""
-_ACTS = re.compile(
-    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
-    r"no valid mission)",
-    re.IGNORECASE,
-)
-"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
 CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
 """MAV_BATTERY_CHARGE_STATE."""
 
@@ -56,27 +48,21 @@ def update_mode_cause(
     if beat is None:
         return after
     if not beat.armed:
-        return (
-            after
-            if after.custody.cause is ModeCause.OURS
-            else replace(after, custody=replace(after.custody, cause=ModeCause.OURS))
-        )
+        return after if after.custody.cause is ModeCause.OURS else after.with_custody(cause=ModeCause.OURS)
     armed_now = old is not None and not old.armed
     if old is not None and old.custom_mode == beat.custom_mode and not armed_now:
         return after
     if old is None or (after.stage is Stage.STARTING and old.custom_mode == beat.custom_mode):
         # Heard for the first time, or armed by us in the mode that it stood in: nothing has changed.
-        return replace(after, custody=replace(after.custody, cause=ModeCause.OURS))
+        return after.with_custody(cause=ModeCause.OURS)
     cause = determine_mode_cause(context, absences, before, after, now_s)
     certain = cause is ModeCause.PERSON and (
         _must_be_person(context, before, after) or is_set_by_person(context, after)
     )
     left = old.custom_mode in after.orders.ordered_modes and beat.custom_mode not in after.orders.ordered_modes
     # An order that was followed, and left again, explains no later mode.
-    return replace(
-        after,
-        custody=replace(after.custody, cause=cause, certain=certain),
-        orders=replace(after.orders, ordered_modes=frozenset() if left else after.orders.ordered_modes),
+    return after.with_custody(cause=cause, certain=certain).with_orders(
+        ordered_modes=frozenset() if left else after.orders.ordered_modes
     )
 
 
@@ -91,12 +77,12 @@ def review_mode_cause(
         or _is_holding_calmly(context, vehicle, now_s)
         or is_set_by_person(context, vehicle)
     ):
-        return replace(vehicle, custody=replace(vehicle.custody, cause=ModeCause.PERSON, certain=True))
+        return vehicle.with_custody(cause=ModeCause.PERSON, certain=True)
     if vehicle.custody.cause is ModeCause.MISSION and _is_hovering(context, vehicle, now_s):
         # In its landing a failsafe holds it as anywhere else, and says so.
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
         cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
-        return replace(vehicle, custody=replace(vehicle.custody, cause=cause, certain=not itself))
+        return vehicle.with_custody(cause=cause, certain=not itself)
     if (
         vehicle.custody.cause is not ModeCause.PERSON
         or vehicle.custody.certain
@@ -105,7 +91,7 @@ def review_mode_cause(
         return vehicle
     if not _is_explained_by_failsafe(context, absences, vehicle, now_s):
         return vehicle
-    return replace(vehicle, custody=replace(vehicle.custody, cause=ModeCause.FAILSAFE))
+    return vehicle.with_custody(cause=ModeCause.FAILSAFE)
 
 
 CALM_S = 2.5
@@ -183,7 +169,7 @@ def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState)
         text, said_s = (
             vehicle.telemetry.alarm
         )  # who has it changes its mode again, unless it says anew what it does by itself
-        return not (_ACTS.search(text) and said_s >= before.telemetry.mode_since_s)
+        return not (may_change_mode(text) and said_s >= before.telemetry.mode_since_s)
     if beat.custom_mode != dialect.modes.hold.custom_mode or not is_home_mode(dialect, old.custom_mode):
         return False
     # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
@@ -278,7 +264,7 @@ def _is_explained_by_failsafe(
         return False
     text, said_s = vehicle.telemetry.alarm
     said = (
-        bool(_ACTS.search(text))
+        may_change_mode(text)
         and -context.limits.alarm_s <= vehicle.telemetry.mode_since_s - said_s <= context.limits.alarm_s
     )
     return (
@@ -343,7 +329,7 @@ def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
     if setup.dialect.ground_station_failsafe.pause is None or told.heartbeat is None:
         return False
     text, said_s = told.alarm
-    began_s = max(told.critical_since_s or -math.inf, said_s if _ACTS.search(text) else -math.inf)
+    began_s = max(told.critical_since_s or -math.inf, said_s if may_change_mode(text) else -math.inf)
     holds = told.heartbeat.custom_mode == setup.dialect.modes.hold.custom_mode and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 

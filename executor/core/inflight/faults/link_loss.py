@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from executor.core.context import Scene
 from executor.core.interface.commands import Level, Say
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Stepped
@@ -24,7 +22,7 @@ def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Step
     """Look whether the ground station itself stood still since the last tick, and count that against nobody."""
     slept_s = 0.0 if state.listening.tick_s is None else now_s - state.listening.tick_s
     late_s = state.listening.late_s
-    state = replace(state, listening=replace(state.listening, tick_s=now_s))
+    state = state.with_listening(tick_s=now_s)
     if slept_s <= SLEPT_S:
         return (_excuse_silence(state, late_s, now_s) if late_s > 0.0 else state), ()
     state = _excuse_silence(state, slept_s, now_s)
@@ -64,15 +62,15 @@ def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: i
         return _repeat_silence_warning(context, state, now_s)
     who = "all links lost" if len(expected) > 1 else "no link to any vehicle"
     text = f"{who}: suspecting the ground radio; re-planning suspended"
-    return replace(state, listening=replace(state.listening, silent_since_s=latest)), (Say(Level.WARNING, text),)
+    return state.with_listening(silent_since_s=latest), (Say(Level.WARNING, text),)
 
 
 def _record_absence(state: FleetState, absence: GroundStationAbsence) -> FleetState:
-    return replace(state, listening=replace(state.listening, absences=(*state.listening.absences, absence)))
+    return state.with_listening(absences=(*state.listening.absences, absence))
 
 
 def _clear_silence(state: FleetState) -> FleetState:
-    return replace(state, listening=replace(state.listening, silent_since_s=None, silence_told_s=None))
+    return state.with_listening(silent_since_s=None, silence_told_s=None)
 
 
 def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> Stepped:
@@ -86,7 +84,7 @@ def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> 
         f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The "
         "flight stays open and resumes with the first link regained"
     )
-    return replace(state, listening=replace(state.listening, silence_told_s=now_s)), (Say(Level.FAULT, text),)
+    return state.with_listening(silence_told_s=now_s), (Say(Level.FAULT, text),)
 
 
 def _list_contact_times(state: FleetState) -> list[float]:
@@ -119,19 +117,12 @@ def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: 
     text = f"{vehicle.name}: no message for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
     level = Level.WARNING if stale else Level.INFO
     excused_s = vehicle.link.excused_s if stale else now_s
-    return state.put(replace(vehicle, link=replace(vehicle.link, stale=stale, excused_s=excused_s))), (
-        Say(level, text),
-    )
+    return state.put(vehicle.with_link(stale=stale, excused_s=excused_s)), (Say(level, text),)
 
 
 def _excuse_silence(state: FleetState, pause_s: float, now_s: float) -> FleetState:
     """Count a time in which nobody could be heard against no vehicle."""
     for vehicle in state.vehicles.values():
         if vehicle.link.heard_s is not None:
-            state = state.put(
-                replace(
-                    vehicle,
-                    link=replace(vehicle.link, heard_s=min(now_s, vehicle.link.heard_s + pause_s), excused_s=now_s),
-                )
-            )
+            state = state.put(vehicle.with_link(heard_s=min(now_s, vehicle.link.heard_s + pause_s), excused_s=now_s))
     return state

@@ -125,7 +125,7 @@ def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: fl
                 vehicle = _follow_stage(scene, before, vehicle, now_s)
             fleet = state.fleet.put(vehicle)
             if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
-                fleet = replace(fleet, progress=replace(fleet.progress, launched_s=now_s))
+                fleet = fleet.with_progress(launched_s=now_s)
             return PassiveWatch(
                 fleet, state.open, state.warned_s, state.told
             ), found  # of every message: faster than replace
@@ -139,13 +139,9 @@ def record_contact(state: PassiveWatch, name: str, at_s: float, heartbeat_s: flo
     later = vehicle.link.heard_s is None or at_s > vehicle.link.heard_s
     if not later and heartbeat_s is None:
         return state
-    told = replace(
-        vehicle,
-        link=replace(
-            vehicle.link,
-            heard_s=at_s if later else vehicle.link.heard_s,
-            heartbeat_s=vehicle.link.heartbeat_s if heartbeat_s is None else heartbeat_s,
-        ),
+    told = vehicle.with_link(
+        heard_s=at_s if later else vehicle.link.heard_s,
+        heartbeat_s=vehicle.link.heartbeat_s if heartbeat_s is None else heartbeat_s,
     )
     return replace(state, fleet=state.fleet.put(told))
 
@@ -197,11 +193,8 @@ def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now
             return change_stage(vehicle, Stage.LANDED)
         case Stage.LOST:
             # Live RTL would be commanded; here it flies on, and may be lost again.
-            return replace(
-                change_stage(vehicle, Stage.FLYING, besides=WATCHED),
-                fault=None,
-                watches=(),
-                motion=replace(vehicle.motion, anchor=None),
+            return replace(change_stage(vehicle, Stage.FLYING, besides=WATCHED), fault=None, watches=()).with_motion(
+                anchor=None
             )
         case _:
             return vehicle
@@ -239,7 +232,7 @@ def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: Vehicl
         return vehicle
     beat = vehicle.telemetry.heartbeat
     again = beat is not None and is_mission_mode(setup.dialect, beat.custom_mode)
-    return replace(vehicle, sortie=replace(vehicle.sortie, flew_mission=again and vehicle.sortie.took_off))
+    return vehicle.with_sortie(flew_mission=again and vehicle.sortie.took_off)
 
 
 def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:

@@ -79,24 +79,15 @@ def apply_touchdown(
     vehicle = sortie_log.end_sortie(
         leg_times.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
     )
-    vehicle = replace(
-        change_stage(vehicle, Stage.LANDED),
-        assignment=replace(vehicle.assignment, run=None),
-        orders=replace(vehicle.orders, errand=None, cleared_s=None),
-    )
+    vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
     state = state.put(vehicle)
     if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
         # It was on its way down when the last re-plan was made: what was left then may be for it.
-        state = replace(
-            state, replanning=replace(state.replanning, considered=state.replanning.considered | {vehicle.name})
-        )
+        state = state.with_replanning(considered=state.replanning.considered | {vehicle.name})
         if context.fly_again is RelaunchPolicy.AUTO and state.coverage.given_up and spare:
             trigger = f"{vehicle.name}: landed with battery to spare"
-            state = replace(
-                state,
-                coverage=replace(state.coverage, given_up=frozenset()),
-                replanning=replace(state.replanning, urgent=True, trigger=trigger, trigger_s=now_s),
-            )
+            state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
+            state = state.with_coverage(given_up=frozenset())
     if not vehicle.sortie.took_off:
         return state, (Say(Level.INFO, f"{vehicle.name}: disarmed; its take-off was not observed"),)
     left = _describe_remaining_charge(context, vehicle, now_s)

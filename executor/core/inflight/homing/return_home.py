@@ -17,15 +17,13 @@ from executor.core.formatting import join_first_names
 from executor.core.inflight.custody.mode_causes import is_failsafe_in_hold, is_long_hold, is_under_foreign_control
 from executor.core.interface.commands import Command, LandNow, Level, Say, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
-from executor.core.state.fleet_state import FleetState
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause
 from executor.core.state.vehicle_position import is_kill_switch_text
 from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState
 from missions import Phase
 from missions.area_check import find_areas_on_return
 from missions.autopilots.modes import is_home_mode, is_mission_mode
-
-Stepped = tuple[FleetState, tuple[Command, ...]]
 
 REFUSED_AGAIN_S = 5.0
 """After a refusal an order is given again this much later."""
@@ -173,7 +171,7 @@ def bring_home(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, land: bool = False, force: bool = False
 ) -> Stepped:
     """Let a vehicle that has left its mission come home: it is told now, or as soon as that is right."""
-    vehicle = replace(vehicle, orders=replace(vehicle.orders, errand=HomingOrder(now_s, land=land, force=force)))
+    vehicle = vehicle.with_orders(errand=HomingOrder(now_s, land=land, force=force))
     return issue_homing_order(context, state.put(vehicle), vehicle.name, now_s)
 
 
@@ -184,7 +182,7 @@ def issue_homing_order(context: Context, state: FleetState, name: str, now_s: fl
     if errand is None or errand.told:
         return state, ()
     if vehicle.stage is not Stage.RETURNING:
-        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
+        return state.put(vehicle.with_orders(errand=None)), ()
     if vehicle.link.stale or now_s < errand.not_before_s:
         return state, ()
     found = advise_homing(context, vehicle, now_s)
@@ -200,11 +198,8 @@ def _command_homing(
 ) -> Stepped:
     modes = context.vehicles[vehicle.name].dialect.modes
     expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
-    told = replace(
-        vehicle,
-        orders=replace(
-            vehicle.orders, errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
-        ),
+    told = vehicle.with_orders(
+        errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
     )
     if land:
         return state.put(told), (LandNow(vehicle.name),)
@@ -230,13 +225,13 @@ def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_
     if errand is None or not errand.told:
         return state, ()
     if event.accepted:
-        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None))), ()
+        return state.put(vehicle.with_orders(errand=None)), ()
     if event.lost:
-        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=replace(errand, told=False)))), ()
+        return state.put(vehicle.with_orders(errand=replace(errand, told=False))), ()
     if event.refused:
         again = replace(errand, told=False, not_before_s=now_s + REFUSED_AGAIN_S)
-        return state.put(replace(vehicle, orders=replace(vehicle.orders, errand=again))), ()
-    done = state.put(replace(vehicle, orders=replace(vehicle.orders, errand=None)))
+        return state.put(vehicle.with_orders(errand=again)), ()
+    done = state.put(vehicle.with_orders(errand=None))
     if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
         return done, ()  # nobody knows what it does
     text = f"{vehicle.name}: acknowledged the order but does not follow it; not commanded again"

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -20,7 +21,7 @@ from hypothesis import strategies as st
 from executor.adapters.web import WebServer, WebSettings
 from executor.adapters.web.connection_limits import ConnectionLimits
 from executor.adapters.web.guard import cookie_name_for
-from executor.adapters.web.server import FILES, _read_resource
+from executor.adapters.web.server import STATIC, TYPES
 from executor.adapters.web.snapshot import Describe
 from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.fleet_view import FleetView, build_fleet_view
@@ -96,16 +97,19 @@ def guarded() -> Iterator[Beside]:
 
 
 def test_the_page_and_its_files(open_one: Beside) -> None:
+    files = [file for file in Path(str(STATIC)).iterdir() if file.suffix in TYPES]
+    assert {"page.css", "page.js", "icon.svg"} <= {file.name for file in files}
     with open_one.client() as client:
         page = client.get("/")
         assert page.status_code == 200
         assert "default-src 'none'" in page.headers["content-security-policy"]
-        for name, kind in FILES.items():
-            answer = client.get(f"/files/{name}")
-            assert (answer.status_code, answer.headers["content-type"]) == (200, kind)
+        for file in files:
+            answer = client.get(f"/files/{file.name}")
+            assert (answer.status_code, answer.headers["content-type"]) == (200, TYPES[file.suffix])
+        assert client.get("/files/page.html").status_code == 404
         assert client.get("/files/server.py").status_code == 404
         assert client.get("/files/..%2fserver.py").status_code == 404
-    named = [_read_resource(name).decode() for name in (*FILES, "page.html")]
+    named = [file.read_text(encoding="utf-8") for file in (*files, Path(str(STATIC), "page.html"))]
     assert not any("http://" in text.replace("http://www.w3.org/2000/svg", "") or "https://" in text for text in named)
 
 

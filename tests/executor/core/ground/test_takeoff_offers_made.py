@@ -14,6 +14,7 @@ from executor.core.battery.kalman import Prior
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import takeoff_offers
 from executor.core.interface.commands import Level, Say
+from executor.core.replanning import survivors
 from executor.core.state.fleet_state import TakeoffOffer
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -118,12 +119,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose word for the pad counts",
         lambda: [
-            takeoff_offers.may_take_off(CREW, with_facts(STANDS, cleared_s=cleared_s), NOW_S)
+            survivors.may_take_off(CREW, with_facts(STANDS, cleared_s=cleared_s), NOW_S)
             for cleared_s in (None, NOW_S - 120.0, NOW_S - 120.1)
         ],
         [False, True, False],
     ),
-    ("for a simulation nobody is asked", lambda: takeoff_offers.may_take_off(FLEET.context, STANDS, NOW_S), True),
+    ("for a simulation nobody is asked", lambda: survivors.may_take_off(FLEET.context, STANDS, NOW_S), True),
     (
         "what is open",
         lambda: [

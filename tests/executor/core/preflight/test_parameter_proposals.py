@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from executor.core.context import Context
@@ -11,15 +9,8 @@ from executor.core.interface.messages import ParamValue
 from executor.core.preflight.parameter_proposals import (
     KEPT_HIGHER_M,
     Answers,
-    ChangeStage,
-    KeptParameter,
-    ParameterChange,
     ParameterProposal,
-    ValueOrigin,
-    build_kept_parameter,
-    build_parameter_record,
     check_return_height,
-    classify_value,
     propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import Severity
@@ -154,45 +145,3 @@ def test_what_became_of_it() -> None:
         Severity.WARNING,
         f"RTL altitude set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
     )
-
-
-def change(old: float, new: float) -> ParameterChange:
-    return ParameterChange("uav1", "RTL_ALT", old, new, INT32, "cm", "keeps its RTL in its own layer")
-
-
-def record(old: float, new: float, before: KeptParameter | None = None) -> KeptParameter:
-    return build_kept_parameter(change(old, new), 1, "ardupilot", before)
-
-
-def test_the_oldest_value_is_given_back() -> None:
-    first = record(1500.0, 2700.0)
-    second = record(2700.0, 3200.0, replace(first, stage=ChangeStage.SET))
-    third = record(3200.0, 2700.0, second)
-    assert [one.old for one in (first, second, third)] == [1500.0, 1500.0, 1500.0]
-    assert [classify_value(second, value) for value in (1500.0, 2700.0, 3200.0)] == [
-        ValueOrigin.OLD,
-        ValueOrigin.OURS,
-        ValueOrigin.OURS,
-    ]
-    assert all(one.stage is ChangeStage.PLANNED for one in (first, second, third))
-    assert third.earlier == (3200.0,)
-
-
-def test_what_was_planned_and_never_sent_is_no_older_value() -> None:
-    assert record(1500.0, 3200.0, record(1500.0, 2700.0)).old == 1500.0
-
-
-def test_what_somebody_set_since_is_what_was_there() -> None:
-    assert record(4000.0, 2700.0, record(1500.0, 3200.0)).old == 4000.0
-    assert classify_value(record(1500.0, 3200.0), 4000.0) is ValueOrigin.OTHER
-    given_back = replace(record(1500.0, 2700.0), stage=ChangeStage.RESTORED)
-    assert record(2700.0, 3200.0, given_back).old == 2700.0, "it was given back, so somebody else set that"
-
-
-def test_what_is_not_set_again_stays_on_record() -> None:
-    before = [record(1500.0, 2700.0), replace(record(3.0, 0.0), name="RTL_CONE_SLOPE", stage=ChangeStage.SET)]
-    now = build_parameter_record([change(2700.0, 3200.0)], {"uav1": (1, "ardupilot")}, before)
-    assert [(one.name, one.old, one.new, one.stage) for one in now] == [
-        ("RTL_ALT", 1500.0, 3200.0, ChangeStage.PLANNED),
-        ("RTL_CONE_SLOPE", 3.0, 0.0, ChangeStage.SET),
-    ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import pytest
 
@@ -11,7 +10,6 @@ from executor.core.context import Context
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight import parameter_proposals
 from executor.core.preflight.parameter_proposals import (
-    KeptParameter,
     ParameterChange,
 )
 from executor.core.preflight.vehicle_checks import (
@@ -20,12 +18,11 @@ from executor.core.preflight.vehicle_checks import (
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
 from tests.executor.core.steps import rounded
-from tests.executor.core.vehicles import FLEET, NOW_S
+from tests.executor.core.vehicles import FLEET
 
 CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context
 CHANGE = ParameterChange("uav1", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
-KEPT = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
 
 
 def lines(checks: Check | Sequence[Check]) -> list[str]:
@@ -204,19 +201,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ],
     ),
     (
-        "a value in words",
-        lambda: [parameter_proposals.format_number(value) for value in (1500.0, 27.299999, 0.0, -1.5)],
-        ["1500", "27.3", "0", "-1.5"],
-    ),
-    (
-        "values that are the same",
-        lambda: [
-            parameter_proposals.is_same_value(one, other)
-            for one, other in ((1500.0, 1500.014), (1500.0, 1500.016), (0.0, 9e-7), (0.0, 1.1e-6))
-        ],
-        [True, False, True, False],
-    ),
-    (
         "heights are rounded up",
         lambda: [
             parameter_proposals._round_up_height(height_m, unit_m, kind)
@@ -237,52 +221,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)
         ],
         ["keeps its RTL in its own layer", "keeps its RTL above the line"],
-    ),
-    (
-        "what is on record",
-        lambda: [
-            parameter_proposals.build_kept_parameter(replace(CHANGE, old=old), 1, "ardupilot", before)
-            for old, before in (
-                (3000.0, None),
-                (1500.0, KEPT),
-                (2000.0, KEPT),
-                (3000.0, replace(KEPT, new=1400.0)),
-                (1300.0, replace(KEPT, new=1400.0, earlier=(1300.0, 1500.0))),
-                (3000.0, replace(KEPT, stage=parameter_proposals.ChangeStage.RESTORED, old=2500.0)),
-            )
-        ],
-        [
-            KEPT,
-            KEPT,
-            replace(KEPT, old=2000.0),
-            replace(KEPT, earlier=(1400.0,)),
-            replace(KEPT, earlier=(NOW_S + 300.0, 1400.0)),
-            KEPT,
-        ],
-    ),
-    (
-        "the whole record",
-        lambda: parameter_proposals.build_parameter_record(
-            [CHANGE],
-            {"uav1": (1, "ardupilot")},
-            [replace(KEPT, name="RTL_CONE_SLOPE"), replace(KEPT, old=2500.0, new=3000.0)],
-        ),
-        [replace(KEPT, name="RTL_CONE_SLOPE"), replace(KEPT, old=2500.0, earlier=(3000.0,))],
-    ),
-    (
-        "what is found on board",
-        lambda: [parameter_proposals.classify_value(KEPT, value).value for value in (3000.0, 1500.0, 1400.0)],
-        ["old", "ours", "other"],
-    ),
-    (
-        "what is still to be given back",
-        lambda: [stage.value for stage in parameter_proposals.ChangeStage if replace(KEPT, stage=stage).open],
-        ["planned", "set", "left"],
-    ),
-    (
-        "what is given back in words",
-        lambda: [KEPT.words, replace(KEPT, unit="").words],
-        ["uav1: RTL_ALT 1500 -> 3000 cm", "uav1: RTL_ALT 1500 -> 3000"],
     ),
 ]
 

@@ -10,10 +10,11 @@ import pytest
 from executor.core.context import Context, DayRules
 from executor.core.interface.commands import Solve, Survivor
 from executor.core.replanning import loss_preview, replan_cycle
-from executor.core.replanning.flying_hours import CLEARED_S, find_remaining_hours, limit_to_hours, min_draw_pct
+from executor.core.replanning.flying_hours import find_remaining_hours, limit_to_hours, min_draw_pct
 from executor.core.replanning.survivors import build_survivor
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import CLEARED_S
 from executor.core.state.vehicle_state import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import flight_of

@@ -11,7 +11,6 @@ from executor.core.battery import kalman
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context, DayRules
-from executor.core.ground import takeoff_offers
 from executor.core.interface.commands import Survivor
 from executor.core.replanning import replan_cycle, replan_messages, survivors
 from executor.core.state.vehicle_parts import ModeCause, PositionFix
@@ -66,10 +65,10 @@ IN_HAND = replace(STANDS, telemetry=replace(STANDS.telemetry, heartbeat=beat(STA
 
 def test_whose_mode_somebody_set_since_it_landed_takes_off_by_the_crews_word_alone() -> None:
     assert offered(IN_HAND) is None
-    assert not takeoff_offers.may_take_off(CONTEXT, IN_HAND, NOW_S)
+    assert not survivors.may_take_off(CONTEXT, IN_HAND, NOW_S)
     said = with_facts(IN_HAND, cleared_s=NOW_S - 1.0)
     assert offered(said) is not None
-    assert takeoff_offers.may_take_off(CONTEXT, said, NOW_S)
+    assert survivors.may_take_off(CONTEXT, said, NOW_S)
     # Before its start a vehicle may stand in any mode.
     assert offered(replace(IN_HAND, stage=Stage.GROUND)) is not None
 

@@ -1,0 +1,25 @@
+"""Arguments and options that several benchmarks share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executor.cli.options import AutopilotName
+
+RESULTS = Path("docs") / "results"
+"""Where what is measured is kept."""
+AutopilotsOption = Annotated[
+    AutopilotName | None, typer.Option(help="Autopilot that the simulated vehicles behave like; by default both.")
+]
+DataOption = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="The benchmark data; by default ../shared/data beside the project or from here."),
+]
+
+
+def make_output_option(names: str) -> object:
+    """Return the option for the directory of what a command measures, in files of these names."""
+    return typer.Option("--out", "-o", metavar="DIR", help=f"Write {names} there.")

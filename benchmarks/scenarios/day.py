@@ -1,0 +1,176 @@
+"""What stays the same all day: streets, tasks, depots; and the rest of it as an instance of ``planner.sorties``.
+
+A *task* is an edge of the streets, done once, in either direction, by a trip that leads along it. Bases are the depots,
+and after them the other places where vehicles begin their day: from there a first trip begins, none ever lands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from benchmarks.scenarios.road_graph import RoadGraph, build_road_graph
+from planner import InstanceError, MoveTables, PlanError
+from planner.moves import FloatArray
+from planner.sorties import Sortie, SortieBase, SortieInstance, SortieVehicle
+
+LONG_S = 1e15
+"""No day is over before."""
+TOLERANCE_S = 1e-6
+"""By which a trip may be longer than allowed: sums depend on their order."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimedTrip:
+    """A trip as it is flown."""
+
+    start_s: float
+    lasts_s: float
+    places: tuple[int, ...]
+    """All the way, from where it begins to where it lands."""
+
+    @property
+    def end_s(self) -> float:
+        """When it lands."""
+        return self.start_s + self.lasts_s
+
+
+Timeline = tuple[TimedTrip, ...]
+"""One vehicle's trips, past ones included."""
+
+
+@dataclass(frozen=True, slots=True)
+class Day:
+    """What stays the same all day."""
+
+    streets: RoadGraph
+    tasks: tuple[tuple[int, int], ...]
+    """The two ends of each."""
+    depots: tuple[int, ...]
+    starts: tuple[int, ...]
+    """Where each vehicle begins its day."""
+    capacity_s: float
+    """The longest trip."""
+    turnaround_s: float
+    """From a trip's end to the vehicle's next one: unloading, recharging."""
+
+    def __post_init__(self) -> None:
+        """Check what the sorties would not say.
+
+        Raises:
+            InstanceError: what does not fit.
+        """
+        places = len(self.streets.times_s)
+        for place in (*self.depots, *self.starts, *(end for task in self.tasks for end in task)):
+            if not 0 <= place < places:
+                raise InstanceError(f"place {place}: expected one from 0 to {places - 1}")
+        if not self.depots or not self.starts:
+            raise InstanceError("depots, starts: expected one at least of each")
+        if not 0 <= self.capacity_s < LONG_S:
+            raise InstanceError("capacity_s: expected 0 or more")
+
+    @property
+    def bases(self) -> tuple[int, ...]:
+        """The places of the bases."""
+        depots = sorted(set(self.depots))
+        return (*depots, *sorted(set(self.starts) - set(depots)))
+
+    def time_walks(self, walks: Iterable[Sequence[int]], from_s: float = 0.0) -> Timeline:
+        """Return trips along walks, one after the other without a pause besides the turnaround.
+
+        Raises:
+            PlanError: a walk leads along no edge.
+        """
+        trips: list[TimedTrip] = []
+        start_s = from_s
+        for walk in walks:
+            lasts_s = sum(float(self.streets.along_s[step]) for step in pairwise(walk))
+            if not lasts_s < float("inf"):
+                raise PlanError(f"the trip through {list(walk)} leads along no edge")
+            trips.append(TimedTrip(start_s, lasts_s, tuple(walk)))
+            start_s += lasts_s + self.turnaround_s
+        return tuple(trips)
+
+    def find_hops(self) -> tuple[RoadGraph, FloatArray]:
+        """Return the soonest ways from depot to depot by trips without a task, and (d, d) the first trip from a base.
+
+        Each trip has its turnaround; what is longer than the longest trip is infinite.
+        """
+        bases, depots = self.bases, len(set(self.depots))
+        direct_s = self.streets.times_s[np.ix_(bases, bases[:depots])]
+        direct_s = np.where(direct_s <= self.capacity_s + TOLERANCE_S, direct_s + self.turnaround_s, np.inf)
+        ends = zip(*np.nonzero(np.isfinite(direct_s[:depots])), strict=True)
+        edges = [(int(a), int(b), float(direct_s[a, b])) for a, b in ends if a != b]
+        return build_road_graph(depots, edges), direct_s
+
+    def list_walks(self, tasks: Sequence[int], base: int, sorties: Iterable[Sortie]) -> Iterator[tuple[int, ...]]:
+        """Yield the places of a vehicle's trips, those without a task included.
+
+        Args:
+            tasks: what the sorties' segments are.
+            base: where the vehicle stands.
+            sorties: what it flies.
+        """
+        hops, direct_s = self.find_hops()
+        bases, depots = self.bases, len(set(self.depots))
+        for sortie in sorties:
+            if base < depots or base == sortie.base:
+                stops = hops.find_way(base, sortie.base) if base < depots else (base,)
+            else:
+                nearest = int((direct_s[base] + hops.times_s[:, sortie.base]).argmin())
+                stops = (base, *hops.find_way(nearest, sortie.base))
+            yield from (self.streets.find_way(bases[a], bases[b]) for a, b in pairwise(stops))
+            places = [bases[sortie.base]]
+            for visit in sortie.visits:
+                begin, end = self.tasks[tasks[visit >> 1]][:: -1 if visit & 1 else 1]
+                places += [*self.streets.find_way(places[-1], begin)[1:], end]
+            yield (*places, *self.streets.find_way(places[-1], bases[sortie.lands])[1:])
+            base = sortie.lands
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Where a vehicle's next trip begins, and not before when."""
+
+    place: int
+    ready_s: float = 0.0
+
+
+def build_day_instance(day: Day, tasks: Sequence[int], stands: Sequence[Stand]) -> SortieInstance:
+    """Return some of a day's tasks for some vehicles; ``transfer_s`` is what trips without a task take.
+
+    A trip uses its seconds of a budget that is the longest trip: whole seconds stay exact.
+    """
+    bases, depots = day.bases, len(set(day.depots))
+    times_s = day.streets.times_s
+    first = [end for task in tasks for end in day.tasks[task]]
+    last = [end for task in tasks for end in reversed(day.tasks[task])]
+    own_s = day.streets.along_s[first, last]
+    move_s = np.minimum(times_s[np.ix_(last, first)] + own_s, LONG_S)
+    out_s, home_s = times_s[np.ix_(bases, first)] + own_s, times_s[np.ix_(last, bases)]
+    home_s[:, depots:] = np.inf
+    hops, direct_s = day.find_hops()
+    transfer_s = np.full((len(bases), len(bases)), np.inf)
+    transfer_s[:, :depots] = (direct_s[:, :, np.newaxis] + hops.times_s).min(axis=1)
+    transfer_s[:depots, :depots] = hops.times_s
+    np.fill_diagonal(transfer_s, 0.0)
+    vehicles = []
+    for number, stand in enumerate(stands):
+        base = bases.index(stand.place)
+        lands = tuple(sorted({*range(depots), base}))
+        vehicles.append(
+            SortieVehicle(f"{number}", base, day.capacity_s, ((0.0, LONG_S),), lands, ready_s=stand.ready_s)
+        )
+    fleet = len(stands)
+    out_s, home_s = np.stack([out_s] * fleet), np.stack([home_s] * fleet)
+    return SortieInstance(
+        moves=MoveTables(move_s[np.newaxis], move_s[np.newaxis]),
+        bases=tuple(SortieBase(f"{place}", day.turnaround_s) for place in bases),
+        vehicles=tuple(vehicles),
+        days=((0.0, LONG_S),),
+        out_s=out_s, out_pct=out_s, home_s=home_s, home_pct=home_s, transfer_s=transfer_s,
+        able=np.ones((fleet, len(tasks)), dtype=np.bool_), wanted=np.ones(len(tasks), dtype=np.bool_),
+    )  # fmt: skip

@@ -1,0 +1,63 @@
+"""An intent as JSON, from whichever side it comes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS, PACK, Action, ActionName, Intent
+
+
+def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
+    """Return a name or a number; a union's own complaint would name the types of Python."""
+    if isinstance(value, str) and 0 < len(value) <= LONGEST_NAME:
+        return value
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
+        return value
+    raise PydanticCustomError("asset", "expected the name of an asset or the number of a segment")
+
+
+_SCHEMA = {
+    "anyOf": [
+        {"type": "string", "minLength": 1, "maxLength": LONGEST_NAME},
+        {"type": "integer", "minimum": 0},
+    ]
+}
+Asset = Annotated[int | str, PlainValidator(_check_asset), WithJsonSchema(_SCHEMA)]
+NamedAssets = Annotated[tuple[Asset, ...], Field(min_length=1, max_length=MOST_ASSETS)]
+"""One at least: a list that came out empty does not stand for all of them."""
+
+
+class IntentBody(BaseModel):
+    """What an operator wants."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True)
+
+    id: Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,64}$")]
+    """Of the sender's choice, another for every intent: the same id again is answered again, and not carried out."""
+    action: ActionName
+    """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
+    vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
+    """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
+    confirmed: bool = False
+    """Whether the second question was answered with yes, which an acknowledgement asked."""
+    pack: Annotated[str, Field(pattern=PACK)] = ""
+    """The id of the pack that was put in, for `swap`; left out where packs have none."""
+    base: Annotated[str, Field(max_length=64)] = ""
+    """Which base of a day is closed or opened, for `close` and `open`."""
+    assets: NamedAssets = ()
+    """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
+    or missed."""
+
+    @model_validator(mode="after")
+    def _check_assets(self) -> Self:
+        if self.assets and self.action != "prove":
+            raise ValueError(f"assets: expected none, as {self.action} is for no single one")
+        return self
+
+    def build_intent(self, source: str) -> Intent:
+        """Return what is asked for, and from which side."""
+        action = Action(self.action)
+        return Intent(self.id, action, self.vehicle, source, self.confirmed, self.pack, self.base, self.assets)

@@ -1,0 +1,78 @@
+"""Days of sorties over a site with areas, viewpoints and the asked distance, as they are truly flown."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+import shapely
+from shapely.geometry import Point, Polygon
+
+from benchmarks.virtual_flight import DayScenario, FlightObservers, fly_virtual
+from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.site import site_model
+from executor.site.day_flight import build_first_sorties_plan
+from executor.site.day_problem import build_day_problem, solve_day
+from executor.site.site_file import check_site
+from executor.site.site_planning import PlanRequest
+from simulator.vehicle import SimulatedVehicle
+from tests.executor.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
+from tests.missions.builders import FRAME
+
+QUARRY = ((90.0, 90.0), (170.0, 90.0), (170.0, 170.0), (90.0, 170.0))
+"""Between two lines: straight ways from one to the other lead through it."""
+MARGIN_M, CUT_M = 10.0, 2.5
+CROSSING = ((230.0, -20.0), (260.0, -20.0), (260.0, 20.0), (230.0, 20.0))
+"""Over a span of the line to the east."""
+WIDE = [{"name": "wide"}]
+AROUND = [{"camera": "wide", "of": "pylons", "bearings_deg": [45, 135], "pylons": ["w1-2", "w2-3"]}]
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("same", [False, True], ids=["layers", "asked distance"])
+def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
+    tmp_path: Path, autopilot: str, *, same: bool
+) -> None:
+    content = build_demo_site(
+        network=write_star(tmp_path / "star.geojson"), radius_m=1e6, vehicles=2, speedup=1.0, autopilot=autopilot,
+        ports=range(20_000, 20_002),
+    )  # fmt: skip
+    content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, "heights": "flat", "same_distance": same}
+    content |= {"energy": {"capacity_ah": 0.5}, "camera": WIDE, "look": AROUND,
+                "day": {"begin": "08:00", "end": "12:00"}}  # fmt: skip
+    content["area"] = [
+        {"name": name, "polygon": [FRAME.to_wgs84_deg(*corner) for corner in ring], "margin_m": MARGIN_M}
+        for name, ring in (("quarry", QUARRY), ("crossing", CROSSING))
+    ]
+    ground = site_model.load_site_model(check_site(content, "test"), tmp_path)
+    day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
+    assert day.unreachable
+    assert not day.plan.uncovered
+    assert max(map(len, day.plan.sorties)) >= 2
+    shapes, least_m, apart_m = [Polygon(QUARRY), Polygon(CROSSING)], [math.inf], [math.inf]
+
+    def lived(vehicles: Mapping[str, SimulatedVehicle]) -> None:
+        flying = []
+        for name, vehicle in vehicles.items():
+            body, pad = vehicle.autopilot.frame.body, ground.setup.pad_of(name)
+            at_m = (pad.east_m + body.east_m, pad.north_m + body.north_m)
+            least_m.append(min(float(shapely.distance(Point(at_m), one)) for one in shapes))
+            if body.up_m > AIRBORNE_M:
+                flying.append((*at_m, body.up_m))
+        apart_m.extend(math.dist(one, other) for one, other in itertools.combinations(flying, 2))
+
+    numbers: Iterator[int] = itertools.count(1)
+    flight = fly_virtual(
+        ground, build_first_sorties_plan(day, ground), seed=1, onlookers=FlightObservers(lived=lived),
+        sorties=DayScenario(day, lambda _: (f"P{next(numbers)}", 100.0)),
+    )  # fmt: skip
+    assert flight.ended
+    assert list(flight.report.segments_uncovered) == [one.segment for one in day.unreachable]
+    assert not flight.report.faults
+    assert min(least_m) >= MARGIN_M - CUT_M
+    assert min(apart_m) >= LAYER_M - 1.0
+    flown = sum(truth.what == "took_off" for truth in flight.truths)
+    assert flown == sum(map(len, day.plan.sorties))
