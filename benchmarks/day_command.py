@@ -26,7 +26,7 @@ def day(
     """
     from benchmarks.data import papers_network
     from benchmarks.day import day_figures
-    from benchmarks.daypage import day_document, day_page, keep_day
+    from benchmarks.daypage import day_document, report_day
     from benchmarks.progress import ShownProgress
 
     network = papers_network(data)
@@ -36,4 +36,4 @@ def day(
     document = day_document(content, command, samples)
     whole = content["network"]
     failed = whole["uncovered"] or whole["wrong"] or not all(row["same"] for row in content["exact"])
-    finish_command(document, keep_day, lambda done: print(day_page(done)), out, as_json=as_json, failed=bool(failed))
+    finish_command(document, report_day, out, as_json=as_json, failed=bool(failed))

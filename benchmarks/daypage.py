@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import figure, markdown_page, markdown_table
-from benchmarks.store import Json, keep_result
+from benchmarks.markdown import figure
+from benchmarks.report import Report, Table
+from benchmarks.store import Json
 
 TITLE = "Days of many sorties"
 EXACT = (
@@ -37,22 +37,16 @@ def day_document(content: Json, command: str, samples: int) -> Json:
     return {**head("day/1", command), "samples": samples, **content}
 
 
-def keep_day(content: Mapping[str, Any], folder: Path) -> None:
-    """Write day.json and day.md."""
-    keep_result("day", content, day_page(content), folder)
-
-
-def day_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
+def report_day(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
     exact, whole = content["exact"], content["network"]
     same = sum(row["same"] for row in exact)
     without = sum(row["optimum_s"] is None for row in exact)
-    return markdown_page(
-        TITLE,
+    parts = (
         f"`{content['command']}`",
         machine_line(content["machine"]),
         EXACT.format(count=len(exact), same=same, without=without),
-        markdown_table(
+        Table(
             ("instance", "packs a base", "proven, s", "found, s", "sorties", "proof took, s", "search took, s"),
             [
                 (
@@ -63,7 +57,7 @@ def day_page(content: Mapping[str, Any]) -> str:
             ],
         ),
         NETWORK.format_map(whole),
-        markdown_table(
+        Table(
             ("seconds", "left over", "days", "last landing", "sorties", "hours in the air", "packs", "memory, MB"),
             [(
                 figure(whole["seconds"], 0), str(whole["uncovered"]), str(whole["days"]), _clock(whole["finish_s"]),
@@ -72,7 +66,7 @@ def day_page(content: Mapping[str, Any]) -> str:
             )],
         ),
         FLEET.format_map(content),
-        markdown_table(
+        Table(
             ("hours between failures", "vehicles", "finished", "95 % interval", "losses", "packs for 95 %", "for 99 %",
              "planned", "rule"),
             [
@@ -85,6 +79,7 @@ def day_page(content: Mapping[str, Any]) -> str:
             ],
         ),
     )  # fmt: skip
+    return Report("day", TITLE, content, parts)
 
 
 def _clock(seconds: float) -> str:

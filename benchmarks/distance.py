@@ -8,7 +8,6 @@ the simulator's own places.
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from collections import Counter
@@ -20,6 +19,7 @@ import numpy as np
 
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
+from benchmarks.separation import SeparationWatch
 from benchmarks.store import Json
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_budgets
@@ -105,16 +105,13 @@ class _Watched:
     """Where everybody truly was, ten times a second."""
 
     ground: SiteModel
-    nearest_m: float = math.inf
-    nearest: str = ""
+    separation: SeparationWatch = field(default_factory=SeparationWatch)
     places_m: dict[str, list[tuple[float, float, float, float]]] = field(default_factory=dict)
     """East, north, up and the speed over ground."""
-    steps: int = 0
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
         """Keep where they are now; who has crashed falls where it falls."""
         up: dict[str, tuple[float, float, float]] = {}
-        self.steps += 1
         for name, vehicle in vehicles.items():
             frame, pad = vehicle.autopilot.frame, self.ground.setup.pad_of(name)
             body, pad_m = frame.body, self.ground.network.frame.up_m(pad.alt_m)
@@ -123,10 +120,7 @@ class _Watched:
                 up[name] = place_m
                 speed_m_s = math.hypot(body.v_east_m_s, body.v_north_m_s)
                 self.places_m.setdefault(name, []).append((*place_m, speed_m_s))
-        for (one, one_m), (other, other_m) in itertools.combinations(up.items(), 2):
-            apart_m = math.dist(one_m, other_m)
-            if apart_m < self.nearest_m:
-                self.nearest_m, self.nearest = apart_m, f"{one} and {other} after {self.steps / 10:.0f} s"
+        self.separation.compare(up)
 
     def inspected_at_m(self, vehicle: str, segment: int) -> list[float]:
         """Return the distances at which a vehicle flew along a segment at inspection speed."""
@@ -233,8 +227,8 @@ def _judge_flight(empty: DistanceFlight, flight: VirtualFlight, watched: _Watche
         untold=sum(row.inspected_at_m is None for row in rows),
         off=tuple(off),
         replans=len(flight.report.replans),
-        nearest_m=watched.nearest_m,
-        nearest=watched.nearest,
+        nearest_m=watched.separation.nearest_m,
+        nearest=watched.separation.nearest,
         flown_s=flight.flown_s,
         wrong="" if flight.ended else "the supervision did not end",
     )

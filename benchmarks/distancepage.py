@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
-
-from rich.console import Console
 
 from benchmarks.distance import (
     BUDGET_PCT,
@@ -21,9 +18,9 @@ from benchmarks.distance import (
     distance_results,
 )
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
-from benchmarks.predictionpage import print_table
-from benchmarks.store import Json, keep_result
+from benchmarks.markdown import Rows, figure
+from benchmarks.report import Report, Table, list_lines
+from benchmarks.store import Json
 
 TITLE = "Everybody at the asked distance"
 INTRODUCTION = (
@@ -51,11 +48,6 @@ FLEETS = (
 def distance_document(flights: Sequence[DistanceFlight], command: str, seed: int, uses_pct: float = USES_PCT) -> Json:
     """Return the content of distance.json."""
     return {**head("distance/1", command), "seed": seed, "uses_pct": uses_pct, **distance_results(flights)}
-
-
-def keep_distance(content: Mapping[str, Any], folder: Path) -> None:
-    """Write distance.json and distance.md."""
-    keep_result("distance", content, distance_page(content), folder)
 
 
 def _fleets(content: Mapping[str, Any]) -> Rows:
@@ -88,31 +80,22 @@ def _list_failures(content: Mapping[str, Any]) -> list[str]:
     return [*content["too_near"], *content["off"], *(f"not flown: {line}" for line in content["not_flown"])]
 
 
-def distance_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
+def report_distance(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
     about = INTRODUCTION.format(
         **content, least=VEHICLES[0], most=VEHICLES[1], near=RADII_M[0], far=RADII_M[-1], wind=WIND_M_S, slower=SLOWER,
         second=SECOND, budget=BUDGET_PCT,
     )  # fmt: skip
-    named, longer = _list_failures(content), content["longer_pct"]
-    return markdown_page(
-        TITLE,
+    summary, failures, longer = _summarize_flights(content), _list_failures(content), content["longer_pct"]
+    parts = (
         machine_line(content["machine"]),
         about,
-        _summarize_flights(content),
+        summary,
         f"The longest route is {figure(longer['median'])} % longer in the median than with everybody in its layer, "
         f"{figure(longer['most'])} % at most. {_describe_duration(content['undisturbed'])}".rstrip(),
-        markdown_table(FLEETS, _fleets(content)),
-        markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
-        "## By name" if named else "",
-        "\n".join(f"- {line}" for line in named),
+        Table(FLEETS, _fleets(content), TITLE),
+        Table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        *list_lines("## By name", failures),
         f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )
-
-
-def print_distance(content: Mapping[str, Any]) -> None:
-    """Print the tables."""
-    console = Console()
-    print_table(console, TITLE, FLEETS, _fleets(content))
-    for line in (_summarize_flights(content), *_list_failures(content)):
-        console.print(line, markup=False, highlight=False)
+    return Report("distance", TITLE, content, parts, (summary, *failures))

@@ -60,7 +60,7 @@ def failures(
     """  # fmt: skip
     from benchmarks.data import data_directory
     from benchmarks.failures import LONG_ENOUGH, scenario_files, solve_all, solve_scenario, stop_after
-    from benchmarks.failurespage import failures_document, keep_failures, print_failures
+    from benchmarks.failurespage import failures_document, report_failures
     from benchmarks.progress import ShownProgress
     from benchmarks.scenario import read_scenario
     from benchmarks.store import write_result
@@ -87,9 +87,7 @@ def failures(
     command = f"faultline bench failures --seconds {seconds:g} --seed {seed}{asked}"
     content = failures_document(rows, command, seconds, LONG_ENOUGH, seed, prove)
     failed = any(row["left"] or row["wrong"] for row in rows)
-    finish_command(
-        content, keep_failures, print_failures, RESULTS if out is None else out, as_json=as_json, failed=failed
-    )
+    finish_command(content, report_failures, RESULTS if out is None else out, as_json=as_json, failed=failed)
 
 
 def _tell(solved: SolvedScenario) -> None:

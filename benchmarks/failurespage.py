@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
-
-from rich.console import Console
 
 from benchmarks.failures import families
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table, percent_over
-from benchmarks.predictionpage import print_table
-from benchmarks.store import Json, keep_result
+from benchmarks.markdown import Rows, figure, percent_over
+from benchmarks.report import Report, Table, list_lines
+from benchmarks.store import Json
 
 TITLE = "Vehicles lost one after another"
 INTRODUCTION = (
@@ -54,11 +51,6 @@ def failures_document(
     }
 
 
-def keep_failures(content: Mapping[str, Any], folder: Path) -> None:
-    """Write failures.json and failures.md."""
-    keep_result("failures", content, failures_page(content), folder)
-
-
 def _family_rows(content: Mapping[str, Any]) -> Rows:
     return [
         (
@@ -93,24 +85,20 @@ def _bound_rows(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def failures_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
-    proven = content["prove_s"] is not None
+def _bounds(content: Mapping[str, Any]) -> tuple[str | Table, ...]:
+    return f"## What is possible at all\n\n{PROVEN.format_map(content)}", Table(BOUNDS, _bound_rows(content))
+
+
+def report_failures(content: Mapping[str, Any]) -> Report:
+    """Return the report; on a terminal the families, without the published times."""
     wrong = [f"{row['name']}: {reason}" for row in content["rows"] for reason in row["wrong"]]
-    return markdown_page(
-        TITLE,
+    parts = (
         machine_line(content["machine"]),
         INTRODUCTION.format_map(content),
-        markdown_table(FAMILY, _family_rows(content)),
-        f"## What is possible at all\n\n{PROVEN.format_map(content)}" if proven else "",
-        markdown_table(BOUNDS, _bound_rows(content)) if proven else "",
-        "## Not valid\n\n" + "\n".join(f"- {line}" for line in wrong) if wrong else "",
+        Table(FAMILY, _family_rows(content), TITLE, SHOWN),
+        *(() if content["prove_s"] is None else _bounds(content)),
+        *list_lines("## Not valid", wrong),
         "## Every scenario",
-        markdown_table(SCENARIO, _scenario_rows(content)),
+        Table(SCENARIO, _scenario_rows(content)),
     )
-
-
-def print_failures(content: Mapping[str, Any]) -> None:
-    """Print the families, without the published times."""
-    shown = [row[:SHOWN] for row in _family_rows(content)]
-    print_table(Console(), TITLE, FAMILY[:SHOWN], shown)
+    return Report("failures", TITLE, content, parts)

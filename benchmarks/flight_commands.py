@@ -23,6 +23,7 @@ from executor.cli.options import (
 from missions.files import json_text
 
 if TYPE_CHECKING:
+    from benchmarks.report import Report
     from benchmarks.store import Json
 
 C = TypeVar("C")
@@ -81,7 +82,7 @@ def prediction(
     """
     from benchmarks.band import band_cases, fly_band
     from benchmarks.prediction import cases, fly_case, read_recorded_routes
-    from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
+    from benchmarks.predictionpage import keep_prediction, prediction_document, report_prediction
 
     if run:
         command = shlex.join(["faultline", "bench", "prediction", *(f"--run={one.name}" for one in run)])
@@ -98,9 +99,9 @@ def prediction(
         names = ["faultline's own network", *(one.name for one in network or ())]
         found = [route for flight in flown for route in flight.routes]
         content = prediction_document(found, command, seed=seed, flights=flown, networks=names, varied=beside)
-    finish_command(
-        content, keep_prediction, print_prediction, out, as_json=as_json, failed=bool(content["not_nominal"])
-    )
+    if out is not None:
+        keep_prediction(content, out)
+    finish_command(content, report_prediction, None, as_json=as_json, failed=bool(content["not_nominal"]))
 
 
 def window(
@@ -128,7 +129,7 @@ def window(
     from benchmarks.machine import cores
     from benchmarks.progress import ShownProgress
     from benchmarks.window import WindowSettings, results, try_plans
-    from benchmarks.windowpage import keep_window, print_window, window_document
+    from benchmarks.windowpage import report_window, window_document
 
     count, radius, tightness = jobs or cores(), radius or [USUAL_RADIUS_M], tightness or [TIGHTNESS]
     plans = [
@@ -155,7 +156,7 @@ def window(
     ])  # fmt: skip
     content = window_document(plans[0], command, results(trials))
     kept = content["finished_after"] == content["losses_after"] and content["unnamed_before"] == 0
-    finish_command(content, keep_window, print_window, out, as_json=as_json, failed=not kept)
+    finish_command(content, report_window, out, as_json=as_json, failed=not kept)
 
 
 def distance(
@@ -176,7 +177,7 @@ def distance(
     promised, if a segment was inspected elsewhere than said, or if a flight could not be flown.
     """
     from benchmarks.distance import USES_PCT, fly_distance
-    from benchmarks.distancepage import distance_document, keep_distance, print_distance
+    from benchmarks.distancepage import distance_document, report_distance
     from benchmarks.parallel_flights import make_flight_cases
 
     autopilots, asked = _select_autopilots(autopilot)
@@ -187,7 +188,7 @@ def distance(
     ])  # fmt: skip
     content = distance_document(flown, command, seed, uses)
     failed = content["too_near"] or content["off"] or content["not_flown"]
-    finish_command(content, keep_distance, print_distance, out, as_json=as_json, failed=bool(failed))
+    finish_command(content, report_distance, out, as_json=as_json, failed=bool(failed))
 
 
 def pictures(
@@ -206,14 +207,14 @@ def pictures(
     """
     from benchmarks.parallel_flights import make_flight_cases
     from benchmarks.pictures import fly_pictures
-    from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
+    from benchmarks.picturespage import pictures_document, report_pictures
 
     autopilots, asked = _select_autopilots(autopilot)
     flown = _flown(fly_pictures, make_flight_cases(flights, seed, autopilots), jobs)
     command = shlex.join(["faultline", "bench", "pictures", *asked, "--flights", str(flights), "--seed", str(seed)])
     content = pictures_document(flown, command, seed)
     failed = content["wrong"] or content["not_flown"]
-    finish_command(content, keep_pictures, print_pictures, out, as_json=as_json, failed=bool(failed))
+    finish_command(content, report_pictures, out, as_json=as_json, failed=bool(failed))
 
 
 def sorties(
@@ -246,7 +247,7 @@ def sorties(
     reserve or off its pad, if two vehicles came too near, or if a day did not come to its end.
     """
     from benchmarks.sorties import SortiesCase, fly_sorties, sorties_over
-    from benchmarks.sortiespage import keep_sorties, print_sorties, sorties_document
+    from benchmarks.sortiespage import report_sorties, sorties_document
 
     autopilots, asked = _select_autopilots(autopilot)
     over = sorties_over(network, radius)
@@ -258,7 +259,7 @@ def sorties(
     asked += [] if network is None else ["--network", network.name]
     figures = ["--days", str(days), "--seed", str(seed), "--iterations", str(iterations)]
     content = sorties_document(flown, shlex.join(["faultline", "bench", "sorties", *asked, *figures]), seed, over)
-    finish_command(content, keep_sorties, print_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
+    finish_command(content, report_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 
 def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
@@ -279,20 +280,19 @@ def _flown(fly: Callable[[C], F], cases: Sequence[C], jobs: int | None, stage: s
 
 
 def finish_command(
-    content: Json, keep: Callable[[Json, Path], object], show: Callable[[Json], object], out: Path | None,
-    *, as_json: bool, failed: bool,
-) -> None:  # fmt: skip
+    content: Json, report: Callable[[Json], Report], out: Path | None, *, as_json: bool, failed: bool
+) -> None:
     """Keep and show what was measured, and end.
 
     Raises:
         typer.Exit: always; with 1 if it is not as it should be.
     """
     if out is not None:
-        keep(content, out)
+        report(content).keep(out)
     if as_json:
         print(json_text(content))
     else:
-        show(content)
+        report(content).show()
     raise typer.Exit(1 if failed else 0)
 
 

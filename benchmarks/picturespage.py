@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.markdown import Rows, figure
 from benchmarks.pictures import CLOCK_S, EVERY_M, LOST_SHARE, VEHICLES, PicturesFlight, pictures_results
-from benchmarks.predictionpage import print_table
-from benchmarks.store import Json, keep_result
+from benchmarks.report import Report, Table, list_lines
+from benchmarks.store import Json
 
 TITLE = "Flights that have something to see"
 INTRODUCTION = (
@@ -31,11 +28,6 @@ COLUMNS = ("what", "count")
 def pictures_document(flights: Sequence[PicturesFlight], command: str, seed: int) -> Json:
     """Return the content of pictures.json."""
     return {**head("pictures/1", command), "seed": seed, **pictures_results(flights)}
-
-
-def keep_pictures(content: Mapping[str, Any], folder: Path) -> None:
-    """Write pictures.json and pictures.md."""
-    keep_result("pictures", content, pictures_page(content), folder)
 
 
 def _rows(content: Mapping[str, Any]) -> Rows:
@@ -64,28 +56,19 @@ def _list_failures(content: Mapping[str, Any]) -> list[str]:
     return [*content["wrong"], *(f"not flown: {line}" for line in content["not_flown"])]
 
 
-def pictures_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
+def report_pictures(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
     about = INTRODUCTION.format(
         **content, least=VEHICLES[0], most=VEHICLES[1], every_m=EVERY_M, lost=LOST_SHARE, clock_min=CLOCK_S / 60.0
     )
-    named = _list_failures(content)
-    return markdown_page(
-        TITLE,
+    summary, failures = _summarize_flights(content), _list_failures(content)
+    parts = (
         machine_line(content["machine"]),
         about,
-        _summarize_flights(content),
-        markdown_table(COLUMNS, _rows(content)),
-        markdown_table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
-        "## By name" if named else "",
-        "\n".join(f"- {line}" for line in named),
+        summary,
+        Table(COLUMNS, _rows(content), TITLE),
+        Table(("what befell vehicles", "times"), [(kind, str(n)) for kind, n in content["faults"].items()]),
+        *list_lines("## By name", failures),
         f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )
-
-
-def print_pictures(content: Mapping[str, Any]) -> None:
-    """Print the table."""
-    console = Console()
-    print_table(console, TITLE, COLUMNS, _rows(content))
-    for line in (_summarize_flights(content), *_list_failures(content)):
-        console.print(line, markup=False, highlight=False)
+    return Report("pictures", TITLE, content, parts, (summary, *failures))

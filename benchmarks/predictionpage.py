@@ -7,9 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from benchmarks.band import (
     CAPACITY_SD,
     CONSUMPTION_SD,
@@ -22,9 +19,10 @@ from benchmarks.band import (
     band_held,
 )
 from benchmarks.machine import head, machine, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
+from benchmarks.markdown import Rows, figure
 from benchmarks.prediction import Flown, FlownRoute, phases, prediction_errors
-from benchmarks.store import Json, keep_result
+from benchmarks.report import Report, Table
+from benchmarks.store import Json
 
 TITLE = "Planned and flown"
 INTRODUCTION = (
@@ -97,11 +95,11 @@ def _row(route: FlownRoute) -> Json:
 
 
 def keep_prediction(content: Mapping[str, Any], folder: Path) -> None:
-    """Write prediction.json and prediction.md."""
+    """Write prediction.json and prediction.md, with what another run of the command measured."""
     path = folder / "prediction.json"
     if path.exists():
         content = join_content(json.loads(path.read_text(encoding="utf-8")), content)
-    keep_result("prediction", content, prediction_page(content), folder)
+    report_prediction(content).keep(folder)
 
 
 def join_content(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
@@ -111,32 +109,33 @@ def join_content(before: Mapping[str, Any], content: Mapping[str, Any]) -> Json:
     return {**content, "band": content["band"] or before.get("band")}
 
 
-def prediction_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
-    nominal = _nominal(content) if content["routes"] else ()
-    return markdown_page(TITLE, *nominal, *_band(content["band"]))
+def report_prediction(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
+    parts = (*(_nominal(content) if content["routes"] else ()), *_band(content["band"]))
+    wrong = content["not_nominal"] if content["routes"] else ()
+    return Report("prediction", TITLE, content, parts, tuple(f"not nominal, not counted: {one}" for one in wrong))
 
 
-def _nominal(content: Mapping[str, Any]) -> tuple[str, ...]:
+def _nominal(content: Mapping[str, Any]) -> tuple[str | Table, ...]:
     recorded = content["seed"] is None
     said = RECORDED if recorded else INTRODUCTION
     wrong = content["not_nominal"]
     return (
         machine_line(content["machine"]),
         said.format(command=content["command"], routes=content["routes"], networks=", ".join(content["networks"])),
-        markdown_table(ERRORS, _errors(content)),
+        Table(ERRORS, _errors(content), f"{TITLE}: {content['routes']} routes"),
         "## By what a leg is for",
         "Sums over all routes, as the ground station heard legs begin and end; battery by what was reported of it.",
-        markdown_table(PHASES, _phases(content)),
+        Table(PHASES, _phases(content), "By what a leg is for"),
         "## The largest errors",
-        markdown_table(ROUTES, _worst(content)),
+        Table(ROUTES, _worst(content), "The largest errors"),
         f"**{len(wrong)} flights were not nominal, and are not counted: {'; '.join(wrong)}.**" if wrong else "",
         "" if recorded else f"{figure(content['flown_s'] / 3600)} hours were flown, {content['flown_s_per_s']} s of "
         "flight in a second of each process.",
     )  # fmt: skip
 
 
-def _band(band: Mapping[str, Any] | None) -> tuple[str, ...]:
+def _band(band: Mapping[str, Any] | None) -> tuple[str | Table, ...]:
     if band is None:
         return ()
     wrong = band["not_counted"]
@@ -148,10 +147,10 @@ def _band(band: Mapping[str, Any] | None) -> tuple[str, ...]:
             consumption=100 * CONSUMPTION_SD, capacity=100 * CAPACITY_SD, most=MOST_SD, slower=100 * SLOWER,
             wind=WIND_SD_M_S,
         ),
-        markdown_table(TENTHS, _tenths(band)),
+        Table(TENTHS, _tenths(band), "Whether the band of the landing percentage holds"),
         '## "Below its reserve"',
         SAYINGS.format(low=MARGIN_PCT[0], high=MARGIN_PCT[1]),
-        markdown_table(SAID, _build_band_rows(band)),
+        Table(SAID, _build_band_rows(band), '"Below its reserve"'),
         f"{len(wrong)} flights did not end as planned, and are not counted: {'; '.join(wrong)}." if wrong else "",
     )  # fmt: skip
 
@@ -219,28 +218,3 @@ def _worst(content: Mapping[str, Any]) -> Rows:
         )
         for row in sorted(content["rows"], key=size, reverse=True)[:WORST]
     ]  # fmt: skip
-
-
-def print_prediction(content: Mapping[str, Any]) -> None:
-    """Print the tables."""
-    console = Console()
-    if content["band"] is not None:
-        print_table(console, "Whether the band of the landing percentage holds", TENTHS, _tenths(content["band"]))
-        print_table(console, '"Below its reserve"', SAID, _build_band_rows(content["band"]))
-    if not content["routes"]:
-        return
-    print_table(console, f"{TITLE}: {content['routes']} routes", ERRORS, _errors(content))
-    print_table(console, "By what a leg is for", PHASES, _phases(content))
-    print_table(console, "The largest errors", ROUTES, _worst(content))
-    for wrong in content["not_nominal"]:
-        console.print(f"not nominal, not counted: {wrong}", markup=False, highlight=False)
-
-
-def print_table(console: Console, title: str, columns: Sequence[str], rows: Rows) -> None:
-    """Print one table, its figures to the right."""
-    table = Table(title=title, title_justify="left")
-    for number, column in enumerate(columns):
-        table.add_column(column, justify="right" if number else "left")
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)

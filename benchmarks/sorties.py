@@ -20,6 +20,7 @@ import numpy as np
 
 from benchmarks.day import centres_m, crowded_m
 from benchmarks.parallel_flights import FlightCase
+from benchmarks.separation import SeparationWatch
 from benchmarks.store import Json
 from benchmarks.virtual_day import DayScenario, VirtualDay
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
@@ -148,15 +149,12 @@ class _Watched:
     frame: LocalFrame
     """Of the network: each vehicle has one of its own, about its pad."""
     pads_m: Mapping[str, tuple[float, float, float]]
-    nearest_m: float = math.inf
-    nearest: str = ""
+    separation: SeparationWatch = field(default_factory=SeparationWatch)
     strays: dict[str, str] = field(default_factory=dict)
     tracks_m: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    looks: int = 0
 
     def look(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
         """Keep where they are now; who has crashed falls where it falls."""
-        self.looks += 1
         up: dict[str, tuple[float, float, float]] = {}
         for name, vehicle in vehicles.items():
             frame = vehicle.autopilot.frame
@@ -167,14 +165,11 @@ class _Watched:
                 lat_e7, lon_e7 = vehicle.autopilot.home.lat_lon_e7(body.east_m, body.north_m)
                 place_m = (*self.frame.to_local_m(1e-7 * lat_e7, 1e-7 * lon_e7), pad_m + body.up_m)
                 up[name] = place_m
-                if self.looks % EVERY == 0:
+                if (self.separation.looks + 1) % EVERY == 0:
                     self.tracks_m.setdefault(name, []).append(place_m[:2])
             elif abs(body.v_up_m_s) < FALLS_M_S and math.hypot(body.east_m, body.north_m) > ON_PAD_M:
                 self.strays.setdefault(name, f"{name} stood {math.hypot(body.east_m, body.north_m):.1f} m from its pad")
-        for (one, one_m), (other, other_m) in itertools.combinations(up.items(), 2):
-            apart_m = math.dist(one_m, other_m)
-            if apart_m < self.nearest_m:
-                self.nearest_m, self.nearest = apart_m, f"{one} and {other} after {self.looks / 10:.0f} s"
+        self.separation.compare(up)
 
     def flew_along(self, vehicle: str, begin_m: tuple[float, float], end_m: tuple[float, float]) -> bool:
         """Return whether a vehicle was along all of a segment, between its ends."""
@@ -309,8 +304,8 @@ def _judge_day(
             f"{truth.vehicle} after {truth.t_s - flight.launched_s:.0f} s with {truth.charge_pct:.1f} %"
             for truth in landings if (truth.charge_pct or 0.0) < reserve_pct
         ),
-        nearest_m=watched.nearest_m,
-        nearest=watched.nearest,
+        nearest_m=watched.separation.nearest_m,
+        nearest=watched.separation.nearest,
         strays=tuple(watched.strays.values()),
         mistakes=mistakes,
         flown_s=flight.flown_s,

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
-from benchmarks.predictionpage import print_table
+from benchmarks.markdown import Rows, figure
+from benchmarks.report import Report, Table, list_lines
 from benchmarks.sorties import (
     APART_M,
     BAD_PCT,
@@ -23,7 +20,7 @@ from benchmarks.sorties import (
     sorties_results,
     went_wrong,
 )
-from benchmarks.store import Json, keep_result
+from benchmarks.store import Json
 from benchmarks.virtual_day import AWAY_S
 
 TITLE = "Days of many sorties, flown"
@@ -51,11 +48,6 @@ def sorties_document(days: Sequence[SortiesDay], command: str, seed: int, over: 
         **sorties_results(days),
         "wrong": [line for one in days for line in went_wrong(one)],
     }  # fmt: skip
-
-
-def keep_sorties(content: Mapping[str, Any], folder: Path) -> None:
-    """Write sorties.json and sorties.md."""
-    keep_result("sorties", content, sorties_page(content), folder)
 
 
 def _days(content: Mapping[str, Any]) -> Rows:
@@ -90,30 +82,20 @@ def _summarize_days(content: Mapping[str, Any]) -> str:
     )
 
 
-def sorties_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
-    over = content["over"]
+def report_sorties(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
+    over, summary = content["over"], _summarize_days(content)
     about = INTRODUCTION.format(
         command=content["command"], vehicles=VEHICLES, bases=len(STANDS), pack_ah=over["pack_ah"],
         speed_m_s=over["speed_m_s"], hours=over["hours"], network=over["network"] or "faultline's own network",
         poor=BAD_PCT[0], short=BAD_PCT[1], losses=LOSSES, away_s=AWAY_S,
     )  # fmt: skip
-    return markdown_page(
-        TITLE,
+    parts = (
         machine_line(content["machine"]),
         about,
-        _summarize_days(content),
-        markdown_table(COLUMNS, _days(content)),
-        markdown_table(HAPPENED, _build_loss_rows(content)),
-        "## What went wrong" if content["wrong"] else "",
-        "\n".join(f"- {line}" for line in content["wrong"]),
+        summary,
+        Table(COLUMNS, _days(content), TITLE),
+        Table(HAPPENED, _build_loss_rows(content), "What happened"),
+        *list_lines("## What went wrong", content["wrong"]),
     )
-
-
-def print_sorties(content: Mapping[str, Any]) -> None:
-    """Print the tables."""
-    console = Console()
-    print_table(console, TITLE, COLUMNS, _days(content))
-    print_table(console, "What happened", HAPPENED, _build_loss_rows(content))
-    for line in (_summarize_days(content), *content["wrong"]):
-        console.print(line, markup=False, highlight=False)
+    return Report("sorties", TITLE, content, parts, (summary, *content["wrong"]))

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import Rows, figure, markdown_page, markdown_table
-from benchmarks.predictionpage import print_table
-from benchmarks.store import Json, keep_result
+from benchmarks.markdown import Rows, figure
+from benchmarks.report import Report, Table
+from benchmarks.store import Json
 from benchmarks.window import WindowSettings
 
 TITLE = "The re-plan window, flown"
@@ -36,11 +33,6 @@ def window_document(settings: WindowSettings, command: str, found: Json) -> Json
         "budget_pct": settings.budget_pct,
         **found,
     }
-
-
-def keep_window(content: Mapping[str, Any], folder: Path) -> None:
-    """Write window.json and window.md."""
-    keep_result("window", content, window_page(content), folder)
 
 
 LOSSES = ("losses", "flown", "finished", "what is left is named")
@@ -80,30 +72,18 @@ def _broken(content: Mapping[str, Any]) -> Rows:
     ]  # fmt: skip
 
 
-def window_page(content: Mapping[str, Any]) -> str:
-    """Return the page."""
-    broken = _broken(content)
-    least = content["least_pct_after"]
-    return markdown_page(
-        TITLE,
+def report_window(content: Mapping[str, Any]) -> Report:
+    """Return the report."""
+    broken, least = _broken(content), content["least_pct_after"]
+    parts = (
         machine_line(content["machine"]),
         INTRODUCTION.format_map(content),
-        markdown_table(LOSSES, _losses(content)),
+        Table(LOSSES, _losses(content), TITLE),
         ""
         if least is None
         else f"The least that a survivor landed with after a loss in the window: {figure(least)} %.",
-        markdown_table(PLANS, _plans(content)),
-        "## Not finished" if broken else "",
-        markdown_table(BROKEN, broken) if broken else "",
+        Table(PLANS, _plans(content), "By plan"),
+        *(("## Not finished", Table(BROKEN, broken, "Not finished")) if broken else ()),
         f"The flights lasted {figure(content['flown_s'] / 3600)} hours together.",
     )
-
-
-def print_window(content: Mapping[str, Any]) -> None:
-    """Print the tables."""
-    console = Console()
-    print_table(console, TITLE, LOSSES, _losses(content))
-    print_table(console, "By plan", PLANS, _plans(content))
-    broken = _broken(content)
-    if broken:
-        print_table(console, "Not finished", BROKEN, broken)
+    return Report("window", TITLE, content, parts)

@@ -67,7 +67,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mavlink/statustext.py",
     ),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
-        "executor/adapters/mavlink/checksum.py",
+        "executor/adapters/mavlink/frame_layout.py",
         "executor/adapters/chunks.py",
         "executor/adapters/mavlink/tlog_kinds.py",
     ),
@@ -256,7 +256,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/state/sortie_log.py",
         "executor/runtime/turnaround_check.py",
     ),
-    "tests/benchmarks/test_distance.py": ("benchmarks/distancepage.py",),
+    "tests/benchmarks/test_distance.py": (
+        "benchmarks/distancepage.py",
+        "benchmarks/report.py",
+        "benchmarks/separation.py",
+    ),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
     "tests/benchmarks/test_sorties.py": (
         "benchmarks/sortiespage.py",

@@ -6,7 +6,7 @@ The log's own clock is the time: ticks come between its records as they come bet
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -390,20 +390,13 @@ class _Player:
             for one in mine
             if isinstance(one, DeclaredFault)
         ]
-        degraded = [
-            ImpairedPeriod(
-                one.kind, one.reason, self._clock.to_usec(one.from_s), self._clock.to_usec(one.to_s or self._now_s),
-                one.evidence
-            )
-            for one in mine
-            if isinstance(one, Degradation)
-        ]  # fmt: skip
+        degraded = [one for one in mine if isinstance(one, Degradation)]
         return VehicleReplay(
             sysid=system,
             name=name,
             autopilot=self._scene.vehicles[name].dialect.name,
             declarations=tuple(declarations),
-            degraded=tuple(sorted(degraded, key=lambda one: one.from_usec)),
+            degraded=build_impaired_periods(degraded, self._clock.to_usec, self._now_s),
             flown_s=self._flown.get(name, 0.0),
             samples=tuple(self._traces[name].samples),
             packs=self._books[name].close_flights(),
@@ -413,6 +406,16 @@ class _Player:
                 if isinstance(one, ObservedModeChange)
             ),
         )
+
+
+def build_impaired_periods(
+    found: Iterable[Degradation], to_usec: Callable[[float], int], ended_s: float
+) -> tuple[ImpairedPeriod, ...]:
+    """Return what was not well, in the log's own time; what was not over then lasts to the end."""
+    return tuple(
+        ImpairedPeriod(one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence)
+        for one in sorted(found, key=lambda one: one.from_s)
+    )
 
 
 def _began_s(found: Finding) -> float:

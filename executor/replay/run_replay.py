@@ -26,8 +26,8 @@ from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage
 from executor.flight.run_start import read_run_start
-from executor.replay.log_replay import sample_vehicle
-from executor.replay.replay_result import Declaration, ImpairedPeriod, LogReplay, SampleTrace, VehicleReplay
+from executor.replay.log_replay import build_impaired_periods, sample_vehicle
+from executor.replay.replay_result import Declaration, LogReplay, SampleTrace, VehicleReplay
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,10 +173,7 @@ class _Watch:
                 else (Declaration(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason),)
             )
             mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
-            degraded = tuple(
-                ImpairedPeriod(one.kind, one.reason, usec(one.from_s), usec(one.to_s or ended_s), one.evidence)
-                for one in sorted(mine, key=lambda one: one.from_s)
-            )
+            degraded = build_impaired_periods(mine, usec, ended_s)
             setup = self._context.vehicles[name]
             found.append(
                 VehicleReplay(

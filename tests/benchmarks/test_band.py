@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import band
 from benchmarks.band import TENTHS, BandFlight, BandRoute, Sight, band_cases, band_held, fly_band
-from benchmarks.predictionpage import join_content, prediction_page
+from benchmarks.predictionpage import join_content, report_prediction
 from benchmarks.predictionpage import prediction_document as document
 from tests.executor.virtual.short_line import write_line
 
@@ -48,7 +48,7 @@ def test_a_saying_is_wrong_where_it_landed_above() -> None:
     held = band_held([BandFlight(routes, 100.0, 1.0)])
     assert held["above"] == {"routes": 3, "warned": 2, "faults": 1}
     assert held["below"] == {"routes": 2, "warned": 1, "faults": 0}
-    page = prediction_page({**NOTHING, "band": {"machine": NOTHING["machine"], "command": "x", **held}})
+    page = report_prediction({**NOTHING, "band": {"machine": NOTHING["machine"], "command": "x", **held}}).page()
     assert "| above their reserve | 3 | 2 | 1 | 66.7 | 33.3 |" in page
     assert "| 3/10 | 5 | 40.0 | 2.00 | 10.00 | -10.00 |" in page
 

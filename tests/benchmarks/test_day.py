@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import day
-from benchmarks.daypage import day_document, keep_day
+from benchmarks.daypage import day_document, report_day
 from executor.cli.main import main
 
 GRAPH = (
@@ -32,7 +32,7 @@ def test_small_days_are_proven_and_a_network_is_planned_to_its_last_segment(
     whole = content["network"]
     assert (whole["segments"], whole["uncovered"], whole["wrong"]) == (8, 0, [])
     assert {one[0] for one in told} == {"proven optima", "the whole network", "fleets"}
-    keep_day(day_document(content, "faultline bench day", 3), tmp_path)
+    report_day(day_document(content, "faultline bench day", 3)).keep(tmp_path)
     page = (tmp_path / "day.md").read_text()
     assert "All 8 segments" in page
     assert "Of 2 instances 2 are the same" in page

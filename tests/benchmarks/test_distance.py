@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from benchmarks import distance
 from benchmarks.commands import cli
 from benchmarks.distance import FAULTS, DistanceFlight, distance_results, drawn_faults
-from benchmarks.distancepage import distance_document, keep_distance, print_distance
+from benchmarks.distancepage import distance_document, report_distance
 from benchmarks.parallel_flights import FlightCase, make_flight_cases
 
 NAMES = ("uav1", "uav2", "uav3")
@@ -67,14 +67,14 @@ def test_what_comes_too_near_or_is_elsewhere_has_a_line_of_its_own() -> None:
 def test_the_page_names_what_went_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     near = replace(GOOD, number=5, nearest_m=4.9)
     content = distance_document([GOOD, near], "faultline bench distance", 1)
-    keep_distance(content, tmp_path)
+    report_distance(content).keep(tmp_path)
     page = (tmp_path / "distance.md").read_text()
     assert "24 of 26 segments as planned, and 20 of the 26 that counted" in page
     assert "- flight 5 (px4" in page
     assert json.loads((tmp_path / "distance.json").read_text())["nearest_m"] == 4.9
-    print_distance(content)
+    report_distance(content).show()
     assert "flight 5 (px4" in capsys.readouterr().out
-    keep_distance(distance_document([GOOD], "faultline bench distance", 1), tmp_path)
+    report_distance(distance_document([GOOD], "faultline bench distance", 1)).keep(tmp_path)
     assert "By name" not in (tmp_path / "distance.md").read_text()
 
 

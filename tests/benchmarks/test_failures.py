@@ -18,7 +18,7 @@ from benchmarks.commands import cli
 from benchmarks.data import find_shared_folder
 from benchmarks.errors import BenchError
 from benchmarks.failures import families, scenario_files, solve_scenario
-from benchmarks.failurespage import failures_document, failures_page, keep_failures, print_failures
+from benchmarks.failurespage import failures_document, report_failures
 from benchmarks.least import least_value
 from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenario, wrong_with
 from benchmarks.scenarios import TimedTrip
@@ -215,9 +215,9 @@ def test_what_is_not_valid_is_on_the_page(tmp_path: Path, capsys: pytest.Capture
     content = failures_document([row], "faultline bench failures", 0.5, 100, 1)
     assert content["families"] == families([row])
     assert (content["families"][0]["valid"], content["families"][0]["not_longer"]) == (0, 0)
-    assert "- grid.1: at 6 s, vehicle 1: flies off" in failures_page(content)
-    keep_failures(content, tmp_path)
-    print_failures(content)
+    assert "- grid.1: at 6 s, vehicle 1: flies off" in report_failures(content).page()
+    report_failures(content).keep(tmp_path)
+    report_failures(content).show()
     assert "grid" in capsys.readouterr().out
 
 

@@ -13,7 +13,7 @@ from benchmarks import pictures
 from benchmarks.commands import cli
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.pictures import PicturesFlight, fly_pictures, pictures_results
-from benchmarks.picturespage import keep_pictures, pictures_document, print_pictures
+from benchmarks.picturespage import pictures_document, report_pictures
 from executor.images.matching import match_files
 
 GOOD = PicturesFlight(
@@ -51,12 +51,12 @@ def test_what_went_wrong_has_a_line_with_its_flight(tmp_path: Path, capsys: pyte
     [line] = found["wrong"]
     assert line == ("flight 4 (px4, speaks, uav3:camera-silent@57%, uav1:crash@40%): 5 was not seen, and is not named")
     content = pictures_document(flights, "faultline bench pictures --flights 3 --seed 1", 1)
-    keep_pictures(content, tmp_path)
+    report_pictures(content).keep(tmp_path)
     assert json.loads((tmp_path / "pictures.json").read_text())["indexed"] == 460
     page = (tmp_path / "pictures.md").read_text()
     assert "- not flown: flight 5: uav1: not ready" in page
     assert "| pictures on the cards | 464 |" in page
-    print_pictures(content)
+    report_pictures(content).show()
     assert "2 went wrong" in " ".join(capsys.readouterr().out.split())
 
 

@@ -14,7 +14,7 @@ from benchmarks import prediction
 from benchmarks.commands import cli
 from benchmarks.errors import BenchError
 from benchmarks.prediction import Figures, Flown, FlownRoute, RouteCase, cases, phases, prediction_errors, sum_by_phase
-from benchmarks.predictionpage import keep_prediction, prediction_document, print_prediction
+from benchmarks.predictionpage import keep_prediction, prediction_document, report_prediction
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site
 from executor.analysis.documents import LegRow, RouteRow
 from simulator.truth import Truth
@@ -134,7 +134,7 @@ def test_a_flight_that_was_not_nominal_is_told_and_not_counted(
     page = (tmp_path / "prediction.md").read_text()
     assert "| time, px4 | 4.00 | 4.00 | 4.00 |" in page
     assert "**1 flights were not nominal, and are not counted: uav2: falls.**" in page
-    print_prediction(content)
+    report_prediction(content).show()
     assert "not nominal, not counted: uav2: falls" in capsys.readouterr().out
 
 

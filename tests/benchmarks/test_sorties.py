@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from benchmarks import sorties
 from benchmarks.commands import cli
 from benchmarks.sorties import SortiesCase, SortiesDay, fly_sorties, sorties_over, sorties_site, went_wrong
-from benchmarks.sortiespage import keep_sorties, print_sorties, sorties_document
+from benchmarks.sortiespage import report_sorties, sorties_document
 
 GOOD = SortiesDay(
     number=1, autopilot="px4", segments=97, planned_sorties=48, planned_s=7000.0, losses=("uav3 after 1093 s",),
@@ -51,13 +51,13 @@ def test_whatever_should_not_have_come_of_a_day_has_a_line(spoilt: dict[str, obj
 
 def test_the_page_says_what_happened_and_what_went_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     content = sorties_document([GOOD, replace(GOOD, number=2, nearest_m=3.0)], "faultline bench sorties --days 2", 1)
-    keep_sorties(content, tmp_path)
+    report_sorties(content).keep(tmp_path)
     assert json.loads((tmp_path / "sorties.json").read_text())["days"] == content["days"]
     page = (tmp_path / "sorties.md").read_text()
     assert "| 2 | px4 | 49 | 48 | 2.8 | 90 of 97 | 7 | 25.3 | 13.7 |" in page
     assert "| 2 | uav3 after 1093 s | 3899 | P7: 18 % |" in page
     assert "- day 3 (px4): 3.00 m apart: uav1 and uav2 after 9413 s" in page
-    print_sorties(content)
+    report_sorties(content).show()
     assert "1 went wrong" in " ".join(capsys.readouterr().out.split())
 
 

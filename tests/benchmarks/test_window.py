@@ -26,7 +26,7 @@ from benchmarks.window import (
     plan_claim,
     results,
 )
-from benchmarks.windowpage import keep_window, print_window, window_document
+from benchmarks.windowpage import report_window, window_document
 from executor.errors import FlightNotFlown
 from tests.executor.virtual.short_line import shared, short_ground, write_line
 
@@ -153,9 +153,9 @@ def test_what_is_not_finished_is_shown(claim: Claim, tmp_path: Path, capsys: pyt
     settings = WindowSettings(None, 700.0, "px4")
     content = window_document(settings, "faultline bench window", results([Trial(settings, claim, (good,), (bad,))]))
     assert (content["finished_after"], content["finished_before"], content["unnamed_before"]) == (1, 0, 1)
-    keep_window(content, tmp_path)
+    report_window(content).keep(tmp_path)
     page = (tmp_path / "window.md").read_text()
     assert "| before it | 1 | 0 | in 0 of 1 |" in page
     assert "| uav2:crash@40s | before | 2 segments not inspected | 3, 4 |" in page
-    print_window(content)
+    report_window(content).show()
     assert "uav2:crash@40s" in capsys.readouterr().out

@@ -11,12 +11,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import px4_events
+from executor.adapters.mavlink.frame_layout import CHECKSUM, HEADS, V1, V2, is_whole, number_of
 
-V1, V2 = 0xFE, 0xFD
-HEAD_V1, HEAD_V2, CHECKSUM, SIGNATURE, SIGNED = 6, 10, 2, 13, 1
-"""Lengths of a frame's parts in bytes, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
-HEADS = {V1: HEAD_V1, V2: HEAD_V2}
-"""Header lengths by the byte that frames of both versions begin with."""
+SIGNATURE, SIGNED = 13, 1
+"""Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 MARK = re.compile(b"[%c%c]" % (V1, V2))
 
 OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
@@ -90,7 +88,7 @@ class FrameParser:
         if at + head > len(buffer):
             return sys.maxsize
         end, flags, number = at + head + buffer[at + 1] + CHECKSUM, 0, buffer[at + 5]
-        if head == HEAD_V2:
+        if buffer[at] == V2:
             flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
             end += SIGNATURE * (flags & SIGNED)
         known = number in mav.mavlink_map or number == px4_events.EVENT
@@ -107,7 +105,7 @@ class FrameParser:
         if end == at:
             return None
         data = self._buffer[at:end]
-        if px4_events.is_event(data) and not px4_events.is_whole_event(data):
+        if number_of(data) == px4_events.EVENT and not is_whole(data, px4_events.EXTRA):
             return None
         try:
             frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
@@ -123,19 +121,12 @@ class FrameParser:
         """Return whether nobody here wants to know what a frame says."""
         if self._systems is None:
             return False
-        system, number = (data[3], data[5]) if data[0] == V1 else (data[5], int.from_bytes(data[7:10], "little"))
-        return system not in self._systems and number not in OF_ANYBODY
+        system = data[3] if data[0] == V1 else data[5]
+        return system not in self._systems and number_of(data) not in OF_ANYBODY
 
 
 def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
     """Return a frame that is not taken apart; None if its checksum is wrong."""
-    first = data[0] == V1
-    number = data[5] if first else int.from_bytes(data[7:10], "little")
-    end = (HEAD_V1 if first else HEAD_V2) + data[1]
+    number = number_of(data)
     kind = mav.mavlink_map.get(number)
-    if kind is not None:
-        summed = data[1:end]
-        summed.append(kind.crc_extra)
-        if mav.x25crc(summed).crc != int.from_bytes(data[end : end + CHECKSUM], "little"):
-            return None
-    return mav.MAVLink_unknown(number, data)
+    return None if kind is not None and not is_whole(data, kind.crc_extra) else mav.MAVLink_unknown(number, data)

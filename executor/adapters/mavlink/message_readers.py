@@ -12,6 +12,7 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
+from executor.adapters.mavlink.frame_layout import V2, payload_of
 from executor.core.interface.messages import (
     Attitude,
     Battery,
@@ -45,7 +46,6 @@ NO_SATELLITES = 255
 NO_CHANNEL = 65535
 """Of RC_CHANNELS and RC_CHANNELS_RAW."""
 _CHANNELS, _RAW_CHANNELS = (attrgetter(*(f"chan{number}_raw" for number in range(1, most + 1))) for most in (18, 8))
-V2, HEAD_V2 = 0xFD, 10
 DO_SET_MODE, SET_MODE = 176, 11
 """The command, and the number of the older message."""
 MOST_MODES = 128
@@ -144,8 +144,7 @@ def _read_mission_id(frame: bytes | None) -> int | None:
     """Read the uint32 behind what pymavlink knows of MISSION_CURRENT; MAVLink 2 leaves zeros at the end out."""
     if not frame or frame[0] != V2:
         return None
-    payload = bytes(frame[10 : 10 + frame[1]]).ljust(10, b"\0")
-    return int.from_bytes(payload[6:10], "little") or None
+    return int.from_bytes(payload_of(frame, 10)[6:], "little") or None
 
 
 def _read_system_status(frame: Frame) -> SystemStatus:

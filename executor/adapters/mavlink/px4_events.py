@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from executor.adapters.mavlink.checksum import compute_checksum
+from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum
 from executor.core.interface.messages import ModeChange, OwnFailsafe
 from executor.core.telemetry.px4_event_meanings import parse_px4_event
 
@@ -17,31 +17,11 @@ EXTRA = 160
 """CRC_EXTRA: part of its checksum."""
 LAYOUT = struct.Struct("<IIHBBB40s")
 """Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
-V2, HEAD, CHECKSUM = 0xFD, 10, 2
-_NUMBER = EVENT.to_bytes(3, "little")
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
 FIELDS = (*_NUMBERS, "arguments")
 """Of the layout, in its order."""
 REMEMBERED = 64
 """Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
-
-
-def is_event(frame: bytes | bytearray) -> bool:
-    """Return whether a frame holds an event; MAVLink 1 has no such number."""
-    return frame[7:HEAD] == _NUMBER and frame[0] == V2
-
-
-def is_whole_event(frame: bytes | bytearray) -> bool:
-    """Return whether an event's frame has its checksum."""
-    end = HEAD + frame[1]
-    return compute_checksum(bytes(frame[1:end]) + bytes((EXTRA,))) == int.from_bytes(
-        frame[end : end + CHECKSUM], "little"
-    )
-
-
-def payload_of(frame: bytes | bytearray) -> bytes:
-    """Return what an event's frame says; zeros at its end are not sent."""
-    return bytes(frame[HEAD : HEAD + min(frame[1], LAYOUT.size)]).ljust(LAYOUT.size, b"\0")
 
 
 def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
@@ -53,7 +33,7 @@ def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> 
         )
     except (KeyError, TypeError, ValueError, struct.error):
         return None
-    frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *_NUMBER)) + payload
+    frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *EVENT.to_bytes(3, "little"))) + payload
     return frame + compute_checksum(frame[1:] + bytes((EXTRA,))).to_bytes(CHECKSUM, "little")
 
 

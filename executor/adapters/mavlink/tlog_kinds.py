@@ -16,6 +16,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import message_readers, px4_events
+from executor.adapters.mavlink.frame_layout import payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface.messages import FlightMessage
 
@@ -52,11 +53,9 @@ class MessageKind:
     arrays: tuple[tuple[int, int], ...] = ()
     """Where each field begins and ends among the values, if any has more than one."""
 
-    def unpack_fields(self, frame: bytes, payload: int) -> Frame:
-        """Return all fields of a frame, whose payload begins there, by their names."""
-        need = self.layout.size
-        raw = frame[payload : payload + min(need, frame[1])]
-        values = self.layout.unpack(raw if len(raw) == need else raw.ljust(need, b"\0"))
+    def unpack_fields(self, frame: bytes) -> Frame:
+        """Return all fields of a frame by their names."""
+        values = self.layout.unpack(payload_of(frame, self.layout.size))
         if self.arrays:
             values = tuple(values[first] if end == first + 1 else values[first:end] for first, end in self.arrays)
         return self.name_fields(values)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import integers, message_readers, px4_events
-from executor.adapters.mavlink.checksum import compute_checksum
+from executor.adapters.mavlink.frame_layout import HEADS, V2, is_whole, number_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.statustext import StatusTextAssembler
@@ -53,8 +53,7 @@ from executor.core.telemetry.autopilot_component import AutopilotComponent, upda
 from executor.core.telemetry.plausibility import filter_implausible
 from missions import AUTOPILOTS, PX4
 
-V1, V2 = 0xFE, 0xFD
-MARKS = frozenset({V1, V2})
+MARKS = frozenset(HEADS)
 STAMP = 8
 LONGEST = STAMP + 10 + 255 + 2 + 13
 STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
@@ -241,7 +240,7 @@ class TelemetryFile(RecordedFile):
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
-                and lane.kind is not None and lane.kind.name in BOOT_TIMED and _is_whole(frame, lane.kind)
+                and lane.kind is not None and lane.kind.name in BOOT_TIMED and is_whole(frame, lane.kind.extra)
             ):  # fmt: skip
                 found.append((lane.source.boot, BootTime(_boot_usec(frame), stamp + self._shift)))
             at = end
@@ -260,7 +259,7 @@ class TelemetryFile(RecordedFile):
         """Yield what a frame says that is wanted now."""
         kind, source = lane.kind, lane.source
         lane.newest_usec = stamp
-        if kind is None or not _is_whole(frame, kind):
+        if kind is None or not is_whole(frame, kind.extra):
             self.skipped.bad_checksums += 1
             return
         if kind.name == BATTERY:
@@ -271,7 +270,7 @@ class TelemetryFile(RecordedFile):
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
-        fields = kind.unpack_fields(frame, 10 if frame[0] == V2 else 6)
+        fields = kind.unpack_fields(frame)
         if kind.name == POSITION and source.vehicle:
             # Every one of them: of one in seconds all may be of the same of two vehicles.
             yield from _twins_heard(source, stamp, lane.system, fields)
@@ -410,20 +409,11 @@ def _twins_heard(source: _Source, stamp: int, system: int, frame: Frame) -> Iter
 
 def _boot_usec(frame: bytes) -> int:
     """Return the time since its vehicle's boot that a frame begins with."""
-    begins = 10 if frame[0] == V2 else 6
-    return 1000 * int.from_bytes(frame[begins : begins + min(4, frame[1])], "little")
-
-
-def _is_whole(frame: bytes, kind: MessageKind) -> bool:
-    """Return whether a frame has its checksum."""
-    stop = frame[1] + (10 if frame[0] == V2 else 6)
-    if stop + 2 > len(frame):
-        return False
-    return compute_checksum(frame[1:stop] + bytes((kind.extra,))) == frame[stop] | frame[stop + 1] << 8
+    return 1000 * int.from_bytes(payload_of(frame, 4), "little")
 
 
 def _is_known(buffer: bytes, at: int, end: int) -> bool:
     """Return whether a frame of a kind that is read here begins behind a time, whole."""
     frame = buffer[at + STAMP : end]
-    kind = KINDS.get(int.from_bytes(frame[7:10], "little") if frame[0] == V2 else frame[5])
-    return kind is not None and _is_whole(frame, kind)
+    kind = KINDS.get(number_of(frame))
+    return kind is not None and is_whole(frame, kind.extra)

@@ -157,6 +157,17 @@ def test_logs_in_which_nobody_flies(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "expected logs in which a vehicle flies" in capsys.readouterr().err
 
 
+def test_of_many_logs_one_that_is_none_costs_nothing(
+    logs: tuple[Path, Pack], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = tmp_path / "a.BIN"
+    broken.write_bytes(b"\xa3\x95 is no record of anything" * 20)
+    assert called(str(broken), str(logs[0] / "0.tlog"), "--learn", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["learned"]["logs"] == 1
+    assert called(str(broken), "--learn") == 2
+    assert f"{broken}: expected a DataFlash log" in capsys.readouterr().err
+
+
 def test_a_quadcopter_that_was_built_for_schools(capsys: pytest.CaptureFixture[str]) -> None:
     """An Iris+ weighs 1.3 to 1.5 kg, hovers on about 170 W, and carries 5.1 Ah."""
     folder = LOGS / "real"

@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.chunks import PIECE
-from executor.adapters.mavlink.checksum import compute_checksum
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.frame_layout import compute_checksum
 from executor.adapters.mavlink.tlog_kinds import KINDS, ORDERS
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.core.interface.messages import (
@@ -30,6 +30,7 @@ from executor.core.interface.messages import (
     Radio,
     RcChannels,
     StatusText,
+    SystemStatus,
     Traffic,
     VehicleSetting,
 )
@@ -95,6 +96,19 @@ def test_unknown_is_never_zero(tmp_path: Path) -> None:
     assert (said.remaining_pct, said.voltage_v, said.current_a, said.consumed_ah) == (None, None, None, None)
     assert not any(isinstance(said, Position) for _, _, said in records)
     assert file.skipped.impossible == 1
+
+
+def test_every_record_comes_where_all_are_wanted(tmp_path: Path) -> None:
+    writer = Writer()
+    writer.say(0.0, 7, heartbeat())
+    for tenth in range(1, 51):
+        for message in (battery(80, 11.9), position(tenth / 10), mav.MAVLink_sys_status_message(*[0] * 13)):
+            writer.say(tenth / 10, 7, message)
+    path = writer.write(tmp_path / "a.tlog")
+    said = [one for _, _, one in TelemetryFile(path, every_record=True).read_records()]
+    assert [sum(isinstance(one, kind) for one in said) for kind in (Battery, Position, SystemStatus)] == [50, 50, 50]
+    usual, _ = read(path)
+    assert sum(isinstance(one, Battery) for _, _, one in usual) < 20
 
 
 def test_cells_are_told_apart_where_the_vehicle_does(tmp_path: Path) -> None:
