@@ -20,7 +20,7 @@ from executor.core.inflight.homing.return_home import SINKS_M_S, is_coming_home,
 from executor.core.interface.commands import ChangeSpeed, Command, Level, Say
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, OnboardMission, YieldState
-from executor.core.state.vehicle_position import is_heartbeat_fresh, is_position_fresh
+from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.geo import FloatArray
@@ -122,7 +122,7 @@ def _update_yielding(
     if not _is_on_our_mission(context, vehicle):
         # A change of mode makes both autopilots forget the speed that they were told.
         return (vehicle if waits is None else _set_yielding(vehicle, None, now_s)), ()
-    if not (is_position_fresh(context, vehicle, now_s) and is_heartbeat_fresh(context, vehicle, now_s)):
+    if not (has_fresh_position(context, vehicle, now_s) and has_fresh_heartbeat(context, vehicle, now_s)):
         return vehicle, ()
     found = _find_first_conflict(context, vehicle, climbs, now_s)
     if waits is None or waits.over_s is not None:

@@ -64,13 +64,13 @@ def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) 
     return f"{position}{describe_position(context, vehicle)}, {formatting.ago(max(0.0, now_s - fix.at_s))}"
 
 
-def is_position_fresh(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+def has_fresh_position(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle says where it is."""
     fix = vehicle.motion.fix
     return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
 
 
-def is_heartbeat_fresh(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+def has_fresh_heartbeat(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether its last HEARTBEAT is recent."""
     beat_s = vehicle.link.heartbeat_s
     return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
