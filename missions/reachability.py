@@ -49,7 +49,7 @@ def _build_restrictions(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[A
         if area.kind is not AreaKind.HEIGHT_LIMIT:
             yield AreaRestriction(area, everybody)
             continue
-        over_m = _excess_over_limit_m(setup, area)
+        over_m = _excess_height_over_limit_m(setup, area)
         if over_m is None:
             continue
         above = tuple(name for name in everybody if over_m + setup.layers.offset_m(name) > ROUNDING_M)
@@ -79,7 +79,7 @@ def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestrict
     yield AreaRestriction(area, setup.layers.vehicles)
 
 
-def _excess_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
+def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     """Return how far the lowest layer is above the limit, negative where it is below; None if nobody comes near."""
     places_m = _sample_area(setup, area)
     if not len(places_m):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import pytest
 import shapely
 from shapely.geometry import Point, Polygon
 
-from benchmarks.virtual_flight import DayScenario, FlightObservers, fly_virtual
+from benchmarks.virtual_day import DayScenario, VirtualDay
+from benchmarks.virtual_flight import FlightObservers, fly_virtual
 from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.day_flight import build_first_sorties_plan
@@ -67,7 +69,7 @@ def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
     numbers: Iterator[int] = itertools.count(1)
     flight = fly_virtual(
         ground, build_first_sorties_plan(day, ground), seed=1, onlookers=FlightObservers(lived=lived),
-        sorties=DayScenario(day, lambda _: (f"P{next(numbers)}", 100.0)),
+        make=partial(VirtualDay, DayScenario(day, lambda _: (f"P{next(numbers)}", 100.0))),
     )  # fmt: skip
     assert flight.ended
     assert list(flight.report.segments_uncovered) == [one.segment for one in day.unreachable]
