@@ -2,8 +2,8 @@
 """The power line, the flights over it, and mission items as data: everything between a plan and a MAVLink message.
 
 >>> network = read_network(default_network_path(), radius_m=700)
->>> setup = flight_setup(network, ["uav1", "uav2"], Inspection())
->>> path = flight_path(setup, "uav1", [0, 2, 4])
+>>> setup = plan_flight_setup(network, ["uav1", "uav2"], Inspection())
+>>> path = build_flight_path(setup, "uav1", [0, 2, 4])
 >>> mission = encode(path, PX4)
 >>> mission.items[0].command.name
 'NAV_TAKEOFF'

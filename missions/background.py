@@ -74,7 +74,7 @@ def choose_grid_size(low_m: Corner, high_m: Corner, most_pixels: float, least_st
 def strip_markup(text: str) -> str:
     """Return a text without markup, on one line, no longer than a picture has room for.
 
-    >>> plain('&copy; <a href="https://example.org">Survey</a>')
+    >>> strip_markup('&copy; <a href="https://example.org">Survey</a>')
     '© Survey'
     """
     return to_printable(unescape(sub(r"<[^<>]*>", "", text)))[:200]

@@ -11,7 +11,7 @@ from pydantic import Field
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import MAX_LATITUDE_DEG, FloatArray
-from missions.plan_file import PlanContent, describe_area_conflicts, is_same_figure
+from missions.plan_file import PlanContent, describe_area_conflicts, describe_wrong_figures
 from missions.pricing import Pricing, build_priced_sorties
 from missions.validation import Figure, From0, Id, Text
 from planner import InstanceError
@@ -111,22 +111,19 @@ def check_day_plan(content: DayPlanFile) -> list[str]:
 
 
 def _check_content(content: DayPlanFile) -> Iterator[str]:
-    computed = evaluate_sorties(content.build_instance(), content.plan)
-    written = content.evaluation
-    for number, own in enumerate(content.vehicles):
+    computed, written = evaluate_sorties(content.build_instance(), content.plan), content.evaluation
+    yield from describe_wrong_figures(
+        (f"sortie {index} of {own.name}: {key}", *pair)
+        for number, own in enumerate(content.vehicles)
         for key, mine, its in (
             ("duration_s", written.lasts_s[number], computed.lasts_s[number]),
             ("energy_pct", written.energies_pct[number], computed.energies_pct[number]),
-        ):
-            for index, (said, is_so) in enumerate(zip(mine, its, strict=True)):
-                if not is_same_figure(said, is_so):
-                    yield f"sortie {index + 1} of {own.name}: {key} is {said:.6g}, its content gives {is_so:.6g}"
-    for key, said, is_so in (
-        ("finish_s", written.finish_s, computed.finish_s),
-        ("flight_s", written.flight_s, computed.flight_s),
-    ):
-        if not is_same_figure(said, is_so):
-            yield f"{key} is {said:.6g}, its content gives {is_so:.6g}"
+        )
+        for index, pair in enumerate(zip(mine, its, strict=True), 1)
+    )
+    yield from describe_wrong_figures(
+        (key, getattr(written, key), getattr(computed, key)) for key in ("finish_s", "flight_s")
+    )
     yield from computed.violations
     visits = (visit for own in content.plan.sorties for one in own for visit in one.visits)
     pads = ((own.name, content.pads[row][base]) for row, own in enumerate(content.vehicles) for base in own.lands)

@@ -83,7 +83,7 @@ def flown_places(pad_m: Corner, path: FlightPath | None, frame: LocalFrame) -> l
 def build_fence_hull(places_m: Sequence[Corner]) -> tuple[Corner, ...]:
     """Return the convex hull, counter-clockwise and without corners on a straight edge, to a millimetre.
 
-    >>> hull([(0.0, 0.0), (2.0, 0.0), (1.0, 0.1), (2.0, 2.0), (0.0, 2.0)])
+    >>> build_fence_hull([(0.0, 0.0), (2.0, 0.0), (1.0, 0.1), (2.0, 2.0), (0.0, 2.0)])
     ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
     """
     ordered = sorted({(round(east_m, 3), round(north_m, 3)) for east_m, north_m in places_m})

@@ -26,7 +26,7 @@ class Pace:
     def factor_of(self, phase: Phase) -> float:
         """Return the factor of legs of a phase; take-offs and landings are as the model has them.
 
-        >>> Pace(1.2, 1.1).of(Phase.RETURN)
+        >>> Pace(1.2, 1.1).factor_of(Phase.RETURN)
         1.1
         """
         if phase is Phase.INSPECT:

@@ -15,10 +15,12 @@ from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon, Segment
+from missions.pads import Pad
 from missions.pricing import DEPOT_M, Pricing, build_priced_instance
-from missions.setup import Inspection
+from missions.setup import FlightSetup, Inspection, plan_flight_setup
 from missions.shortest_ways import graph_of, obstacle_of
 from missions.tasks import Task
+from missions.terrain import Terrain
 from missions.validation import Above0, Figure, Id, Known, Pair, Place, Text
 from planner import (
     Cost,
@@ -302,6 +304,28 @@ def make_plan_file(
     )
 
 
+def setup_of_plan(
+    content: PlanFile, inspection: Inspection, *, pads: Sequence[Pad] | None = None, terrain: Terrain | None = None
+) -> FlightSetup:
+    """Return what a plan's routes become flights by.
+
+    Args:
+        content: The plan.
+        inspection: Its heights and speeds.
+        pads: Where the vehicles really stand, once known.
+        terrain: The ground that it was made over, which is not in the plan itself.
+
+    Raises:
+        MissionsError: as `plan_flight_setup` has it.
+    """
+    names = [vehicle.name for vehicle in content.vehicles]
+    setup = plan_flight_setup(
+        content.build_network(), names, inspection, pads=pads, areas=content.areas, terrain=terrain
+    )
+    kept_out = () if content.pricing is None else content.pricing.kept_out
+    return replace(setup, areas=content.areas, kept_out=kept_out) if content.areas else setup
+
+
 def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
     """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
 
@@ -328,8 +352,7 @@ def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
     except PlanError as error:
         yield f"window: {error}"
         return
-    if not is_same_figure(written.earliest_s, found.earliest_s):
-        yield f"window.earliest_s is {written.earliest_s:.6g}, its content gives {found.earliest_s:.6g}"
+    yield from describe_wrong_figures([("window.earliest_s", written.earliest_s, found.earliest_s)])
 
 
 def _check_content(content: PlanFile) -> Iterator[str]:
@@ -356,9 +379,7 @@ def _check_content(content: PlanFile) -> Iterator[str]:
         window_pct = 100.0 * ((longest_s - content.window.earliest_s) / longest_s) if longest_s > 0 else 100.0
         figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
         figures.append(("window.window_pct", content.window.window_pct, window_pct))
-    for name, written, computed in figures:
-        if not is_same_figure(written, computed):
-            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
+    yield from describe_wrong_figures(figures)
     yield from _check_coverage(content)
     for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
         if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
@@ -382,7 +403,7 @@ def _check_places(content: PlanFile) -> Iterator[str]:
             if not apart_m <= PLACE_TOLERANCE_M:
                 yield f"{segment.display_name}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
         length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
-        if not is_same_figure(segment.length_m, length_m):
+        if not _is_same_figure(segment.length_m, length_m):
             yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
 
 
@@ -403,8 +424,14 @@ def describe_area_conflicts(
                 yield f"the pad of {name} lies in area {one.area.name!r}"
 
 
-def is_same_figure(written: float, computed: float) -> bool:
-    """Return whether a figure is what it was computed anew to be."""
+def describe_wrong_figures(figures: Iterable[tuple[str, float, float]]) -> Iterator[str]:
+    """Yield which figures, by their name, are not what they were computed anew to be."""
+    for name, written, computed in figures:
+        if not _is_same_figure(written, computed):
+            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
+
+
+def _is_same_figure(written: float, computed: float) -> bool:
     return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
 
 

@@ -78,7 +78,7 @@ def _upgrade_flight_model(row: Json, power: Json, speeds: Mapping[str, Any]) -> 
 
 
 def _upgrade_area(area: Json) -> Json:
-    who = {key: area[key] for key in ("vehicles", "highest_m") if key in area}
+    who: Json = {key: area[key] for key in ("vehicles", "highest_m") if key in area}
     return {"area": {"rings_m" if key == "rings" else key: area[key] for key in area if key not in who}, **who}
 
 

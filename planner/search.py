@@ -114,7 +114,7 @@ class Cycle:
         return -(-(self.stage(done) + 1) * self.length // self.stages) - done
 
 
-class Start(Protocol):
+class SearchStart(Protocol):
     """One of the walks of a search; they share nothing that changes, so each may run in a thread of its own."""
 
     done: int
@@ -130,13 +130,13 @@ class Start(Protocol):
         ...
 
 
-StartT = TypeVar("StartT", bound=Start)
+SearchStartT = TypeVar("SearchStartT", bound=SearchStart)
 
 
-class AnnealingSearch(Search, Generic[StartT]):
+class AnnealingSearch(Search, Generic[SearchStartT]):
     """A search in cycles of annealing."""
 
-    def __init__(self, starts: Sequence[StartT], watch: Stopwatch, *, batch: int, impossible: str | None) -> None:
+    def __init__(self, starts: Sequence[SearchStartT], watch: Stopwatch, *, batch: int, impossible: str | None) -> None:
         super().__init__(watch, batch=batch, starts=len(starts), impossible=impossible)
         self._starts = starts
         self._leader = starts[0]
@@ -148,7 +148,7 @@ class AnnealingSearch(Search, Generic[StartT]):
         """Return the cycle that follows another one, from the leader's best plan; the first one follows none."""
 
     @abstractmethod
-    def _improve(self, start: StartT, iterations: int) -> int:
+    def _improve(self, start: SearchStartT, iterations: int) -> int:
         """Run iterations of one start within a stage; return the last that found a new best, from 1, or 0."""
 
     def _publish(self) -> None:
@@ -167,7 +167,7 @@ class AnnealingSearch(Search, Generic[StartT]):
 
     def _run_round(self, iterations: int, threads: Executor | None) -> int:
         """Have each start do its share of ``iterations``, as far as its stage goes; return how many were done."""
-        going: list[StartT] = []
+        going: list[SearchStartT] = []
         shares: list[int] = []
         for number, start in enumerate(sorted(self._starts, key=lambda start: start.done)):
             fair = -(-(iterations - sum(shares)) // (len(self._starts) - number))

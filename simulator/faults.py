@@ -180,8 +180,8 @@ def parse_fault(text: str) -> Injection:
         FaultSpecError: one line that quotes the text and says what was expected.
 
     >>> parse_fault("uav2:silent=20s@300s")
-    Fault(vehicle='uav2', kind=<FaultKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, height_m=None, \
-down=False, landings=None, word='')
+    Injection(vehicle='uav2', kind=<InjectionKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, \
+height_m=None, down=False, landings=None, word='')
     """
     head, at, when = text.strip().rpartition("@")
     vehicle, colon, what = head.partition(":")

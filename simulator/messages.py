@@ -179,7 +179,7 @@ Body = (
 def describe_order(body: Body) -> str:
     """Return what a message orders, as a truth says it; empty for one that changes nothing.
 
-    >>> order_words(Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    >>> describe_order(Command(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     'order command 400 1'
     """
     match body:

@@ -23,7 +23,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/site_areas.py",
         "executor/site/tables/area_tables.py",
         "missions/outlines.py",
-        "missions/plan_setup.py",
         "missions/reachability.py",
     ),
     "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/shortest_ways.py"),

@@ -7,7 +7,7 @@
 Trips are planned by ``planner.sorties``: a task is a segment, a trip a sortie that uses its share of the longest trip.
 """
 
-from benchmarks.scenarios.day import Day, Stand, TimedTrip, Timeline, build_day_instance
+from benchmarks.scenarios.day import Day, TimedTrip, Timeline, TripStart, build_day_instance
 from benchmarks.scenarios.least_end import MOST_COLUMNS, least_last_end_s
 from benchmarks.scenarios.losses import (
     DayLeft,
@@ -22,9 +22,9 @@ __all__ = [
     "MOST_COLUMNS",
     "Day",
     "DayLeft",
-    "Stand",
     "TimedTrip",
     "Timeline",
+    "TripStart",
     "build_day_instance",
     "build_day_left",
     "build_day_left_with_foresight",

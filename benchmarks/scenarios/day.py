@@ -132,14 +132,14 @@ class Day:
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class TripStart:
     """Where a vehicle's next trip begins, and not before when."""
 
     place: int
     ready_s: float = 0.0
 
 
-def build_day_instance(day: Day, tasks: Sequence[int], stands: Sequence[Stand]) -> SortieInstance:
+def build_day_instance(day: Day, tasks: Sequence[int], starts: Sequence[TripStart]) -> SortieInstance:
     """Return some of a day's tasks for some vehicles; ``transfer_s`` is what trips without a task take.
 
     A trip uses its seconds of a budget that is the longest trip: whole seconds stay exact.
@@ -158,13 +158,13 @@ def build_day_instance(day: Day, tasks: Sequence[int], stands: Sequence[Stand]) 
     transfer_s[:depots, :depots] = hops.times_s
     np.fill_diagonal(transfer_s, 0.0)
     vehicles = []
-    for number, stand in enumerate(stands):
-        base = bases.index(stand.place)
+    for number, start in enumerate(starts):
+        base = bases.index(start.place)
         lands = tuple(sorted({*range(depots), base}))
         vehicles.append(
-            SortieVehicle(f"{number}", base, day.capacity_s, ((0.0, LONG_S),), lands, ready_s=stand.ready_s)
+            SortieVehicle(f"{number}", base, day.capacity_s, ((0.0, LONG_S),), lands, ready_s=start.ready_s)
         )
-    fleet = len(stands)
+    fleet = len(starts)
     out_s, home_s = np.stack([out_s] * fleet), np.stack([home_s] * fleet)
     return SortieInstance(
         moves=MoveTables(move_s[np.newaxis], move_s[np.newaxis]),

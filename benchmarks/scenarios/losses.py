@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 
-from benchmarks.scenarios.day import Day, Stand, TimedTrip, Timeline, build_day_instance
+from benchmarks.scenarios.day import Day, TimedTrip, Timeline, TripStart, build_day_instance
 from planner import PlanError, Stopwatch
 from planner.sorties import Sortie, SortieInstance, SortiePlan
 
@@ -58,8 +58,8 @@ def _left(
     waiting = open_tasks(day, kept)
     if not waiting or not flying:
         return DayLeft(kept, flying, waiting, None, ())
-    stands = [_find_stand(day, kept[vehicle], vehicle, at_s) for vehicle in flying]
-    instance = build_day_instance(day, waiting, stands)
+    trip_starts = [_find_trip_start(day, kept[vehicle], vehicle, at_s) for vehicle in flying]
+    instance = build_day_instance(day, waiting, trip_starts)
     return DayLeft(kept, flying, waiting, instance, _tails(day, timelines, kept, flying, waiting))
 
 
@@ -142,11 +142,11 @@ def _steps(trip: TimedTrip) -> list[frozenset[int]]:
     return [frozenset(step) for step in pairwise(trip.places)]
 
 
-def _find_stand(day: Day, timeline: Timeline, vehicle: int, at_s: float) -> Stand:
+def _find_trip_start(day: Day, timeline: Timeline, vehicle: int, at_s: float) -> TripStart:
     if not timeline:
-        return Stand(day.starts[vehicle], at_s)
+        return TripStart(day.starts[vehicle], at_s)
     last = timeline[-1]
-    return Stand(last.places[-1], max(at_s, last.end_s + day.turnaround_s))
+    return TripStart(last.places[-1], max(at_s, last.end_s + day.turnaround_s))
 
 
 def _tails(

@@ -43,7 +43,7 @@ from missions.exports import (
 )
 from missions.geo import FloatArray
 from missions.inspection_height import build_first_paths
-from missions.plan_setup import setup_of_plan
+from missions.plan_file import setup_of_plan
 from planner import is_reversed, segment_of, visit_of
 
 DECIMALS = 6

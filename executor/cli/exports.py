@@ -33,7 +33,7 @@ from missions import (
 from missions.exports import MapFeatures, build_plan_features, format_geojson, format_gpx, format_kml
 from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
-from missions.plan_setup import setup_of_plan
+from missions.plan_file import setup_of_plan
 
 DRAWN: Mapping[FormatName, Callable[[MapFeatures], str]] = {
     FormatName.KML: format_kml,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -168,6 +169,21 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
+    _plan_flight(ground, console, wanted, left, (site, learned), (output, picture, profile), as_json=as_json)
+
+
+def _plan_flight(
+    ground: site_model.SiteModel,
+    console: TerminalConsole,
+    wanted: PlanRequest,
+    left: Sequence[int] | None,
+    came_from: tuple[Path, Path | None],
+    kept: tuple[Path | None, Path | None, Path | None],
+    *,
+    as_json: bool,
+) -> None:
+    """Plan one flight and tell; the site's file and what was learned, then the plan's, picture's and profile's file."""
+    (site, learned), (output, picture, profile) = came_from, kept
     below = None if picture is None else view_for(ground, site.parent)
     content = plan_and_report(ground, console, wanted, left)
     heights = compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])

@@ -20,7 +20,7 @@ _UNSHOWN_KINDS = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 def format_count(number: int, thing: str) -> str:
     """Return how many there are of something.
 
-    >>> count_of(1, "segment"), count_of(0, "segment")
+    >>> format_count(1, "segment"), format_count(0, "segment")
     ('1 segment', '0 segments')
     """
     return f"{number} {thing}" if number == 1 else f"{number} {thing}s"
@@ -29,7 +29,7 @@ def format_count(number: int, thing: str) -> str:
 def describe_unreachable(named: Iterable[tuple[str, str]], most: int) -> list[str]:
     """Return which segments cannot be inspected, a line for each reason, from their names and why that is so.
 
-    >>> not_reachable([("A1", "lies in area 'park'"), ("A2", "lies in area 'park'")], most=1)
+    >>> describe_unreachable([("A1", "lies in area 'park'"), ("A2", "lies in area 'park'")], most=1)
     ["not reachable, lies in area 'park': A1, and 1 more"]
     """
     reasons: dict[str, list[str]] = {}
@@ -56,7 +56,7 @@ def command_line(*parts: object) -> str:
 def format_duration(seconds: float) -> str:
     """Return a time as minutes and seconds, with hours where there are some; a part of a second does not count.
 
-    >>> minutes(7.9), minutes(754.2), minutes(3725), minutes(-3)
+    >>> format_duration(7.9), format_duration(754.2), format_duration(3725), format_duration(-3)
     ('0:07', '12:34', '1:02:05', '0:00')
     """
     whole = max(0, int(seconds))
@@ -68,7 +68,7 @@ def format_duration(seconds: float) -> str:
 def format_flight_time(seconds: float | None) -> str:
     """Return a time since the order to take off; nothing for what was before it.
 
-    >>> since_take_off(754.2), since_take_off(None)
+    >>> format_flight_time(754.2), format_flight_time(None)
     ('T+12:34', '')
     """
     return "" if seconds is None or seconds < 0.0 else f"T+{format_duration(seconds)}"
@@ -88,7 +88,7 @@ def place_decimals(accuracy_m: float | None) -> int:
 def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = None) -> str:
     """Return coordinates as people read them out and type them in, to what their accuracy carries.
 
-    >>> place(49.5984123, -15.6), place(49.5984123, -15.6, 0.3)
+    >>> format_lat_lon(49.5984123, -15.6), format_lat_lon(49.5984123, -15.6, 0.3)
     ('49.59841, -15.60000', '49.598412, -15.600000')
     """
     decimals = place_decimals(accuracy_m)
@@ -98,7 +98,7 @@ def format_lat_lon(lat_deg: float, lon_deg: float, accuracy_m: float | None = No
 def format_known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: float | None) -> str:
     """Return coordinates with how they are known, as `PositionView.known` has it.
 
-    >>> known_place(49.5984123, -15.6, "fix", 3.0), known_place(49.6, -15.6, "reckoned", 441.0)
+    >>> format_known_place(49.5984123, -15.6, "fix", 3.0), format_known_place(49.6, -15.6, "reckoned", 441.0)
     ('49.59841, -15.60000 (GPS, 3 m)', '49.600, -15.600 (reckoned without GPS, off by 441 m or more)')
     """
     coordinates = format_lat_lon(lat_deg, lon_deg, accuracy_m)
@@ -121,7 +121,7 @@ def ago(seconds: float) -> str:
 def escape_controls(text: str) -> str:
     r"""Return a text without what a terminal would obey: vehicles and files may say anything.
 
-    >>> shown("crash \x1b[2J of\tuav1\n") == f"crash {UNSHOWN}[2J of uav1"
+    >>> escape_controls("crash \x1b[2J of\tuav1\n") == f"crash {UNSHOWN}[2J of uav1"
     True
     """
     if text.isprintable():
@@ -133,7 +133,7 @@ def escape_controls(text: str) -> str:
 def format_state_word(word: str) -> str:
     """Return what a vehicle does, as `VehicleView.state` has it, for people.
 
-    >>> state("flying"), state("pilot")
+    >>> format_state_word("flying"), format_state_word("pilot")
     ('flying', 'with its pilot')
     """
     return _STATES.get(word, word)
@@ -142,7 +142,7 @@ def format_state_word(word: str) -> str:
 def format_gps_fix(fix: int | None, satellites: int | None) -> str:
     """Return GPS_FIX_TYPE and the number of satellites.
 
-    >>> gps(3, 14), gps(1, None), gps(None, None)
+    >>> format_gps_fix(3, 14), format_gps_fix(1, None), format_gps_fix(None, None)
     ('3D, 14 sat', 'no fix', '?')
     """
     if fix is None:

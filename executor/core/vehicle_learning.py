@@ -118,7 +118,7 @@ def update_pace(
 ) -> PaceEstimate:  # fmt: skip
     """Return an estimate after a leg.
 
-    >>> after = observed(PaceEstimate(), 110.0, 100.0)
+    >>> after = update_pace(PaceEstimate(), 110.0, 100.0)
     >>> round(after.mean, 3), round(after.sd, 3), after.legs
     (1.094, 0.017, 1)
     """
@@ -160,7 +160,7 @@ def estimate_consumption(known: LearnedFactors, prior: Prior) -> Prior:
 
     Two readings of whole percents are as far apart as their roundings allow; the rest is scatter of the flights.
 
-    >>> found = consumption(Learned(given_pct=46.0, modelled_pct=40.0, flown_s=600.0), Prior())
+    >>> found = estimate_consumption(LearnedFactors(given_pct=46.0, modelled_pct=40.0, flown_s=600.0), Prior())
     >>> round(found.factor, 3), round(found.sd, 3)
     (1.145, 0.022)
     """

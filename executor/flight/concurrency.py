@@ -23,7 +23,7 @@ async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]
 
 
 async def run_for_each(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
-    """Do something with every vehicle, `AT_ONCE` of them at a time; as `together` otherwise."""
+    """Do something with every vehicle, `AT_ONCE` of them at a time; as `run_concurrently` otherwise."""
     turn, every = asyncio.Semaphore(AT_ONCE), list(names)
 
     async def one(name: str) -> T:

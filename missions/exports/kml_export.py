@@ -39,12 +39,13 @@ def format_kml(drawn: MapFeatures) -> str:
     add_element(whole, "name", drawn.title)
     add_element(whole, "open", 1)
     _add_styles(whole, drawn)
+    things: list[MapLine | MapPoint] = [*drawn.ways, *drawn.spots]
     for vehicle in (None, *drawn.vehicles):
-        things = [one for one in (*drawn.ways, *drawn.spots) if one.vehicle == vehicle]
-        if things:
+        own = [one for one in things if one.vehicle == vehicle]
+        if own:
             folder = add_element(whole, "Folder")
             add_element(folder, "name", vehicle or "line")
-            for one in things:
+            for one in own:
                 _add_placemark(folder, drawn, one)
     return format_document(root)
 
@@ -72,7 +73,7 @@ def _add_style(whole: etree._Element, name: str, colour: str, kind: MapFeatureKi
 def _format_colour(colour: str, opacity: float) -> str:
     """Return a colour as KML has it: opacity, blue, green, red.
 
-    >>> _colour("#56b4e9", 1.0)
+    >>> _format_colour("#56b4e9", 1.0)
     'ffe9b456'
     """
     red, green, blue = colour[1:3], colour[3:5], colour[5:7]

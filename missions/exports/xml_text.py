@@ -29,7 +29,7 @@ def add_element(parent: etree._Element, tag: str, text: object = None, **attribu
 def to_xml_text(text: str) -> str:
     r"""Return a text as XML can hold it.
 
-    >>> xml_fit("P41\x00-P42")
+    >>> to_xml_text("P41\x00-P42")
     'P41 -P42'
     """
     return _UNFIT.sub(" ", text)

@@ -89,8 +89,8 @@ def _split_figures(part: str) -> list[str]:
 def parse_figure_with_unit(text: str) -> tuple[float, str] | None:
     """Return a number and the unit behind it, in small letters and empty where there is none; None if it is no number.
 
-    >>> figure_with_unit("132 kV"), figure_with_unit("132 000"), figure_with_unit("12A")
-    ((132.0, 'kv'), (132000.0, ''), None)
+    >>> [parse_figure_with_unit(text) for text in ("132 kV", "132 000", "12A")]
+    [(132.0, 'kv'), (132000.0, ''), None]
     """
     alone = figure_of(text)
     found = measure_of(text) if alone is None else (alone, "")

@@ -24,7 +24,7 @@ class PercentRounding:
     def percent(self) -> float:
         """What lies within both, or the newer one where they contradict each other.
 
-        >>> Roundings(96.0, 1.0, 97.0, 1.5).percent
+        >>> PercentRounding(96.0, 1.0, 97.0, 1.5).percent
         96.25
         """
         if abs(self.rounded_s - self.ceiled_s) > FRESH_S:

@@ -84,9 +84,9 @@ PARAMETERS = ("BATT_CAPACITY", FULL_PACK, "BAT1_CAPACITY", "BAT1_N_CELLS")
 def apply_pack_parameter(facts: PackFacts, name: str, value: float) -> PackFacts:
     """Take a parameter of the vehicle.
 
-    >>> with_parameter(NO_FACTS, "BATT_CAPACITY", 5100.0).capacity_ah
+    >>> apply_pack_parameter(NO_FACTS, "BATT_CAPACITY", 5100.0).capacity_ah
     5.1
-    >>> with_parameter(NO_FACTS, "MOT_BAT_VOLT_MAX", 12.6).cells
+    >>> apply_pack_parameter(NO_FACTS, "MOT_BAT_VOLT_MAX", 12.6).cells
     3
     """
     if name in _CAPACITIES:
@@ -103,7 +103,7 @@ def apply_pack_parameter(facts: PackFacts, name: str, value: float) -> PackFacts
 def least_cell_count(highest_v: float) -> int:
     """Return how many cells a pack has at least.
 
-    >>> least_cells(12.6), least_cells(16.8), least_cells(25.2)
+    >>> least_cell_count(12.6), least_cell_count(16.8), least_cell_count(25.2)
     (3, 4, 6)
     """
     return max(1, math.ceil(highest_v / FULL_CELL_V))
@@ -112,8 +112,8 @@ def least_cell_count(highest_v: float) -> int:
 def rest_charge_pct(cell_v: float, chemistry: Chemistry | None) -> float:
     """Return what a resting cell holds; of a chemistry that nobody names as much as either would.
 
-    >>> round(held_pct(3.70, Chemistry.LIPO)), round(held_pct(3.70, None))
-    (12, 52)
+    >>> round(rest_charge_pct(3.70, Chemistry.LIPO)), round(rest_charge_pct(3.70, None))
+    (13, 52)
     """
     if chemistry is None:
         return max(rest_charge_pct(cell_v, one) for one in Chemistry)

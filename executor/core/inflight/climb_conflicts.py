@@ -20,6 +20,7 @@ from executor.core.inflight.homing.return_home import SINKS_M_S, is_coming_home,
 from executor.core.interface.commands import ChangeSpeed, Command, Level, Say
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, OnboardMission, YieldState
+from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.geo import FloatArray
@@ -121,7 +122,7 @@ def _update_yielding(
     if not _is_on_our_mission(context, vehicle):
         # A change of mode makes both autopilots forget the speed that they were told.
         return (vehicle if waits is None else _set_yielding(vehicle, None, now_s)), ()
-    if not _is_contact_fresh(context, vehicle, now_s):
+    if not (has_fresh_position(context, vehicle, now_s) and has_fresh_heartbeat(context, vehicle, now_s)):
         return vehicle, ()
     found = _find_first_conflict(context, vehicle, climbs, now_s)
     if waits is None or waits.over_s is not None:
@@ -186,12 +187,6 @@ def _is_on_our_mission(context: Context, vehicle: VehicleState) -> bool:
     return (
         flies and level and ours and is_on_mission(context, vehicle) and not vehicle.assignment.carried.may_be_foreign()
     )
-
-
-def _is_contact_fresh(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    fix, beat_s = vehicle.motion.fix, vehicle.link.heartbeat_s
-    fresh = fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
-    return fresh and beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
 
 
 def _speed_m_s(vehicle: VehicleState) -> float:

@@ -18,7 +18,7 @@ from executor.core.state import sortie_log
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import ModeCause
-from executor.core.state.vehicle_position import is_kill_switch_text
+from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 from executor.core.telemetry.message_update import FELL_BACK_S
 from missions import StartStep
@@ -93,7 +93,7 @@ def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, 
 
     Who is without a position may have rebooted, without what was set on it, and with another pack.
     """
-    placed, anew = _has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
+    placed, anew = has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
     state, order = order_start(context, state, vehicle, now_s)
     if placed and not anew:
         return state, (order,)
@@ -124,12 +124,12 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
     if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
         vehicle = vehicle.with_assignment(failures=vehicle.assignment.failures + 1).with_orders(ordered_mode_s=now_s)
         text = f"{vehicle.name}: did not start ({event.reason}); trying again"
-        if not _has_fresh_position(context, vehicle, now_s):
+        if not has_fresh_position(context, vehicle, now_s):
             owed = vehicle.with_orders(start_owed_s=now_s)
             return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
         return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
     why = f"did not start: {event.reason}"
-    if event.armed and not vehicle.armed and not _has_fresh_heartbeat(context, vehicle, now_s):
+    if event.armed and not vehicle.armed and not has_fresh_heartbeat(context, vehicle, now_s):
         # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
         why += ", and no HEARTBEAT since"
         return declare_fault(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
@@ -187,12 +187,6 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
     return state, tuple(commands)
 
 
-def _has_fresh_position(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle says where it is."""
-    fix = vehicle.motion.fix
-    return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
-
-
 def _describe_reboot(vehicle: VehicleState) -> str:
     """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
     cleared_s = vehicle.orders.cleared_s or -math.inf
@@ -203,17 +197,11 @@ def _describe_reboot(vehicle: VehicleState) -> str:
     return ""
 
 
-def _has_fresh_heartbeat(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether its HEARTBEAT is recent."""
-    beat_s = vehicle.link.heartbeat_s
-    return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
-
-
 def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
     """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
     if not (vehicle.sortie.armed_once or event.armed):
         return True
-    if not _has_fresh_heartbeat(context, vehicle, now_s) or not _has_fresh_position(context, vehicle, now_s):
+    if not has_fresh_heartbeat(context, vehicle, now_s) or not has_fresh_position(context, vehicle, now_s):
         return False  # it may have taken off, or its autopilot may have started anew
     return (
         not vehicle.sortie.took_off and not is_coming_home(context, vehicle) and vehicle.custody.cause is ModeCause.OURS

@@ -8,7 +8,7 @@ import math
 def angle_between_deg(pitch_deg: float, yaw_deg: float, other_pitch_deg: float, other_yaw_deg: float) -> float:
     """Return the angle between two looks, each by its pitch from the horizon and its bearing.
 
-    >>> round(apart_deg(0, 0, 0, 90)), round(apart_deg(-90, 0, -90, 180))
+    >>> round(angle_between_deg(0, 0, 0, 90)), round(angle_between_deg(-90, 0, -90, 180))
     (90, 0)
     """
     one, other = _look_vector(pitch_deg, yaw_deg), _look_vector(other_pitch_deg, other_yaw_deg)

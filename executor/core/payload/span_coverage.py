@@ -29,7 +29,7 @@ def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: f
         seen_at_m: Where along it pictures were taken that count.
         most_m: How far two of them may be apart, and the first and the last from the ends.
 
-    >>> unseen_m(40.0, [0.0, 10.0, 30.0, 40.0], 15.0)
+    >>> find_unseen_stretches(40.0, [0.0, 10.0, 30.0, 40.0], 15.0)
     [(10.0, 30.0)]
     """
     places = sorted(min(max(at_m, 0.0), length_m) for at_m in seen_at_m)

@@ -116,7 +116,7 @@ def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collect
 def describe_unread_parameters(names: Collection[str]) -> str:
     """Return in words that parameters were not read.
 
-    >>> not_read(["RTL_ALT"]), not_read(["FENCE_TYPE", "FENCE_ENABLE"])
+    >>> describe_unread_parameters(["RTL_ALT"]), describe_unread_parameters(["FENCE_TYPE", "FENCE_ENABLE"])
     ('RTL_ALT was not read', 'FENCE_ENABLE, FENCE_TYPE were not read')
     """
     return f"{', '.join(sorted(names))} {'was' if len(names) == 1 else 'were'} not read"

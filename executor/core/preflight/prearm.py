@@ -23,7 +23,7 @@ SHOWN = 3
 def parse_prearm_reason(text: str) -> str | None:
     """Return the reason that a text gives; None if it is about something else.
 
-    >>> reason_in("PreArm: Compass not calibrated")
+    >>> parse_prearm_reason("PreArm: Compass not calibrated")
     'Compass not calibrated'
     """
     for prefix in PREFIXES:

@@ -11,6 +11,7 @@ from executor.core.interface.commands import Survivor
 from executor.core.state import landing_projection
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
+from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
@@ -99,8 +100,8 @@ def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
 
 def _is_flying_mission(context: Context, state: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle in the air says that it flies its mission: after an absence of ours it may not."""
-    beat, beat_s = state.telemetry.heartbeat, state.link.heartbeat_s
-    if beat is None or beat_s is None or now_s - beat_s >= context.limits.heartbeat_stale_s:
+    beat = state.telemetry.heartbeat
+    if beat is None or not has_fresh_heartbeat(context, state, now_s):
         return False
     return state.stage is Stage.STARTING or is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
 

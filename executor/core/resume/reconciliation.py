@@ -33,14 +33,16 @@ FLOWN_PCT = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Resumption:
-    """What is to be done once everybody was asked."""
+    """What is to be done once everybody, or one vehicle, was asked."""
 
     state: FleetState
-    commands: tuple[Command, ...]
-    ended: tuple[Event, ...]
+    commands: tuple[Command, ...] = ()
+    ended: tuple[Event, ...] = ()
     """What came to its end while nobody listened, as if it were heard now."""
-    strange: tuple[tuple[str, str], ...]
+    strange: tuple[tuple[str, str], ...] = ()
     """(vehicle, why) of those that cannot be left on what they carry."""
+    again: tuple[Command, ...] = ()
+    """Of one vehicle: what sends the rest of a mission, if it is still wanted."""
 
 
 def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped:
@@ -99,8 +101,7 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
     for route in plan.unmade:
         if route.vehicle in plan.pending:
             state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
-    plan = replace(plan, unmade=())
-    return state.with_replanning(replan=plan)
+    return state.with_replanning(replan=replace(plan, unmade=()))
 
 
 def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: float) -> Resumption:
@@ -121,11 +122,11 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
     for found in event.found:
         if not found.heard:
             commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
-            vehicle = state.vehicles[found.vehicle]
-            state = state.put(vehicle.with_assignment(before=None))
+            state = state.put(state.vehicles[found.vehicle].with_assignment(before=None))
             ended += _end_unanswered_upload(context, state, found.vehicle)
             continue
-        state, one = _resume_vehicle(context, state, found, now_s)
+        one = _resume_vehicle(context, state, found, now_s)
+        state = one.state
         commands += one.commands
         ended += one.ended
         strange += one.strange
@@ -163,51 +164,35 @@ def _end_unanswered_upload(context: Context, state: FleetState, name: str) -> tu
     if plan is None or name not in plan.pending:
         return ()
     mixed = not plan.missions[name].fresh and not context.vehicles[name].dialect.upload_is_atomic
-    why = "it does not answer"
-    return (UploadEnded(name, plan.solve.revision, False, mixed, why, Ending.NO_ANSWER),)
+    return (UploadEnded(name, plan.solve.revision, False, mixed, "it does not answer", Ending.NO_ANSWER),)
 
 
-@dataclass(frozen=True, slots=True)
-class _VehicleResumption:
-    commands: tuple[Command, ...] = ()
-    ended: tuple[Event, ...] = ()
-    strange: tuple[tuple[str, str], ...] = ()
-    again: tuple[Command, ...] = ()
-    """What sends the rest of a mission, if it is still wanted."""
-
-
-def _resume_vehicle(
-    context: Context, state: FleetState, found: Found, now_s: float
-) -> tuple[FleetState, _VehicleResumption]:
+def _resume_vehicle(context: Context, state: FleetState, found: Found, now_s: float) -> Resumption:
     vehicle, plan = state.vehicles[found.vehicle], state.replanning.replan
     if plan is not None and found.vehicle in plan.pending:
         if vehicle.stage is not Stage.STARTING:
             return _finish_upload(context, state, plan, found, now_s)
         if not _has_started(context, vehicle):
             return _handle_unstarted_vehicle(context, state, vehicle, now_s, ours=False)
-        state, taken = _finish_upload(context, state, plan, found, now_s)
-        return state, replace(taken, ended=(StartEnded(found.vehicle, accepted=True, reason=""), *taken.ended))
+        taken = _finish_upload(context, state, plan, found, now_s)
+        return replace(taken, ended=(StartEnded(found.vehicle, accepted=True, reason=""), *taken.ended))
+    seen = state.put(vehicle.with_assignment(before=None))
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
-        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _VehicleResumption()
+        return Resumption(seen)
     match = found.match_of(vehicle.assignment.board.revision)
     other = match is not None and not match.whole
     if match is not None and other and vehicle.armed:
         why = f"mission on board differs from the uploaded one from item {match.alike} on"
-        return state.put(replace(vehicle, assignment=replace(vehicle.assignment, before=None))), _VehicleResumption(
-            strange=((found.vehicle, why),)
-        )
+        return Resumption(seen, strange=((found.vehicle, why),))
     if vehicle.stage is Stage.STARTING and _has_started(context, vehicle):
-        state = state.put(vehicle.with_assignment(before=None))
-        return state, _VehicleResumption(ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
+        return Resumption(seen, ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
     if vehicle.stage is Stage.STARTING:
         return _handle_unstarted_vehicle(context, state, vehicle, now_s, ours=not other)
     state, said = catch_up_mission(context, state, vehicle, vehicle.assignment.board, found.seq)
-    return state, _VehicleResumption(said)
+    return Resumption(state, said)
 
 
-def _finish_upload(
-    context: Context, state: FleetState, plan: Replan, found: Found, now_s: float
-) -> tuple[FleetState, _VehicleResumption]:
+def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Found, now_s: float) -> Resumption:
     """Bring an upload to its end that was under way, or about to begin, or over without our knowing."""
     vehicle, mission = state.vehicles[found.vehicle], plan.missions[found.vehicle]
     revision = plan.solve.revision
@@ -221,7 +206,7 @@ def _finish_upload(
         if not mission.fresh:
             board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
             state, said = catch_up_mission(context, state, vehicle, board, found.seq)
-        return state, _VehicleResumption(said, ended)
+        return Resumption(state, said, ended)
     old = None if board is None else found.match_of(board.revision)
     if not mission.fresh and board is not None and (old is None or old.whole):
         state, said = catch_up_mission(context, state, vehicle, board, found.seq)
@@ -231,7 +216,7 @@ def _finish_upload(
                 state, plan, found.vehicle, new_missions.FLEW_ON, now_s
             )
             state, more = new_missions.end_replan_if_done(state, now_s)
-            return state, _VehicleResumption((*said, let_go, *more))
+            return Resumption(state, (*said, let_go, *more))
     elif (
         not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
     ):
@@ -239,19 +224,13 @@ def _finish_upload(
         return _return_stranded_vehicle(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
         why = "its mission on board is a mix of two, and it is past the new part"
-        return state, _VehicleResumption(
-            ended=(
-                UploadEnded(
-                    found.vehicle, revision, accepted=False, mixed=True, reason=why, code=Ending.READ_BACK_DIFFERS
-                ),
-            )
-        )
-    vehicle = state.vehicles[found.vehicle]
-    state = state.put(vehicle.with_assignment(before=None))
+        ended = (UploadEnded(found.vehicle, revision, False, True, why, Ending.READ_BACK_DIFFERS),)
+        return Resumption(state, ended=ended)
+    state = state.put(state.vehicles[found.vehicle].with_assignment(before=None))
     text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
     again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
-    return state, _VehicleResumption(said, again=(Say(Level.WARNING, text), again))
+    return Resumption(state, said, again=(Say(Level.WARNING, text), again))
 
 
 def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
@@ -265,7 +244,7 @@ def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
 
 def _return_stranded_vehicle(
     context: Context, state: FleetState, found: Found, mission: NewMission, revision: int, now_s: float
-) -> tuple[FleetState, _VehicleResumption]:
+) -> Resumption:
     """Bring a vehicle home whose mission was cut short by our death: it is well, and may fly again."""
     vehicle = state.vehicles[found.vehicle]
     board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
@@ -275,7 +254,7 @@ def _return_stranded_vehicle(
     state, told = bring_home(context, state.put(left), left, now_s)
     state, more = withdraw_vehicle(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
     text = f"{found.vehicle}: {why}; it is brought home"
-    return state, _VehicleResumption((*said, Say(Level.WARNING, text), *more, *told))
+    return Resumption(state, (*said, Say(Level.WARNING, text), *more, *told))
 
 
 def _resend_mission(
@@ -309,7 +288,7 @@ def _has_started(context: Context, vehicle: VehicleState) -> bool:
 
 def _handle_unstarted_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, ours: bool
-) -> tuple[FleetState, _VehicleResumption]:
+) -> Resumption:
     """Look what became of a vehicle that had been told to take off, and is on the ground.
 
     Args:
@@ -328,21 +307,20 @@ def _handle_unstarted_vehicle(
     if vehicle.armed and (context.fly_again is not RelaunchPolicy.AUTO or not ours):
         # The crew's yes is from before: somebody may stand at the pad by now.
         why = "was armed and had not taken off when the ground station went away"
-        return state, _VehicleResumption(strange=((name, why),))
+        return Resumption(state, strange=((name, why),))
     if context.fly_again is RelaunchPolicy.AUTO and ours and not flown:
         state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
-        return state, _VehicleResumption((Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
+        return Resumption(state, (Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
     said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
     if flown:
         lost = f"its battery has lost {lost_pct:.0f} % meanwhile"
         said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
     plan = state.replanning.replan
     # Nor is that yes one for a start that is planned from now on.
-    stays = vehicle.with_orders(cleared_s=None)
-    state = state.put(change_stage(stays, Stage.LANDED if flown else Stage.GROUND))
+    state = state.put(change_stage(vehicle.with_orders(cleared_s=None), Stage.LANDED if flown else Stage.GROUND))
     if plan is None or name not in plan.pending:
-        return state, _VehicleResumption((said,))
+        return Resumption(state, (said,))
     why = "landed" if flown else "had not started"
     state, _, told = new_missions.drop_late_mission(state, plan, name, f"{why} when its new mission came", now_s)
     state, more = new_missions.end_replan_if_done(state, now_s)
-    return state, _VehicleResumption((said, told, *more))
+    return Resumption(state, (said, told, *more))

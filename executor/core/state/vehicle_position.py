@@ -64,6 +64,18 @@ def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) 
     return f"{position}{describe_position(context, vehicle)}, {formatting.ago(max(0.0, now_s - fix.at_s))}"
 
 
+def has_fresh_position(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle says where it is."""
+    fix = vehicle.motion.fix
+    return fix is not None and now_s - fix.at_s <= context.limits.link_stale_s
+
+
+def has_fresh_heartbeat(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether its last HEARTBEAT is recent."""
+    beat_s = vehicle.link.heartbeat_s
+    return beat_s is not None and now_s - beat_s < context.limits.heartbeat_stale_s
+
+
 _KILLED = re.compile(r"^(?!.*(disengage|release|clear)).*(emergency stop|kill)", re.IGNORECASE)
 """ArduPilot: "RC: Motors Emergency Stopped", "Arm: Motors Emergency Stopped"; PX4: "Kill engaged"."""
 RESTS_AFTER_S = 3.0

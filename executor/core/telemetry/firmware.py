@@ -26,9 +26,9 @@ _BANNER = re.compile(r"(?:ArduCopter|APM:Copter|PX4\D*?)\s*[Vv]?(\d+)\.(\d+)(?:\
 def parse_banner_version(text: str) -> Version | None:
     """Return the version that a start-up text names; None if it names none.
 
-    >>> str(banner_version("ArduCopter V4.7.0-dev (6a1b8c2d)"))
+    >>> str(parse_banner_version("ArduCopter V4.7.0-dev (6a1b8c2d)"))
     '4.7.0-dev'
-    >>> banner_version("EKF3 IMU0 is using GPS") is None
+    >>> parse_banner_version("EKF3 IMU0 is using GPS") is None
     True
     """
     found = _BANNER.match(text)

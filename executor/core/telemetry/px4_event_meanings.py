@@ -38,7 +38,7 @@ EventMeaning = OwnFailsafe | ModeChange | None
 def compute_event_id(name: str) -> int:
     """Return the number of one of PX4's events.
 
-    >>> event_id("commander_failsafe_enter") & 0xFFFFFF
+    >>> compute_event_id("commander_failsafe_enter") & 0xFFFFFF
     9751178
     """
     value = _BASIS

@@ -86,7 +86,7 @@ def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: s
 def _strip_number(line: str) -> str:
     """Return a line without the number behind it: ArduPilot's "Potential Thrust Loss (3)" names another motor by turns.
 
-    >>> _gist("uav2 says: Potential Thrust Loss (3)")
+    >>> _strip_number("uav2 says: Potential Thrust Loss (3)")
     'uav2 says: Potential Thrust Loss'
     """
     return re.sub(r" \(\d+\)$", "", line)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.scenarios import Day, Stand, build_day_instance
+from benchmarks.scenarios import Day, TripStart, build_day_instance
 from benchmarks.scenarios.road_graph import build_road_graph
 from planner.sorties import SortieInstance
 
@@ -40,5 +40,5 @@ def instance_of(day: Day, seed: int | None = None) -> SortieInstance:
     ready = [0.0] * len(day.starts)
     if seed is not None:
         ready = np.random.default_rng([seed, 5]).integers(0, 20, len(day.starts)).astype(float).tolist()
-    stands = [Stand(place, ready_s) for place, ready_s in zip(day.starts, ready, strict=True)]
+    stands = [TripStart(place, ready_s) for place, ready_s in zip(day.starts, ready, strict=True)]
     return build_day_instance(day, range(len(day.tasks)), stands)

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.exact_sorties import solve_sorties_exact
-from benchmarks.scenarios import Day, Stand, build_day_instance
+from benchmarks.scenarios import Day, TripStart, build_day_instance
 from benchmarks.scenarios.road_graph import build_road_graph
 from planner import InstanceError, Iterations
 from planner.sorties import SortiePlan, evaluate_sorties, solve_sorties
@@ -80,7 +80,7 @@ def test_a_search_never_loses_a_task_nor_breaks_a_rule(
     if set(day.starts) <= set(day.depots):
         found = solve_sorties(instance_of(day), stop=Iterations(50))
         alone = [
-            build_day_instance(day, [task], [Stand(place) for place in day.starts]) for task in found.plan.uncovered
+            build_day_instance(day, [task], [TripStart(place) for place in day.starts]) for task in found.plan.uncovered
         ]
         assert all(solve_sorties_exact(one) is None for one in alone)
 

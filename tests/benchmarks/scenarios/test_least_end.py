@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.exact_sorties import solve_sorties_exact
-from benchmarks.scenarios import Stand, build_day_instance, least_end, least_last_end_s
+from benchmarks.scenarios import TripStart, build_day_instance, least_end, least_last_end_s
 from planner import InstanceError
 from planner.sorties import (
     Sortie,
@@ -104,7 +104,7 @@ def test_trips_that_fall_apart_into_rings_are_chosen_again() -> None:
 
 def test_a_vehicle_that_must_be_back_by_a_time_leaves_the_rest_to_others() -> None:
     day = row_day(3, [(0, 1), (1, 2)], (1,), capacity_s=20.0)
-    instance = build_day_instance(day, [0, 1], [Stand(1), Stand(1)])
+    instance = build_day_instance(day, [0, 1], [TripStart(1), TripStart(1)])
     assert least_last_end_s(instance) == 20.0
     assert least_last_end_s(instance, (np.inf, 25.0)) == 20.0
     assert least_last_end_s(instance, (np.inf, 24.0)) == pytest.approx(45.0)

@@ -19,7 +19,7 @@ from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from missions import PlanFileError, read_plan, write_plan
 from missions.geo import LocalFrame
-from missions.plan_setup import setup_of_plan
+from missions.plan_file import setup_of_plan
 from missions.readers import read_network
 from tests.executor.cli.test_main import DEPOT, Place, place
 from tests.executor.flights import short_report
@@ -70,10 +70,11 @@ def test_a_plan_file_carries_its_areas_and_is_checked_against_them(place: Place)
     )
     plan = place.planned(extra=area(name="pond", polygon=box(70, 20, 290, 60)))
     document = json.loads(Path(plan).read_text())
-    [written] = document["model"]["areas"]
-    assert (written["name"], written["kind"], written["vehicles"]) == ("pond", "no-fly", ["uav1", "uav2"])
+    [kept_out] = document["model"]["kept_out"]
+    written = kept_out["area"]
+    assert (written["name"], written["kind"], kept_out["vehicles"]) == ("pond", "no-fly", ["uav1", "uav2"])
     assert "unreachable" not in document
-    written["rings"][0] = [[70.0, -30.0], [290.0, -30.0], [290.0, 60.0], [70.0, 60.0]]
+    written["rings_m"][0] = [[70.0, -30.0], [290.0, -30.0], [290.0, 60.0], [70.0, 60.0]]
     Path(plan).write_text(json.dumps(document))
     code, out, _ = place.run("check", plan)
     assert code == 1

@@ -12,7 +12,7 @@ import pytest
 
 from missions import read_plan
 from missions.fences import build_fence
-from missions.plan_setup import setup_of_plan
+from missions.plan_file import setup_of_plan
 from tests.executor.cli.test_main import Place, place
 from tests.executor.flights import write_run
 

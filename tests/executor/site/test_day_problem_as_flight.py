@@ -30,7 +30,6 @@ from tests.mountains import write_raster
 from tests.terrain_judge import lines_over
 
 CLOSE = 1e-9
-ALIKE = {"rtol": CLOSE, "atol": CLOSE}
 HOURS = {"begin": "08:00", "end": "20:00"}
 CAMERAS = [{"name": "wide"}, {"name": "zoom", "vehicles": ["uav1"]}]
 
@@ -117,14 +116,14 @@ def same_prices(task: Task, day: DayPlanFile) -> None:
     every = np.arange(2 * flight.segments)
     for row, own in enumerate(sorties.vehicles):
         assert own.name == flight.vehicles[row].name
-        np.testing.assert_allclose(sorties.out_s[row, own.base], flight.start_s[row], **ALIKE)
-        np.testing.assert_allclose(sorties.out_pct[row, own.base], flight.start_pct[row], **ALIKE)
-        np.testing.assert_allclose(sorties.home_s[row, :, own.base], flight.home_s[row], **ALIKE)
-        np.testing.assert_allclose(sorties.home_pct[row, :, own.base], flight.home_pct[row], **ALIKE)
+        np.testing.assert_allclose(sorties.out_s[row, own.base], flight.start_s[row], CLOSE, CLOSE)
+        np.testing.assert_allclose(sorties.out_pct[row, own.base], flight.start_pct[row], CLOSE, CLOSE)
+        np.testing.assert_allclose(sorties.home_s[row, :, own.base], flight.home_s[row], CLOSE, CLOSE)
+        np.testing.assert_allclose(sorties.home_pct[row, :, own.base], flight.home_pct[row], CLOSE, CLOSE)
         for figures in ("seconds", "pct"):
             mine = getattr(sorties.moves, figures)(own.profile, every[:, np.newaxis], every)
             its = getattr(flight.moves, figures)(flight.profile[row], every[:, np.newaxis], every)
-            np.testing.assert_allclose(mine, its, **ALIKE)
+            np.testing.assert_allclose(mine, its, CLOSE, CLOSE)
 
 
 def words_of(made: Callable[[], object]) -> str:

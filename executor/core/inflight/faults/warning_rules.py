@@ -156,25 +156,19 @@ def low(view: WatchView) -> str:
 CLIMBS_M_S = 0.1
 
 
+def _describe_missing(stream: Callable[[WatchView], stream_watch.StreamStatus]) -> Callable[[WatchView], str]:
+    return partial(stream_watch.describe_missing_stream, stream)
+
+
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
-    WarningRule(
-        "heartbeat", FaultKind.LINK, partial(stream_watch.describe_missing_stream, stream_watch.get_heartbeat_stream)
-    ),
+    WarningRule("heartbeat", FaultKind.LINK, _describe_missing(stream_watch.get_heartbeat_stream)),
     WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
-    WarningRule(
-        "positions",
-        FaultKind.INTERRUPTION,
-        partial(stream_watch.describe_missing_stream, stream_watch.get_position_stream),
-    ),
+    WarningRule("positions", FaultKind.INTERRUPTION, _describe_missing(stream_watch.get_position_stream)),
     WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
     WarningRule("loss", FaultKind.LINK, describe_frame_loss),
     WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
-    WarningRule(
-        "battery-silent",
-        FaultKind.BATTERY,
-        partial(stream_watch.describe_missing_stream, stream_watch.get_battery_stream),
-    ),
+    WarningRule("battery-silent", FaultKind.BATTERY, _describe_missing(stream_watch.get_battery_stream)),
     WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
     WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),

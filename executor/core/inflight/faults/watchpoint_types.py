@@ -52,9 +52,9 @@ class Watchpoint:
     kind: FaultKind
     judge: Callable[[WatchView], Finding]
     raise_after_s: float
-    stages: frozenset[Stage]
-    """The stages in which it is looked at."""
     code: FaultCode
+    stages: frozenset[Stage] = frozenset({Stage.FLYING})
+    """The stages in which it is looked at: by default on its mission."""
 
 
 def describe_reported_failure(view: WatchView, kind: str) -> str:

@@ -16,7 +16,9 @@ from executor.core.inflight.custody.mode_attribution import (
     describe_fence_action,
     is_attribution_final,
 )
-from executor.core.inflight.faults import battery_watchpoints, height_watch, stream_watch
+from executor.core.inflight.faults import battery_watchpoints as battery
+from executor.core.inflight.faults import height_watch
+from executor.core.inflight.faults import stream_watch as streams
 from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
@@ -46,8 +48,8 @@ def check_link_silence(view: WatchView) -> Finding:
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
         return Finding(Verdict.FAIL, f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
-    unseen_s = stream_watch.state_silence_s(view)
-    if view.setup.planned and unseen_s >= max(stream_watch.UNSEEN_S, view.setup.link_timeout_s):
+    unseen_s = streams.state_silence_s(view)
+    if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
         return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
     return OK
 
@@ -255,102 +257,34 @@ def check_stall(view: WatchView) -> Finding:
 
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
 _OUT_THERE = _IN_THE_AIR | {Stage.STARTING, Stage.PILOT}
-_ON_MISSION = frozenset({Stage.FLYING})
 
-CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, check_crash, 0.0, _IN_THE_AIR, FaultCode.CRASHED)
+CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, check_crash, 0.0, FaultCode.CRASHED, _IN_THE_AIR)
 TABLE: tuple[Watchpoint, ...] = (
-    Watchpoint("off-pad", FaultKind.INTERRUPTION, check_unexpected_disarm, 0.0, _IN_THE_AIR, FaultCode.DISARMED),
-    Watchpoint("falling", FaultKind.INTERRUPTION, check_fall, 0.4, _IN_THE_AIR, FaultCode.FALLING),
-    Watchpoint("sinking", FaultKind.INTERRUPTION, height_watch.check_sinking, 2.0, _ON_MISSION, FaultCode.SINKING),
-    Watchpoint("thrust", FaultKind.INTERRUPTION, height_watch.check_thrust, 3.5, _ON_MISSION, FaultCode.THRUST_LOST),
-    Watchpoint("lies", FaultKind.DOWN, height_watch.check_grounded_on_mission, 0.0, _ON_MISSION, FaultCode.DOWN),
+    Watchpoint("off-pad", FaultKind.INTERRUPTION, check_unexpected_disarm, 0.0, FaultCode.DISARMED, _IN_THE_AIR),
+    Watchpoint("falling", FaultKind.INTERRUPTION, check_fall, 0.4, FaultCode.FALLING, _IN_THE_AIR),
+    Watchpoint("sinking", FaultKind.INTERRUPTION, height_watch.check_sinking, 2.0, FaultCode.SINKING),
+    Watchpoint("thrust", FaultKind.INTERRUPTION, height_watch.check_thrust, 3.5, FaultCode.THRUST_LOST),
+    Watchpoint("lies", FaultKind.DOWN, height_watch.check_grounded_on_mission, 0.0, FaultCode.DOWN),
     CRASH,
-    Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, _IN_THE_AIR, FaultCode.TERMINATED),
-    Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, _OUT_THERE, FaultCode.LINK_LOST),
-    Watchpoint(
-        "heartbeat",
-        FaultKind.INTERRUPTION,
-        stream_watch.check_heartbeat_stream,
-        0.0,
-        _ON_MISSION,
-        FaultCode.HEARTBEAT_LOST,
-    ),
-    Watchpoint(
-        "positions",
-        FaultKind.INTERRUPTION,
-        stream_watch.check_position_stream,
-        0.0,
-        _ON_MISSION,
-        FaultCode.POSITION_LOST,
-    ),
-    Watchpoint(
-        "battery-step",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_battery_step,
-        2.5,
-        _ON_MISSION,
-        FaultCode.BATTERY_STEP,
-    ),
-    Watchpoint(
-        "voltage-step",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_voltage_step,
-        3.0,
-        _ON_MISSION,
-        FaultCode.VOLTAGE_STEP,
-    ),
-    Watchpoint("cells", FaultKind.BATTERY, battery_watchpoints.check_cells, 0.0, _ON_MISSION, FaultCode.CELL_WEAK),
-    Watchpoint(
-        "battery-critical",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_battery_status,
-        3.0,
-        _ON_MISSION,
-        FaultCode.BATTERY_CRITICAL,
-    ),
-    Watchpoint(
-        "battery-failsafe",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_battery_failsafe,
-        1.0,
-        _ON_MISSION,
-        FaultCode.BATTERY_FAILSAFE,
-    ),
-    Watchpoint(
-        "battery-plunge",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_battery_plunge,
-        0.4,
-        _ON_MISSION,
-        FaultCode.BATTERY_PLUNGE,
-    ),
-    Watchpoint(
-        "battery-drain",
-        FaultKind.BATTERY,
-        battery_watchpoints.check_battery_drain,
-        2.5,
-        _ON_MISSION,
-        FaultCode.BATTERY_DRIFT,
-    ),
-    Watchpoint(
-        "pack", FaultKind.BATTERY, battery_watchpoints.check_pack_charge, 15.0, _ON_MISSION, FaultCode.PACK_SHORT
-    ),
-    Watchpoint(
-        "reserve", FaultKind.BATTERY, battery_watchpoints.check_reserve, 5.0, _ON_MISSION, FaultCode.BATTERY_LOW
-    ),
-    Watchpoint(
-        "battery-reports",
-        FaultKind.BATTERY,
-        stream_watch.check_battery_stream,
-        0.0,
-        _ON_MISSION,
-        FaultCode.BATTERY_REPORT_LOST,
-    ),
-    Watchpoint("items", FaultKind.INTERRUPTION, stream_watch.check_item_stream, 0.0, _ON_MISSION, FaultCode.ITEM_LOST),
-    Watchpoint("position", FaultKind.INTERRUPTION, check_position_jump, 0.0, _ON_MISSION, FaultCode.POSITION_JUMP),
-    Watchpoint("fence", FaultKind.FENCE, check_fence_breach, FENCE_SEEN_S, _ON_MISSION, FaultCode.FENCE_BREACHED),
-    Watchpoint("mode", FaultKind.INTERRUPTION, check_mission_mode, 1.0, _ON_MISSION, FaultCode.MODE_CHANGED),
-    Watchpoint("stall", FaultKind.INTERRUPTION, check_stall, 0.0, _ON_MISSION, FaultCode.STALL),
+    Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, FaultCode.TERMINATED, _IN_THE_AIR),
+    Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, FaultCode.LINK_LOST, _OUT_THERE),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.check_heartbeat_stream, 0.0, FaultCode.HEARTBEAT_LOST),
+    Watchpoint("positions", FaultKind.INTERRUPTION, streams.check_position_stream, 0.0, FaultCode.POSITION_LOST),
+    Watchpoint("battery-step", FaultKind.BATTERY, battery.check_battery_step, 2.5, FaultCode.BATTERY_STEP),
+    Watchpoint("voltage-step", FaultKind.BATTERY, battery.check_voltage_step, 3.0, FaultCode.VOLTAGE_STEP),
+    Watchpoint("cells", FaultKind.BATTERY, battery.check_cells, 0.0, FaultCode.CELL_WEAK),
+    Watchpoint("battery-critical", FaultKind.BATTERY, battery.check_battery_status, 3.0, FaultCode.BATTERY_CRITICAL),
+    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery.check_battery_failsafe, 1.0, FaultCode.BATTERY_FAILSAFE),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, battery.check_battery_plunge, 0.4, FaultCode.BATTERY_PLUNGE),
+    Watchpoint("battery-drain", FaultKind.BATTERY, battery.check_battery_drain, 2.5, FaultCode.BATTERY_DRIFT),
+    Watchpoint("pack", FaultKind.BATTERY, battery.check_pack_charge, 15.0, FaultCode.PACK_SHORT),
+    Watchpoint("reserve", FaultKind.BATTERY, battery.check_reserve, 5.0, FaultCode.BATTERY_LOW),
+    Watchpoint("battery-reports", FaultKind.BATTERY, streams.check_battery_stream, 0.0, FaultCode.BATTERY_REPORT_LOST),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.check_item_stream, 0.0, FaultCode.ITEM_LOST),
+    Watchpoint("position", FaultKind.INTERRUPTION, check_position_jump, 0.0, FaultCode.POSITION_JUMP),
+    Watchpoint("fence", FaultKind.FENCE, check_fence_breach, FENCE_SEEN_S, FaultCode.FENCE_BREACHED),
+    Watchpoint("mode", FaultKind.INTERRUPTION, check_mission_mode, 1.0, FaultCode.MODE_CHANGED),
+    Watchpoint("stall", FaultKind.INTERRUPTION, check_stall, 0.0, FaultCode.STALL),
 )
 
 
