@@ -16,7 +16,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import camera_messages, integers, message_readers, px4_events
-from executor.adapters.mavlink.frame_layout import number_of, payload_of
+from executor.adapters.mavlink.frame_layout import message_id_of, payload_of
 from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.signing import FrameRejection, LinkSigning
@@ -266,7 +266,7 @@ class MavlinkCodec:
     def _parse_px4_event(self, unknown: Frame) -> Iterator[OwnFailsafe | ModeChange]:
         """Yield what an event of PX4 is evidence of."""
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
-        if number_of(raw) != px4_events.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
+        if message_id_of(raw) != px4_events.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
             return
         number, boot_ms, sequence, *_, arguments = px4_events.LAYOUT.unpack(payload_of(raw, px4_events.LAYOUT.size))
         said = self._events.setdefault(system, px4_events.Px4EventDecoder()).decode(

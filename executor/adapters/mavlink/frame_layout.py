@@ -22,7 +22,7 @@ def compute_checksum(data: bytes) -> int:
     return _REVERSED[turned >> 8] | _REVERSED[turned & 255] << 8
 
 
-def number_of(frame: bytes | bytearray) -> int:
+def message_id_of(frame: bytes | bytearray) -> int:
     """Return the message id of a frame."""
     return frame[5] if frame[0] == V1 else int.from_bytes(frame[7:10], "little")
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import integers, message_readers, px4_events
-from executor.adapters.mavlink.frame_layout import HEADS, V2, is_whole, number_of, payload_of
+from executor.adapters.mavlink.frame_layout import HEADS, V2, is_whole, message_id_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.statustext import StatusTextAssembler
@@ -415,5 +415,5 @@ def _boot_usec(frame: bytes) -> int:
 def _is_known(buffer: bytes, at: int, end: int) -> bool:
     """Return whether a frame of a kind that is read here begins behind a time, whole."""
     frame = buffer[at + STAMP : end]
-    kind = KINDS.get(number_of(frame))
+    kind = KINDS.get(message_id_of(frame))
     return kind is not None and is_whole(frame, kind.extra)
