@@ -61,13 +61,13 @@ class Scenario(_Part):
     published: Published = Published()
 
     @model_validator(mode="after")
-    def _check_fit(self) -> Scenario:
+    def _check_consistency(self) -> Scenario:
         """Check what concerns several keys."""
-        for reason in (*self._find_misplaced(), *self._unfit_fleet(), *self._off_edges()):
+        for reason in (*self._list_misplaced(), *self._unfit_fleet(), *self._off_edges()):
             raise ValueError(reason)
         return self
 
-    def _find_misplaced(self) -> Iterator[str]:
+    def _list_misplaced(self) -> Iterator[str]:
         known = self.places
         if len(known) > MOST_PLACES:
             yield f"edges: expected {MOST_PLACES} places at most, got {len(known)}"

@@ -44,15 +44,15 @@ def build_day_left(day: Day, timelines: Sequence[Timeline], lost: Sequence[int],
     if len(timelines) != len(day.starts) or not all(0 <= vehicle < len(day.starts) for vehicle in lost):
         raise PlanError(f"expected timelines and losses of {len(day.starts)} vehicles")
     kept = tuple(
-        timeline if vehicle in lost[:-1] else _select_begun(timeline, at_s) if vehicle not in lost
+        timeline if vehicle in lost[:-1] else _select_begun_trips(timeline, at_s) if vehicle not in lost
         else _brought_home(timeline, at_s, day.turnaround_s)
         for vehicle, timeline in enumerate(timelines)
     )  # fmt: skip
     survivors = tuple(vehicle for vehicle in range(len(timelines)) if vehicle not in lost)
-    return _build_left(day, timelines, kept, survivors, at_s)
+    return _build_day_left(day, timelines, kept, survivors, at_s)
 
 
-def _build_left(
+def _build_day_left(
     day: Day, timelines: Sequence[Timeline], kept: tuple[Timeline, ...], flying: tuple[int, ...], at_s: float
 ) -> DayLeft:
     waiting = open_tasks(day, kept)
@@ -76,14 +76,14 @@ def build_day_left_with_foresight(
         losses: vehicle and time of each, in the order of their times.
     """
     at_s, lost_s = losses[0][1], dict(losses)
-    begun = tuple(_select_begun(timeline, at_s) for timeline in timelines)
+    begun = tuple(_select_begun_trips(timeline, at_s) for timeline in timelines)
     kept = tuple(
         _brought_home(timeline, lost_s[vehicle], day.turnaround_s) if vehicle in lost_s else timeline
         for vehicle, timeline in enumerate(begun)
     )
     # Whoever loses what it has on board now brings nothing home later.
     flying = tuple(vehicle for vehicle in range(len(begun)) if kept[vehicle] == begun[vehicle])
-    left = _build_left(day, timelines, kept, flying, at_s)
+    left = _build_day_left(day, timelines, kept, flying, at_s)
     return left, tuple(lost_s.get(vehicle, inf) for vehicle in flying)
 
 
@@ -130,7 +130,7 @@ def replan_losses(
     return tuple(history)
 
 
-def _select_begun(timeline: Timeline, at_s: float) -> Timeline:
+def _select_begun_trips(timeline: Timeline, at_s: float) -> Timeline:
     return tuple(trip for trip in timeline if trip.start_s < at_s - SAME_TIME_S)
 
 
