@@ -145,7 +145,7 @@ def test_what_every_message_makes_anew_keeps_the_rest() -> None:
         return kind(**{one.name: object() for one in fields(kind)})
 
     vehicle, link, fleet = marked(VehicleState), marked(LinkState), replace(marked(FleetState), vehicles={})
-    assert vehicle.after(vehicle.link) == vehicle
-    assert link.heard(5.0, silent=True) == replace(link, heard_s=5.0, spoke_s=5.0, regained_s=5.0)
-    assert link.heard(5.0, silent=False) == replace(link, heard_s=5.0, spoke_s=5.0)
+    assert vehicle.with_parts(vehicle.link) == vehicle
+    assert link.with_contact(5.0, silent=True) == replace(link, heard_s=5.0, spoke_s=5.0, regained_s=5.0)
+    assert link.with_contact(5.0, silent=False) == replace(link, heard_s=5.0, spoke_s=5.0)
     assert fleet.put(vehicle) == replace(fleet, vehicles={vehicle.name: vehicle})
