@@ -265,7 +265,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_sorties.py": (
         "benchmarks/sortiespage.py",
         "benchmarks/pad_crew.py",
-        "benchmarks/virtual_day.py",
     ),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
