@@ -320,9 +320,7 @@ def _build_vehicle_view(
         name=vehicle.name,
         sysid=setup.sysid,
         state=vehicle_state_word(context, vehicle),
-        mode=None
-        if vehicle.telemetry.heartbeat is None
-        else mode_name(setup.dialect, vehicle.telemetry.heartbeat.custom_mode),
+        mode=None if vehicle.mode is None else mode_name(setup.dialect, vehicle.mode),
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
         layer_m=layers.offset_m(vehicle.name),
@@ -382,8 +380,7 @@ def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> 
 def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
     """Return what a vehicle does, in one word; it holds once it says so itself."""
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    shown = vehicle.telemetry.heartbeat is not None and vehicle.telemetry.heartbeat.custom_mode == hold
-    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and shown:
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and vehicle.mode == hold:
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
         return "landing"

@@ -292,10 +292,9 @@ def _observe_climb(context: Context, vehicle: VehicleState) -> Climb | None:
 
     Who sinks is in its landing, and who stands over its pad is about to be.
     """
-    fix, beat = vehicle.motion.fix, vehicle.telemetry.heartbeat
-    lands = context.vehicles[vehicle.name].dialect.modes.land.custom_mode
+    fix, lands = vehicle.motion.fix, context.vehicles[vehicle.name].dialect.modes.land.custom_mode
     told = vehicle.stage is Stage.RETURNING and vehicle.orders.errand is not None and not vehicle.orders.lands
-    returns = beat is not None and beat.custom_mode != lands and is_coming_home(context, vehicle)
+    returns = vehicle.mode != lands and is_coming_home(context, vehicle)
     if fix is None or not (told or returns) or fix.alt_rel_m < context.limits.airborne_m:
         return None
     up_m, top_m = context.setup.up_m(vehicle.name, fix.alt_rel_m), _return_top_m(context, vehicle)

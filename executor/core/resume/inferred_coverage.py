@@ -126,8 +126,7 @@ def _describe_deviation(
     context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int
 ) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
-    dialect, beat = context.vehicles[state.name].dialect, state.telemetry.heartbeat
-    if beat is None or not is_mission_mode(dialect, beat.custom_mode):
+    if not is_mission_mode(context.vehicles[state.name].dialect, state.mode):
         return "it is no longer on its mission"
     if waypoint < before.waypoint:
         return "its mission went back"
@@ -177,12 +176,12 @@ def _infer_after_landing(
 
 def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
-    setup, beat = context.vehicles[state.name], state.telemetry.heartbeat
+    setup = context.vehicles[state.name]
     if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return "it is not on its pad"
-    if beat is None or is_home_mode(setup.dialect, beat.custom_mode):
+    if state.mode is None or is_home_mode(setup.dialect, state.mode):
         return "it came home by itself"
-    if is_manual_mode(setup.dialect, beat.custom_mode):
+    if is_manual_mode(setup.dialect, state.mode):
         return "its pilot may have landed it"
     if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
         # PX4 goes back to its mission mode once it has disarmed, however it came home.

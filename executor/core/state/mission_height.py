@@ -69,10 +69,9 @@ class _Slope:
 
 def find_mission_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
     """Return what a vehicle's mission asks for; None where it is on none, takes off or lands, or nobody knows."""
-    beat, fix = state.telemetry.heartbeat, state.motion.fix
-    if beat is None or fix is None or not state.armed or not is_mission_mode(setup.dialect, beat.custom_mode):
-        return None
-    if not state.sortie.took_off:
+    fix = state.motion.fix
+    flies = state.armed and state.sortie.took_off and is_mission_mode(setup.dialect, state.mode)
+    if fix is None or not flies:
         return None
     return _find_planned_height(state, fix) if setup.planned else _find_onboard_height(context, state.own, fix)
 

@@ -172,9 +172,9 @@ def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:
         return False  # it did not come down by itself
     if vehicle.stage is Stage.RETURNING or vehicle.sortie.away_once:
         return True  # whatever its index says: it has been out there, and has come back
-    leg, beat = vehicle.leg, vehicle.telemetry.heartbeat
+    leg = vehicle.leg
     if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
         return True
     # Nobody saw how it came down: it may have flown its mission to the end.
     unseen = vehicle.custody.unseen_until_s is not None and vehicle.custody.unseen_until_s == vehicle.link.heartbeat_s
-    return unseen or (beat is not None and is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode))
+    return unseen or is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)

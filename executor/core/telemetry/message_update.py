@@ -495,6 +495,4 @@ def _may_count(context: Scene, state: VehicleState) -> bool:
         return False
     if state.stage is Stage.FLYING:
         return True
-    beat = state.telemetry.heartbeat
-    on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
-    return state.stage is Stage.PILOT and on_mission
+    return state.stage is Stage.PILOT and is_mission_mode(context.vehicles[state.name].dialect, state.mode)

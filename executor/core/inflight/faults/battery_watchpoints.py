@@ -14,13 +14,12 @@ from executor.core.inflight.faults.watchpoint_types import (
     Verdict,
     WatchView,
     describe_reported_failure,
+    is_in_mission_mode,
 )
-from executor.core.interface.messages import CRITICAL
 from executor.core.limits import Limits
 from executor.core.state import landing_projection
 from executor.core.telemetry.battery_reports import pack_facts_of
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
 
 _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
                    "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
@@ -204,20 +203,12 @@ def check_battery_failsafe(view: WatchView) -> Finding:
 
 def _is_alarm_confirmed(view: WatchView) -> bool:
     """Return whether an alarm of the battery shows in anything besides its text."""
-    state, beat, volts = view.state, view.state.telemetry.heartbeat, view.state.power.volts
-    if beat is not None and (
-        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
-    ):
+    state, power, volts = view.state, view.state.power, view.state.power.volts
+    if state.is_critical or (state.mode is not None and not is_in_mission_mode(view)):
         return True
-    low = (
-        state.power.battery.remaining_pct is None
-        or state.power.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
-    )
-    sick = (
-        state.power.battery.charge_state >= LOW
-        or state.power.battery_faults
-        or state.sensors.unhealthy & BATTERY_SENSOR
-    )
+    left_pct = power.battery.remaining_pct
+    low = left_pct is None or left_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = power.battery.charge_state >= LOW or power.battery_faults or state.sensors.unhealthy & BATTERY_SENSOR
     return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 

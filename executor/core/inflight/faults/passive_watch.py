@@ -162,34 +162,32 @@ def _apply_mode_change(scene: Scene, state: PassiveWatch, before: VehicleState, 
         return state.with_reports(name, VehicleReports(mode_s=vehicle.telemetry.mode_since_s)), ()
     if not before.armed or before.telemetry.mode_since_s == vehicle.telemetry.mode_since_s:
         return state, ()
-    beat = vehicle.telemetry.heartbeat
-    if beat is not None and is_mission_mode(scene.vehicles[name].dialect, beat.custom_mode):
+    if is_mission_mode(scene.vehicles[name].dialect, vehicle.mode):
         state = state.with_reports(name, replace(told, declared=told.declared - {"left"}))  # it may be left again
     return _report_mode(scene, state, before)
 
 
 def _report_mode(scene: Scene, state: PassiveWatch, vehicle: VehicleState) -> Stepped:
     """Tell the mode that a vehicle is in, and who chose it, unless that was told."""
-    told, since_s, beat = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s, vehicle.telemetry.heartbeat
-    if beat is None or since_s <= told.mode_s:
+    told, since_s = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s
+    if vehicle.mode is None or since_s <= told.mode_s:
         return state, ()
     setup = scene.vehicles[vehicle.name]
     who = attribute_mode_change(setup, vehicle)
-    moded = ObservedModeChange(vehicle.name, mode_name(setup.dialect, beat.custom_mode), who.by, who.why, since_s)
+    moded = ObservedModeChange(vehicle.name, mode_name(setup.dialect, vehicle.mode), who.by, who.why, since_s)
     return state.with_reports(vehicle.name, replace(told, mode_s=since_s)), (moded,)
 
 
 def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle in the stage that its HEARTBEAT shows."""
-    beat = vehicle.telemetry.heartbeat
-    if beat is None:
+    if vehicle.mode is None:
         return vehicle
     if before.armed and before.telemetry.mode_since_s != vehicle.telemetry.mode_since_s:
         vehicle = _leave_mission_to_person(scene, before, vehicle)
     match vehicle.stage:
-        case Stage.GROUND | Stage.LANDED if beat.armed:
+        case Stage.GROUND | Stage.LANDED if vehicle.armed:
             return _begin_flight(vehicle, now_s)
-        case Stage.LOST if not beat.armed:
+        case Stage.LOST if not vehicle.armed:
             return change_stage(vehicle, Stage.LANDED)
         case Stage.LOST:
             # Live RTL would be commanded; here it flies on, and may be lost again.
@@ -224,14 +222,13 @@ def _begin_flight(vehicle: VehicleState, now_s: float) -> VehicleState:
 
 def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: VehicleState) -> VehicleState:
     """Return a vehicle that is on no mission any more once a person has it: what comes then interrupts none."""
-    setup, old = scene.vehicles[vehicle.name], before.telemetry.heartbeat
-    if old is None or is_mission_mode(setup.dialect, old.custom_mode):
+    setup = scene.vehicles[vehicle.name]
+    if before.mode is None or is_mission_mode(setup.dialect, before.mode):
         return vehicle
     persons = attribute_mode_change(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
-    if not persons and not is_manual_mode(setup.dialect, old.custom_mode):
+    if not persons and not is_manual_mode(setup.dialect, before.mode):
         return vehicle
-    beat = vehicle.telemetry.heartbeat
-    again = beat is not None and is_mission_mode(setup.dialect, beat.custom_mode)
+    again = is_mission_mode(setup.dialect, vehicle.mode)
     return vehicle.with_sortie(flew_mission=again and vehicle.sortie.took_off)
 
 

@@ -78,8 +78,7 @@ def is_estimate_lost(view: WatchView) -> bool:
 
 def is_in_mission_mode(view: WatchView) -> bool:
     """Return whether it says that it is in mission mode."""
-    heartbeat = view.state.telemetry.heartbeat
-    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+    return is_mission_mode(view.setup.dialect, view.state.mode)
 
 
 def alarm_words(view: WatchView) -> str:

@@ -37,7 +37,7 @@ from executor.core.state.positioning import is_adrift
 from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
 from executor.core.state.vehicle_position import has_fallen, has_mission_ended, is_resting_place_known
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
-from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
+from missions.autopilots.modes import is_home_mode, is_manual_mode, mode_name
 
 
 def check_link_silence(view: WatchView) -> Finding:
@@ -125,7 +125,7 @@ def check_fall(view: WatchView) -> Finding:
 def check_mission_mode(view: WatchView) -> Finding:
     """It is in a mode that nobody here ordered, by its own failsafe."""
     state = view.state
-    if state.telemetry.heartbeat is None:
+    if state.mode is None:
         return STALE
     if check_fence_breach(view).verdict is Verdict.FAIL:
         return OK  # that is said by its own name
@@ -133,11 +133,8 @@ def check_mission_mode(view: WatchView) -> Finding:
     if view.setup.planned:
         if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
             return OK
-        mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{alarm_words(view)}")
-    if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
-        return OK
-    return _check_unplanned_mode(view, state.telemetry.heartbeat.custom_mode)
+        return Finding(Verdict.FAIL, f"{mode_name(dialect, state.mode)} by its own failsafe{alarm_words(view)}")
+    return OK if is_in_mission_mode(view) or not state.armed else _check_unplanned_mode(view, state.mode)
 
 
 def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
@@ -209,8 +206,8 @@ def _is_sinking(view: WatchView) -> bool:
 
     On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
     """
-    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
-    if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
+    mode, fix, before = view.state.mode, view.state.motion.fix, view.state.motion.last_fix
+    if mode is None or is_manual_mode(view.setup.dialect, mode) or not view.state.sortie.took_off:
         return False
     if fix is None or before is None or fix.boot_s <= before.boot_s or is_estimate_lost(view):
         return False

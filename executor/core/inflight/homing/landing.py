@@ -104,10 +104,10 @@ def apply_touchdown(
 
 def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
     """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
-    beat, dialect = vehicle.telemetry.heartbeat, context.vehicles[vehicle.name].dialect
-    if context.fly_again is not RelaunchPolicy.AUTO or beat is None or not is_in_manual_mode(context, vehicle):
+    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
+    if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
         return ""
-    return f"; mode {mode_name(dialect, beat.custom_mode)}: stays on the ground until included"
+    return f"; mode {mode_name(context.vehicles[vehicle.name].dialect, mode)}: stays on the ground until included"
 
 
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:

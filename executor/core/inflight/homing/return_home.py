@@ -60,14 +60,12 @@ class HomingAdvice:
 
 def is_coming_home(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it flies home, or lands, by itself."""
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.telemetry.heartbeat is not None and is_home_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+    return is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_on_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it is in mission mode."""
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.telemetry.heartbeat is not None and is_mission_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+    return is_mission_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
@@ -126,10 +124,9 @@ def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | N
     waited_for = HomingAdvice(HomingAction.WAIT, "holding in its own failsafe; waiting for it to act")
     if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
         return waited_for
-    if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.telemetry.heartbeat is None:
+    if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.mode is None:
         return None
-    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if vehicle.telemetry.heartbeat.custom_mode != hold:
+    if vehicle.mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
         return HomingAdvice(HomingAction.LEAVE, "left to its own failsafe")
     return None if is_long_hold(context, vehicle) else waited_for
 
