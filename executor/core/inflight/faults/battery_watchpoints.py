@@ -11,7 +11,6 @@ from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
     Finding,
-    Verdict,
     WatchView,
     describe_reported_failure,
     is_in_mission_mode,
@@ -44,10 +43,9 @@ def check_battery_step(view: WatchView) -> Finding:
     # While it fails the window moves on; and nobody may have looked while a step was in it.
     fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
     excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
-    if excess >= limits.battery_step_pct:
-        used = excess + expected
-        return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
-    return OK
+    if excess < limits.battery_step_pct:
+        return OK
+    return f"lost {excess + expected:.0f} % at once where the flight costs {expected:.1f} %"
 
 
 def check_battery_drain(view: WatchView) -> Finding:
@@ -63,14 +61,14 @@ def check_battery_plunge(view: WatchView) -> Finding:
 def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
     if not _is_battery_fresh(view):
         return STALE
-    limits, known = view.context.limits, view.state.power.battery
-    eased = (2.0 if _is_climbing(view) else 1.0) * (0.8 if view.failing else 1.0)
+    limits, known, fix = view.context.limits, view.state.power.battery, view.state.motion.fix
+    climbs = fix is not None and fix.velocity_m_s[2] > limits.climbs_m_s
+    eased = (2.0 if climbs else 1.0) * (0.8 if view.failing else 1.0)
     for found, threshold, which in _iterate_excesses(known, limits, hurried=hurried):
         if cusum.is_drain(found, eased * threshold, limits.battery_step_pct):
-            return Finding(
-                Verdict.FAIL,
+            return (
                 f"used {found.used_pct:.1f} % in {found.duration_s(view.now_s):.0f} s where "
-                f"{found.expected_pct:.1f} % is usual{which}",
+                f"{found.expected_pct:.1f} % is usual{which}"
             )
     return OK
 
@@ -111,7 +109,7 @@ def check_voltage_step(view: WatchView) -> Finding:
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
         return OK
     expected_v = volts.usual_v if volts.expected_v is None else volts.expected_v
-    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load")
+    return f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load"
 
 
 def _is_driven_hard(view: WatchView) -> bool:
@@ -128,9 +126,9 @@ def check_cells(view: WatchView) -> Finding:
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others")
+        return f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others"
     if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"{volts.weakest_v or 0.0:.2f} V a cell under load")
+        return f"{volts.weakest_v or 0.0:.2f} V a cell under load"
     return OK
 
 
@@ -143,16 +141,15 @@ def check_reserve(view: WatchView) -> Finding:
     chance = landing_projection.landing_chance_below(view.context, view.state, view.setup, floor_pct)
     if chance is None or not _is_battery_fresh(view):
         return STALE
-    if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
-        ahead = landing_projection.project_landing(view.context, view.state, view.setup)
-        if ahead is None:
-            return STALE
-        return Finding(
-            Verdict.FAIL,
-            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
-            f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
-        )
-    return OK
+    if chance < (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        return OK
+    ahead = landing_projection.project_landing(view.context, view.state, view.setup)
+    if ahead is None:
+        return STALE
+    return (
+        f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
+        f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability"
+    )
 
 
 def check_pack_charge(view: WatchView) -> Finding:
@@ -162,9 +159,8 @@ def check_pack_charge(view: WatchView) -> Finding:
     found = assess_pack_in_flight(view)
     if found is None or not found.in_flight:
         return OK if found is None else STALE
-    if found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found)):
-        return Finding(Verdict.FAIL, f"its pack {found.words}")
-    return OK
+    fails = found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found))
+    return f"its pack {found.words}" if fails else OK
 
 
 def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
@@ -195,10 +191,8 @@ def assess_pack_in_flight(view: WatchView) -> PackCondition | None:
 def check_battery_failsafe(view: WatchView) -> Finding:
     """The autopilot itself says that it acts on its battery."""
     said = describe_reported_failure(view, "battery")
-    if not said:
-        return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, said) if not view.setup.planned or _is_alarm_confirmed(view) else OK
+    return said if said and (not view.setup.planned or _is_alarm_confirmed(view)) else OK
 
 
 def _is_alarm_confirmed(view: WatchView) -> bool:
@@ -219,16 +213,9 @@ def check_battery_status(view: WatchView) -> Finding:
     names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     state = view.state.power.battery.charge_state
     if state in names:
-        return Finding(Verdict.FAIL, f"the autopilot reports its battery {names[state]}")
+        return f"the autopilot reports its battery {names[state]}"
     bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.power.battery_faults & bit]
-    if bits:
-        return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
-    return OK
-
-
-def _is_climbing(view: WatchView) -> bool:
-    fix = view.state.motion.fix
-    return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
+    return f"its battery reports {', '.join(bits)}" if bits else OK
 
 
 def _is_battery_fresh(view: WatchView) -> bool:

@@ -9,7 +9,6 @@ from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
     Finding,
-    Verdict,
     WatchView,
     alarm_words,
     is_estimate_lost,
@@ -44,8 +43,7 @@ def check_sinking(view: WatchView) -> Finding:
     least_m = limits.below_mission_m * (0.5 if _is_thrust_loss_reported(view) else 1.0)
     if asked.below_m < least_m or climbs_m_s >= -asked.sinks_m_s - limits.sinks_m_s:
         return OK
-    words = f"sinks at {-climbs_m_s:.1f} m/s, {asked.below_m:.0f} m below its mission"
-    return Finding(Verdict.FAIL, words + alarm_words(view))
+    return f"sinks at {-climbs_m_s:.1f} m/s, {asked.below_m:.0f} m below its mission{alarm_words(view)}"
 
 
 def check_thrust(view: WatchView) -> Finding:
@@ -62,7 +60,7 @@ def check_thrust(view: WatchView) -> Finding:
     if own.below_m < least_m or climbs_m_s >= -LEAST_TARGET_M_S:
         return OK
     words = f"sinks at {-climbs_m_s:.1f} m/s, while its autopilot wants to be {own.below_m:.1f} m higher"
-    return Finding(Verdict.FAIL, words + alarm_words(view))
+    return words + alarm_words(view)
 
 
 def check_grounded_on_mission(view: WatchView) -> Finding:
@@ -72,20 +70,17 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
         return STALE
     if view.setup.planned:
         lies = is_stopped_below_mission(view.context, view.setup, state)
-        return Finding(Verdict.FAIL, f"does not move, {describe_down_place(view.context, state)}") if lies else OK
+        return f"does not move, {describe_down_place(view.context, state)}" if lies else OK
     stood_s = fix.boot_s - anchor.boot_s
-    if (
-        not is_in_mission_mode(view)
-        or not state.sortie.took_off
-        or stood_s < LYING_S
-        or _is_taking_off_or_landing(view)
-    ):
+    if not is_in_mission_mode(view) or not state.sortie.took_off or _is_taking_off_or_landing(view):
+        return OK
+    if stood_s < LYING_S:
         return OK
     dropped = state.motion.drops_s >= view.now_s - stood_s - DROPPED_S and fix.alt_rel_m <= LYING_UP_M
     if not dropped and not is_stopped_below_mission(view.context, view.setup, state):
         return OK
     words = f"has not moved for {stood_s:.0f} s on its mission, {max(0.0, fix.alt_rel_m):.0f} m over its home"
-    return Finding(Verdict.FAIL, words + (", after it came down" if dropped else "") + alarm_words(view))
+    return words + (", after it came down" if dropped else "") + alarm_words(view)
 
 
 def _height_of(view: WatchView) -> PositionFix | None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from executor.core.inflight.faults.watchpoint_types import OK, STALE, Finding, Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import OK, STALE, Finding, WatchView
 from executor.core.state.mission_height import ITEM_STALE_S
 
 LEAST_GONE_S = 20.0
@@ -103,7 +103,7 @@ def check_stream(of: Callable[[WatchView], StreamStatus], view: WatchView, least
         return OK
     if view.now_s - heard_s > stream.age_s - after_s:
         return STALE  # nothing at all came since it was due: that may be the link
-    return Finding(Verdict.FAIL, describe_missing_stream(of, view))
+    return describe_missing_stream(of, view)
 
 
 check_heartbeat_stream = partial(check_stream, get_heartbeat_stream)

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import has_failsafe_action
 from missions.autopilots.modes import is_mission_mode
-
-
-class Verdict(Enum):
-    """What a watchpoint says of one moment."""
-
-    OK = "ok"
-    FAIL = "fail"
-    STALE = "stale"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +23,11 @@ class WatchView:
     now_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """A verdict with its evidence in words."""
-
-    verdict: Verdict
-    evidence: str = ""
-
-
-OK = Finding(Verdict.OK)
-STALE = Finding(Verdict.STALE)
+Finding = str | None
+"""What a watchpoint says of one moment: its evidence in words where it fails."""
+OK: Finding = ""
+STALE: Finding = None
+"""Nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)
