@@ -21,8 +21,12 @@ from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, stream_watch, warning_rules, watchpoints
 from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
 from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing import unexpected_landing as down
-from executor.core.inflight.homing.landing import apply_touchdown, has_landed
+from executor.core.inflight.homing.landing import (
+    apply_touchdown,
+    describe_unexpected_landing,
+    has_landed,
+    is_flying_again,
+)
 from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.interface.events import (
@@ -353,7 +357,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := down.describe_unexpected_landing(context, vehicle, now_s):
+    if why := describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
@@ -382,7 +386,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
         if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
             state = state.put(vehicle.with_sortie(place_told=True))
             return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
-        if not down.is_flying_again(vehicle):
+        if not is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):

@@ -16,6 +16,7 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.state.inspection_run import NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
+from executor.core.state.landing_projection import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
 from missions import Pace, Phase
@@ -61,26 +62,21 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
-    if not state.armed and state.orders.start_owed_s is not None:
-        return NOTHING  # it was not told to start yet
-    if not _may_have_inspected(before, board, waypoint if state.armed else len(board.legs)):
+    waits = not state.armed and state.orders.start_owed_s is not None  # it was not told to start yet
+    ahead = board.path.waypoints[before.waypoint + 1 : (waypoint if state.armed else len(board.legs)) + 1]
+    if waits or (before.run is None and not any(point.phase is Phase.INSPECT for point in ahead)):
         return NOTHING
     if not context.infers:
         return InferredCoverage(why_not="the site asks for proof by positions")
-    if why_not := _explain_missing_evidence(before.fix, fix):
-        return InferredCoverage(why_not=why_not)
+    if fix.boot_s <= before.fix.boot_s:
+        return InferredCoverage(why_not="its clock was reset")
+    if before.fix.reckoned or fix.reckoned:
+        return InferredCoverage(why_not="its GPS was lost: its position is dead-reckoned")
     if not state.armed:
         return _infer_after_landing(context, state, before, fix, board)
     if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
         return InferredCoverage(why_not=why_not)
     return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
-
-
-def _explain_missing_evidence(before: PositionFix, fix: PositionFix) -> str:
-    """Return why two positions say nothing of the way between them; empty if they may."""
-    if fix.boot_s <= before.boot_s:
-        return "its clock was reset"
-    return "its GPS was lost: its position is dead-reckoned" if before.reckoned or fix.reckoned else ""
 
 
 def _infer_in_flight(
@@ -116,12 +112,6 @@ def _infer_in_flight(
     return InferredCoverage(segments, joins, join_run(board.tracks[joins], sample, context.inspection_speed_m_s))
 
 
-def _may_have_inspected(before: LastKnown, board: OnboardMission, waypoint: int) -> bool:
-    """Return whether there is anything that may have been inspected."""
-    ahead = board.path.waypoints[before.waypoint + 1 : waypoint + 1]
-    return before.run is not None or any(point.phase is Phase.INSPECT for point in ahead)
-
-
 def _describe_deviation(
     context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int
 ) -> str:
@@ -132,7 +122,7 @@ def _describe_deviation(
         return "its mission went back"
     if state.telemetry.mode_since_s > before.fix.at_s:
         return "its mode changed meanwhile"
-    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
+    away_m = locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], fix.place_m)[1]
     return _describe_interference(state, before.fix.at_s) or (
         f"it is {away_m:.0f} m off its track" if away_m > context.corridor_m else ""
     )
@@ -163,7 +153,7 @@ def _infer_after_landing(
         return InferredCoverage(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return InferredCoverage(why_not="its consumption is not known")
-    modelled_pct = _remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
+    modelled_pct = remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
         board, before.waypoint, pace
     )
     modelled_pct += sum(_leg_energy_pct(board, leg, pace) for leg in rest)
@@ -230,21 +220,4 @@ def _leg_energy_pct(board: OnboardMission, leg: int, pace: Pace) -> float:
 
 def _remaining_leg_s(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> float:
     """Return how long the rest of a leg takes from a place on it."""
-    return _remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
-
-
-def _remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:
-    end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
-    begin, begin_up_m = end, 0.0  # the climb from the pad
-    if waypoint > 0:
-        begin, begin_up_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
-    length = math.dist(begin, end)
-    left = math.dist(fix.place_m, end)
-    if length < 1.0:
-        length, left = abs(end_up_m - begin_up_m), abs(end_up_m - fix.alt_rel_m)
-    return min(1.0, left / length) if length >= 1.0 else 1.0
-
-
-def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
-    """Return how far beside the leg to a waypoint a place lies."""
-    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]
+    return remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)

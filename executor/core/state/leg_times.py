@@ -54,16 +54,11 @@ def end_landing_leg(state: VehicleState, now_s: float, start: LearnedFactors = U
     return _end_legs(state, assignment.waypoint, assignment.waypoint + 1, now_s, start)
 
 
-def battery_use_pct(state: VehicleState) -> float | None:
-    """Return what its battery has given since its first report, in percent; None if there was none."""
-    battery = state.power.battery
-    if battery.estimate is None or battery.first_pct is None:
-        return None
-    return battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
-
-
 def _build_leg_boundary(state: VehicleState, now_s: float) -> LegBoundary:
-    return LegBoundary(now_s, battery_use_pct(state), state.power.battery.modelled_pct)
+    battery, given_pct = state.power.battery, None
+    if battery.estimate is not None and battery.first_pct is not None:
+        given_pct = battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
+    return LegBoundary(now_s, given_pct, battery.modelled_pct)
 
 
 def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: LearnedFactors) -> VehicleState:

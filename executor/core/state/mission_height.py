@@ -78,11 +78,10 @@ def find_mission_height(context: Scene, setup: VehicleSetup, state: VehicleState
 
 def is_stopped_below_mission(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
     """Return whether a vehicle in mission mode has stopped far below its mission."""
-    fix, anchor, limits = state.motion.fix, state.motion.anchor, context.limits
-    if fix is None or anchor is None or fix.boot_s - anchor.boot_s < limits.lies_s:
+    if state.motion.stood_s < context.limits.lies_s:
         return False
     asked = find_mission_height(context, setup, state)
-    return asked is not None and asked.below_m >= limits.below_mission_m
+    return asked is not None and asked.below_m >= context.limits.below_mission_m
 
 
 def _find_planned_height(state: VehicleState, fix: PositionFix) -> AskedHeight | None:

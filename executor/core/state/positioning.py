@@ -52,7 +52,9 @@ def update_positioning(
         case EstimatorStatus():
             return _estimator_heard(known, message, now_s, stands=stands)
         case SystemStatus(unhealthy=unhealthy):
-            return _health_heard(known, unhealthy, now_s)
+            # For a receiver that says nothing itself.
+            ill = unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S
+            return _record_gps_loss(known, "GPS not healthy", now_s) if ill else known
 
 
 def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: float) -> Positioning:
@@ -86,13 +88,6 @@ def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float,
     if stands and known.lost_s is None:
         return replace(known, adrift_s=since_s, fixed=None)
     return _record_gps_loss(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
-
-
-def _health_heard(known: Positioning, unhealthy: int, now_s: float) -> Positioning:
-    """Take SYS_STATUS for a receiver that says nothing itself."""
-    if unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S:
-        return _record_gps_loss(known, "GPS not healthy", now_s)
-    return known
 
 
 def _record_gps_loss(known: Positioning, why: str, now_s: float) -> Positioning:

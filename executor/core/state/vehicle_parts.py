@@ -303,6 +303,11 @@ class MotionState:
     reopened: bool = False
     """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
 
+    @property
+    def stood_s(self) -> float:
+        """How long it has not moved on, by its own clock; 0 where nobody knows."""
+        return 0.0 if self.fix is None or self.anchor is None else self.fix.boot_s - self.anchor.boot_s
+
 
 @dataclass(frozen=True, slots=True)
 class OwnMission:

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from executor.core.battery import account, cusum
 from executor.core.battery.pack_condition import PackCondition, assess_pack
-from executor.core.inflight.faults import stream_watch
 from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
@@ -222,4 +221,5 @@ def _is_battery_fresh(view: WatchView) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
     fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
     # Without positions nobody knows what the flight should have cost.
-    return fresh and (stream_watch.is_position_fresh(view) or not view.setup.planned)
+    positions_come = view.state.motion.fix is None or view.fresh_fix is not None
+    return fresh and (positions_come or not view.setup.planned)

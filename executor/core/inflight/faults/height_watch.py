@@ -15,7 +15,6 @@ from executor.core.inflight.faults.watchpoint_types import (
     is_in_mission_mode,
 )
 from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of
-from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_position import describe_down_place
 from missions import Phase
 
@@ -33,8 +32,7 @@ DROPPED_S = 4.0
 
 def check_sinking(view: WatchView) -> Finding:
     """It is far below its mission and sinks on, faster than the mission asks."""
-    fix = _height_of(view)
-    if fix is None:
+    if view.fresh_fix is None:
         return STALE
     asked = find_mission_height(view.context, view.setup, view.state)
     if asked is None or (not view.setup.planned and is_estimate_lost(view)):
@@ -48,8 +46,8 @@ def check_sinking(view: WatchView) -> Finding:
 
 def check_thrust(view: WatchView) -> Finding:
     """It sinks though its autopilot wants to be higher."""
-    fix, own = _height_of(view), view.state.own
-    if fix is None:
+    own = view.state.own
+    if view.fresh_fix is None:
         return STALE
     if not is_in_mission_mode(view) or not view.state.sortie.took_off or view.now_s - own.below_s > TARGET_S:
         return OK
@@ -65,13 +63,12 @@ def check_thrust(view: WatchView) -> Finding:
 
 def check_grounded_on_mission(view: WatchView) -> Finding:
     """It lies on the ground in the middle of its mission, armed."""
-    fix, anchor, state = _height_of(view), view.state.motion.anchor, view.state
-    if fix is None or anchor is None:
+    fix, state, stood_s = view.fresh_fix, view.state, view.state.motion.stood_s
+    if fix is None or state.motion.anchor is None:
         return STALE
     if view.setup.planned:
         lies = is_stopped_below_mission(view.context, view.setup, state)
         return f"does not move, {describe_down_place(view.context, state)}" if lies else OK
-    stood_s = fix.boot_s - anchor.boot_s
     if not is_in_mission_mode(view) or not state.sortie.took_off or _is_taking_off_or_landing(view):
         return OK
     if stood_s < LYING_S:
@@ -81,12 +78,6 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
         return OK
     words = f"has not moved for {stood_s:.0f} s on its mission, {max(0.0, fix.alt_rel_m):.0f} m over its home"
     return words + (", after it came down" if dropped else "") + alarm_words(view)
-
-
-def _height_of(view: WatchView) -> PositionFix | None:
-    """Return its newest position, if it is not old."""
-    fix = view.state.motion.fix
-    return None if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s else fix
 
 
 def _is_thrust_loss_reported(view: WatchView) -> bool:

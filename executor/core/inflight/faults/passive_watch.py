@@ -241,7 +241,9 @@ def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
     )
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
-    looks = now_s - state.warned_s >= WARN_S or any(_is_falling_silent(scene, one, now_s) for one in vehicles.values())
+    heard_s = [one.link.heard_s for one in vehicles.values() if one.stage is Stage.FLYING]
+    silent = any(one is not None and now_s - one >= scene.limits.link_stale_s for one in heard_s)
+    looks = silent or now_s - state.warned_s >= WARN_S
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage is Stage.LOST:
             continue  # nothing begins and nothing ends in silence
@@ -272,11 +274,6 @@ def _group_of(point: Watchpoint) -> str:
     if point.kind not in {FaultKind.INTERRUPTION, FaultKind.FENCE}:
         return str(point.kind.value)
     return "down" if point.name in _DOWN_REASONS else "left"
-
-
-def _is_falling_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    silent = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s >= scene.limits.link_stale_s
-    return silent and vehicle.stage is Stage.FLYING
 
 
 Raised = tuple[Watchpoint, str]

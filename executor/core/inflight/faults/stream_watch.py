@@ -120,9 +120,3 @@ def state_silence_s(view: WatchView) -> float:
     """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
     ages_s = (get_heartbeat_stream(view).age_s, get_position_stream(view).age_s)
     return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)
-
-
-def is_position_fresh(view: WatchView) -> bool:
-    """Return whether its positions come, if any ever did."""
-    fix = view.state.motion.fix
-    return fix is None or view.now_s - fix.at_s <= view.context.limits.link_stale_s

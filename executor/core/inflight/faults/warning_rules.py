@@ -125,11 +125,10 @@ def describe_position_jump(view: WatchView) -> str:
 
 def describe_stuck_return(view: WatchView) -> str:
     """It should be on its way home, and hangs in the air where it is."""
-    state, limits, fix, anchor = view.state, view.context.limits, view.state.motion.fix, view.state.motion.anchor
-    if state.stage is not Stage.RETURNING or fix is None or anchor is None or not state.armed:
+    state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
+    if state.stage is not Stage.RETURNING or fix is None or not state.armed:
         return ""
-    stood_s, stale = fix.boot_s - anchor.boot_s, view.now_s - fix.at_s > limits.link_stale_s
-    if stale or stood_s < limits.hangs_s or fix.alt_rel_m < limits.airborne_m:
+    if stood_s < limits.hangs_s or fix.alt_rel_m < limits.airborne_m:
         return ""
     return f"has not moved for {stood_s:.0f} s on its way home, {describe_position(view.context, state)}"
 
@@ -137,11 +136,10 @@ def describe_stuck_return(view: WatchView) -> str:
 def low(view: WatchView) -> str:
     """It flies below its mission, and does not climb."""
     state, limits = view.state, view.context.limits
-    if not view.setup.planned or state.stage is not Stage.FLYING or state.motion.fix is None:
+    if not view.setup.planned or state.stage is not Stage.FLYING or view.fresh_fix is None:
         return ""
     asked = find_mission_height(view.context, view.setup, state)
-    stale = view.now_s - state.motion.fix.at_s > limits.link_stale_s
-    if asked is None or stale or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
+    if asked is None or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
         return ""
     return f"flies {asked.below_m:.0f} m below its mission"
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executor.core.context import Scene, VehicleSetup
+from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import has_failsafe_action
 from missions.autopilots.modes import is_mission_mode
@@ -21,6 +22,12 @@ class WatchView:
     failing: bool
     """Whether it failed at the last look: the clear threshold may differ from the raise threshold."""
     now_s: float
+
+    @property
+    def fresh_fix(self) -> PositionFix | None:
+        """Its newest position, if it is not old."""
+        fix = self.state.motion.fix
+        return None if fix is None or self.now_s - fix.at_s > self.context.limits.link_stale_s else fix
 
 
 Finding = str | None

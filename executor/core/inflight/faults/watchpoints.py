@@ -82,8 +82,8 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:
     """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
-    fix, limits = view.state.motion.fix, view.context.limits
-    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.telemetry.on_ground:
+    fix, limits = view.fresh_fix, view.context.limits
+    if fix is None or view.state.telemetry.on_ground:
         return OK
     speed_m_s = math.hypot(*fix.velocity_m_s)
     if fix.alt_rel_m <= limits.off_pad_up_m or speed_m_s <= limits.at_rest_m_s:
@@ -103,8 +103,8 @@ def check_termination(view: WatchView) -> Finding:
 
 def check_fall(view: WatchView) -> Finding:
     """It sinks faster than it was ever told to."""
-    fix = view.state.motion.fix
-    if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
+    fix = view.fresh_fix
+    if fix is None:
         return STALE
     if not view.setup.planned and not _is_sinking(view):
         return OK
@@ -216,15 +216,15 @@ def check_position_jump(view: WatchView) -> Finding:
 def check_stall(view: WatchView) -> Finding:
     """It is on its mission and does not move."""
     state, limits = view.state, view.context.limits
-    fix, anchor = state.motion.fix, state.motion.anchor
-    if fix is None or anchor is None or fix.reckoned or view.now_s - fix.at_s > limits.link_stale_s:
+    fix = view.fresh_fix
+    if fix is None or fix.reckoned or state.motion.anchor is None:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order
     if view.setup.planned is False and not is_in_mission_mode(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
-    stood_s = fix.boot_s - anchor.boot_s
+    stood_s = state.motion.stood_s
     stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
     return f"has not moved for {stood_s:.0f} s" if stalls else OK
 
