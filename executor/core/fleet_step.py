@@ -413,28 +413,22 @@ def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleSt
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
-    lies = replace(
-        change_stage(vehicle, Stage.DOWN),
-        orders=replace(vehicle.orders, errand=None),
-        motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
-        sortie=replace(vehicle.sortie, place_told=True),
-    )
+    lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)
+    lies = lies.with_motion(anchor=vehicle.motion.fix)
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
 def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
-    vehicle = state.vehicles[name]
-    if vehicle.assignment.owed is None or vehicle.assignment.board is None:
+    vehicle, board = state.vehicles[name], state.vehicles[name].assignment.board
+    if vehicle.assignment.owed is None or board is None:
         return state, ()
     visit, why = vehicle.assignment.owed
-    ahead = any(
-        point.visit == visit for point in vehicle.assignment.board.path.waypoints[vehicle.assignment.waypoint :]
-    )
+    ahead = any(point.visit == visit for point in board.path.waypoints[vehicle.assignment.waypoint :])
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
     state = state.put(vehicle.with_assignment(owed=None))
-    segment = vehicle.assignment.board.tracks[visit].segment
+    segment = board.tracks[visit].segment
     if segment in state.coverage.inspected:
         return state, ()
     return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
@@ -445,12 +439,8 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
-    vehicle = replace(
-        change_stage(vehicle, Stage.RETURNING),
-        assignment=replace(vehicle.assignment, run=None),
-        motion=replace(vehicle.motion, anchor=None),
-        sortie=replace(vehicle.sortie, left_s=now_s),
-    )
+    vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
+    vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
@@ -461,13 +451,10 @@ def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fau
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, fault)
     text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
-    orders = replace(vehicle.orders, errand=None)
+    vehicle = vehicle.with_orders(errand=None)
     if fault.kind is FaultKind.LINK:
-        return state.put(replace(change_stage(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
-    sortie = replace(vehicle.sortie, place_told=False)
-    return state.put(replace(change_stage(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (
-        Say(Level.FAULT, text),
-    )
+        return state.put(change_stage(vehicle, Stage.LOST)), (Say(Level.WARNING, text),)
+    return state.put(change_stage(vehicle, Stage.DOWN).with_sortie(place_told=False)), (Say(Level.FAULT, text),)
 
 
 def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:

@@ -18,33 +18,35 @@ UNKNOWN = "unknown action"
 
 def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return every parameter that the checks before the flight read."""
-    wanted = [
+    return select_names(
         *link_names(dialect), *dialect.ground_station_failsafe.station_sysid[:1], *battery_names(dialect),
         *fence_names(dialect), *(tuning.parameter for tuning in dialect.tunings), *dialect.pack_parameters,
-    ]  # fmt: skip
-    return tuple(dict.fromkeys(wanted))
+    )  # fmt: skip
+
+
+def select_names(*names: str | None) -> tuple[str, ...]:
+    """Return names of parameters without those that a dialect does not have, each once."""
+    return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
 def link_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say what a vehicle does in silence."""
     rule = dialect.ground_station_failsafe
-    return tuple(name for name in (rule.action, rule.timeout, rule.pause, rule.exception[0]) if name is not None)
+    return select_names(rule.action, rule.timeout, rule.pause, rule.exception[0])
 
 
 def battery_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say what a vehicle does on a low battery."""
     failsafe = dialect.battery_failsafe
-    wanted = [failsafe.capacity, *(early.action for early in failsafe.early)]
-    for level in failsafe.levels:
-        wanted += [level.action, level.threshold, level.voltage]
-    return tuple(dict.fromkeys(name for name in wanted if name is not None))
+    levels = (name for level in failsafe.levels for name in (level.action, level.threshold, level.voltage))
+    return select_names(failsafe.capacity, *(early.action for early in failsafe.early), *levels)
 
 
 def fence_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that describe a vehicle's geofence."""
     rule = dialect.geofence
     kinds = () if rule.kinds is None else rule.kinds[:1]
-    return tuple(dict.fromkeys((*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)))
+    return select_names(*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)
 
 
 def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:

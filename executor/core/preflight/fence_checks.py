@@ -10,7 +10,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight.board_changes import format_number
-from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names
+from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.parameter_proposals import (
     REAL32,
     ParameterChange,
@@ -44,8 +44,7 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
         return ()
     rule = context.vehicles[name].dialect.geofence
     kinds = rule.kinds[0] if rule.kinds is not None else None
-    wanted = (kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
-    return tuple(dict.fromkeys(one for one in wanted if one is not None))
+    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
 
 
 def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:

@@ -10,7 +10,7 @@ from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight.board_changes import format_change
-from executor.core.preflight.failsafe_parameters import describe_unread_parameters
+from executor.core.preflight.failsafe_parameters import describe_unread_parameters, select_names
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
 
@@ -73,7 +73,7 @@ class ParameterProposal:
 def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that a vehicle is asked for before a change of its return."""
     rule = dialect.return_parameters
-    return tuple(name for name in (rule.height, rule.cone, rule.descend_height, rule.descend_wait) if name is not None)
+    return select_names(rule.height, rule.cone, rule.descend_height, rule.descend_wait)
 
 
 def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -90,6 +91,10 @@ class PositionFix:
     heading_deg: float | None = None
     reckoned: bool = False
     """Whether it came while GPS was lost: by its accelerations alone."""
+
+    def distance_m(self, other: PositionFix) -> float:
+        """Return how far another one is, in height too."""
+        return math.dist((*self.place_m, self.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
 @dataclass(frozen=True, slots=True)

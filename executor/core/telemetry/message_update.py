@@ -214,7 +214,9 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     fix, setup = state.motion.fix, context.vehicles.get(state.name)
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _has_disarm_reason(state, now_s):
+    text, said_s = state.telemetry.alarm
+    explained = now_s - said_s <= NAMED_S and may_explain_disarming(text)
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or explained:
         return False
     if now_s - state.motion.falls_s < DOUBT_S:
         return False  # who falls is not refuted by where it is
@@ -226,28 +228,18 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
 RESTS_M_S = 0.3
 
 
-def _has_disarm_reason(state: VehicleState, now_s: float) -> bool:
-    """Return whether it says why it disarms in the air."""
-    text, said_s = state.telemetry.alarm
-    return now_s - said_s <= NAMED_S and may_explain_disarming(text)
-
-
 def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     """Return whether a text explains nothing.
 
     It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
     vehicle that has landed, which ends no flight.
     """
-    does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
-    return does or (may_stop_motors(said) and _is_at_rest(state, now_s))
-
-
-def _is_at_rest(state: VehicleState, now_s: float) -> bool:
-    """Return whether it is seen to stand on the ground."""
+    if now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower():
+        return True
     fix = state.motion.fix
     if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
         return False
-    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+    return may_stop_motors(said) and math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
 def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
@@ -358,7 +350,7 @@ def _apply_position(
         drawn_pct = climb * context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
         power = replace(power, battery=account.add_modelled_use(power.battery, drawn_pct))
     anchor = state.motion.anchor
-    if anchor is None or fix.boot_s < anchor.boot_s or _distance_m(anchor, fix) > context.limits.stall_m:
+    if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
     jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
     jump = jump or state.motion.jump
@@ -435,10 +427,6 @@ def _find_jump(
     off_m = math.dist(fix.place_m, led_to)
     # Over a longer gap a turn may have been flown in between.
     return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
-
-
-def _distance_m(one: PositionFix, other: PositionFix) -> float:
-    return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,7 +78,9 @@ def review_mode_cause(
         or is_set_by_person(context, vehicle)
     ):
         return vehicle.with_custody(cause=ModeCause.PERSON, certain=True)
-    if vehicle.custody.cause is ModeCause.MISSION and _is_hovering(context, vehicle, now_s):
+    aloft = vehicle.armed and vehicle.telemetry.on_ground is False
+    holds = aloft and _is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
+    if vehicle.custody.cause is ModeCause.MISSION and holds:  # where its mission's end would have it on the ground
         # In its landing a failsafe holds it as anywhere else, and says so.
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
         cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
@@ -119,12 +121,6 @@ def _is_holding_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> b
 
 HOVERS_S = 2.5
 """A vehicle that holds at the end of a mission stands on the ground, and says so every second."""
-
-
-def _is_hovering(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it holds in the air where its mission's end would have it on the ground."""
-    aloft = vehicle.armed and vehicle.telemetry.on_ground is False
-    return aloft and _is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
 
 
 def determine_mode_cause(  # noqa: PLR0911 - one return for each cause

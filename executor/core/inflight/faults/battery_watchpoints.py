@@ -34,9 +34,11 @@ PLUNGE = 1.7
 
 def check_battery_step(view: WatchView) -> Finding:
     """Much was lost at once."""
-    if not _is_battery_fresh(view) or _is_percentage_refuted(view):
+    limits, power, known = view.context.limits, view.state.power, view.state.power.battery
+    # A percentage that does not follow its counter is no use where the voltage did not fall with it.
+    refuted = account.is_blind(known) and account.has_running_counter(known) and power.volts.dropped_s is None
+    if not _is_battery_fresh(view) or refuted:
         return STALE
-    limits, known = view.context.limits, view.state.power.battery
     window_s = limits.battery_step_window_s
     long_s = 4 * window_s
     # While it fails the window moves on; and nobody may have looked while a step was in it.
@@ -70,13 +72,6 @@ def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
                 f"{found.expected_pct:.1f} % is usual{which}"
             )
     return OK
-
-
-def _is_percentage_refuted(view: WatchView) -> bool:
-    """Return whether a percentage fell that does not follow its counter, and the voltage did not: it is no use."""
-    power = view.state.power
-    counts = power.battery.charge.consumed_ah is not None and account.is_blind(power.battery)
-    return counts and power.volts.dropped_s is None and account.has_running_counter(power.battery)
 
 
 def _iterate_excesses(

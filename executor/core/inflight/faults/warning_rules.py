@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 from executor.core.inflight.faults import battery_watchpoints, stream_watch
 from executor.core.inflight.faults.battery_watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
@@ -42,8 +41,7 @@ def describe_silence(view: WatchView) -> str:
 
 def describe_missing_items(view: WatchView) -> str:
     """It speaks, and not of where it flies to."""
-    flies = view.state.stage is Stage.FLYING
-    return stream_watch.describe_missing_stream(stream_watch.get_item_stream, view) if flies else ""
+    return stream_watch.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
@@ -147,19 +145,15 @@ def low(view: WatchView) -> str:
 CLIMBS_M_S = 0.1
 
 
-def _describe_missing(stream: Callable[[WatchView], stream_watch.StreamStatus]) -> Callable[[WatchView], str]:
-    return partial(stream_watch.describe_missing_stream, stream)
-
-
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
-    WarningRule("heartbeat", FaultKind.LINK, _describe_missing(stream_watch.get_heartbeat_stream)),
+    WarningRule("heartbeat", FaultKind.LINK, stream_watch.HEARTBEAT.describe_missing),
     WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
-    WarningRule("positions", FaultKind.INTERRUPTION, _describe_missing(stream_watch.get_position_stream)),
+    WarningRule("positions", FaultKind.INTERRUPTION, stream_watch.POSITION.describe_missing),
     WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
     WarningRule("loss", FaultKind.LINK, describe_frame_loss),
     WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
-    WarningRule("battery-silent", FaultKind.BATTERY, _describe_missing(stream_watch.get_battery_stream)),
+    WarningRule("battery-silent", FaultKind.BATTERY, stream_watch.BATTERY.describe_missing),
     WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
     WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from executor.core.battery import account
 from executor.core.battery.pack_condition import is_doubtful_at_rest
@@ -11,7 +10,7 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.inflight.homing.return_home import is_coming_home
 from executor.core.interface.commands import Level, Say
-from executor.core.state import leg_times, sortie_log
+from executor.core.state import leg_times
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.positioning import is_adrift
 from executor.core.state.vehicle_position import (
@@ -76,15 +75,10 @@ def apply_touchdown(
     if came_down:
         leans = f"; {lean}" if (lean := describe_lean(vehicle)) else ""
         text = f"{vehicle.name}: came down outside a landing{leans}; {describe_last_position(context, vehicle, now_s)}"
-        lies = replace(
-            change_stage(vehicle, Stage.DOWN),
-            assignment=replace(vehicle.assignment, run=None),
-            orders=replace(vehicle.orders, errand=None),
-            motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
-            sortie=replace(vehicle.sortie, place_told=False),
-        )
+        lies = change_stage(vehicle, Stage.DOWN).with_assignment(run=None).with_orders(errand=None)
+        lies = lies.with_motion(anchor=vehicle.motion.fix).with_sortie(place_told=False)
         return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = sortie_log.end_sortie(
+    vehicle = leg_times.end_sortie(
         leg_times.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
     )
     vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
