@@ -437,10 +437,10 @@ def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
     began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
-    if vehicle.assignment.board is not None and began_pct is not None and vehicle.airborne:
-        spent_pct = sum(
-            leg.energy_pct for leg in vehicle.assignment.board.legs
-        ) - landing_projection.energy_to_reach_pct(vehicle, len(vehicle.assignment.board.legs) - 1)
+    board = vehicle.assignment.board
+    if board is not None and began_pct is not None and vehicle.airborne:
+        ahead_pct = landing_projection.energy_to_reach_pct(vehicle, len(board.legs) - 1)
+        spent_pct = sum(leg.energy_pct for leg in board.legs) - ahead_pct
         predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
         band_pct = round(BAND_SD * math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(

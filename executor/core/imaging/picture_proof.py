@@ -185,12 +185,8 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
     state, asked = _request_lost_pictures(state, now_s)
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
-        nearer = state.coverage.caught_nearer.get(segment, ())
-        why = (
-            describe_unseen_parts(context, state, segment)
-            if waits.nearer_m is None
-            else _describe_missing_pictures(context, segment, nearer)
-        )
+        caught = state.coverage.caught if waits.nearer_m is None else state.coverage.caught_nearer
+        why = _describe_missing_pictures(context, segment, caught.get(segment, ()))
         if why and now_s - waits.since_s < WAITS_S:
             continue
         if waits.nearer_m is None:

@@ -122,7 +122,7 @@ def _describe_deviation(
         return "its mission went back"
     if state.telemetry.mode_since_s > before.fix.at_s:
         return "its mode changed meanwhile"
-    away_m = locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], fix.place_m)[1]
+    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
     return _describe_interference(state, before.fix.at_s) or (
         f"it is {away_m:.0f} m off its track" if away_m > context.corridor_m else ""
     )
@@ -181,14 +181,12 @@ def _describe_other_landing(context: Context, state: VehicleState, before: LastK
 
 def _select_passed_visits(before: LastKnown, board: OnboardMission, waypoint: int) -> tuple[int, ...]:
     """Return the visits that end before the leg under way, without one whose beginning is known not to count."""
-    visits = []
-    for index in range(before.waypoint, waypoint):
-        point = board.path.waypoints[index]
-        if point.phase is not Phase.INSPECT or point.visit is None:
-            continue
-        if index > before.waypoint or (before.run is not None and before.run_visit == point.visit):
-            visits.append(point.visit)
-    return tuple(visits)
+    begun = None if before.run is None else before.run_visit
+    return tuple(
+        point.visit
+        for index, point in enumerate(board.path.waypoints[before.waypoint : waypoint])
+        if point.phase is Phase.INSPECT and point.visit is not None and (index > 0 or point.visit == begun)
+    )
 
 
 def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...]) -> float:
@@ -221,3 +219,8 @@ def _leg_energy_pct(board: OnboardMission, leg: int, pace: Pace) -> float:
 def _remaining_leg_s(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> float:
     """Return how long the rest of a leg takes from a place on it."""
     return remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
+
+
+def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
+    """Return how far beside the leg to a waypoint a place lies."""
+    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

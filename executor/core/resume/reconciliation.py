@@ -79,12 +79,9 @@ def compare_onboard_mission(
         items: What is on board; None if it could not be read.
         seq: The item that it flies to.
     """
-    vehicle, plan, dialect = state.vehicles[name], state.replanning.replan, context.vehicles[name].dialect
-    paths = (
-        {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
-    )
-    if vehicle.assignment.declined is not None and (maybe := vehicle.assignment.declined.maybe) is not None:
-        paths[maybe.revision] = maybe.path
+    given, plan, dialect = state.vehicles[name].assignment, state.replanning.replan, context.vehicles[name].dialect
+    boards = (given.board, None if given.declined is None else given.declined.maybe)
+    paths = {board.revision: board.path for board in boards if board is not None}
     if plan is not None and name in plan.missions:
         paths[plan.solve.revision] = plan.missions[name].path
     matches = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from executor.core.battery import account, cusum
 from executor.core.battery.pack_condition import PackCondition, assess_pack
@@ -49,16 +50,6 @@ def check_battery_step(view: WatchView) -> Finding:
     return f"lost {excess + expected:.0f} % at once where the flight costs {expected:.1f} %"
 
 
-def check_battery_drain(view: WatchView) -> Finding:
-    """More is used than the flight should cost, by more than a climb or a gust explains."""
-    return _check_drain(view, hurried=False)
-
-
-def check_battery_plunge(view: WatchView) -> Finding:
-    """So much more is used that there is no time to wait for one more report."""
-    return _check_drain(view, hurried=True)
-
-
 def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
     if not _is_battery_fresh(view):
         return STALE
@@ -72,6 +63,12 @@ def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
                 f"{found.expected_pct:.1f} % is usual{which}"
             )
     return OK
+
+
+check_battery_drain = partial(_check_drain, hurried=False)
+"""More is used than the flight should cost, by more than a climb or a gust explains."""
+check_battery_plunge = partial(_check_drain, hurried=True)
+"""So much more is used that there is no time to wait for one more report."""
 
 
 def _iterate_excesses(
