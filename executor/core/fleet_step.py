@@ -322,10 +322,9 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if mission_check.is_mission_read_due(vehicle, now_s):
         vehicle = vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=now_s))
         commands.append(ReadMission(name))
-    judgement = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
-    vehicle = watchpoints.store_watches(vehicle, judgement)
+    vehicle, raised = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
     state = state.put(vehicle)
-    raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    raised = [(point, why) for point, why in raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
         raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
         if not raised:

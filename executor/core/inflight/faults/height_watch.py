@@ -11,6 +11,7 @@ from executor.core.inflight.faults.watchpoint_types import (
     Finding,
     WatchView,
     alarm_words,
+    has_failed_lately,
     is_estimate_lost,
     is_in_mission_mode,
 )
@@ -19,7 +20,7 @@ from executor.core.state.vehicle_position import describe_down_place
 from missions import Phase
 
 MOST_WORDS_S = 10.0
-"""An autopilot's word of lost thrust is about what is seen within this."""
+"""An autopilot's word of lost thrust, which by itself decides nothing, is about what is seen within this."""
 LEAST_TARGET_M_S = 0.8
 """Sinking like this, a vehicle that is metres below its autopilot's target has none of it under control."""
 TARGET_S = 3.5
@@ -38,7 +39,7 @@ def check_sinking(view: WatchView) -> Finding:
     if asked is None or (not view.setup.planned and is_estimate_lost(view)):
         return OK
     limits, climbs_m_s = view.context.limits, view.state.motion.climbs_m_s
-    least_m = limits.below_mission_m * (0.5 if _is_thrust_loss_reported(view) else 1.0)
+    least_m = limits.below_mission_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
     if asked.below_m < least_m or climbs_m_s >= -asked.sinks_m_s - limits.sinks_m_s:
         return OK
     return f"sinks at {-climbs_m_s:.1f} m/s, {asked.below_m:.0f} m below its mission{alarm_words(view)}"
@@ -54,7 +55,7 @@ def check_thrust(view: WatchView) -> Finding:
     if _is_taking_off_or_landing(view) or (not view.setup.planned and is_estimate_lost(view)):
         return OK
     limits, climbs_m_s = view.context.limits, view.state.motion.climbs_m_s
-    least_m = limits.below_target_m * (0.5 if _is_thrust_loss_reported(view) else 1.0)
+    least_m = limits.below_target_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
     if own.below_m < least_m or climbs_m_s >= -LEAST_TARGET_M_S:
         return OK
     words = f"sinks at {-climbs_m_s:.1f} m/s, while its autopilot wants to be {own.below_m:.1f} m higher"
@@ -78,13 +79,6 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
         return OK
     words = f"has not moved for {stood_s:.0f} s on its mission, {max(0.0, fix.alt_rel_m):.0f} m over its home"
     return words + (", after it came down" if dropped else "") + alarm_words(view)
-
-
-def _is_thrust_loss_reported(view: WatchView) -> bool:
-    """Return whether its autopilot says that it has lost thrust: by itself that decides nothing."""
-    return any(
-        failed.what == "motor" and view.now_s - said_s <= MOST_WORDS_S for failed, said_s in view.state.evidence.failed
-    )
 
 
 def _is_taking_off_or_landing(view: WatchView) -> bool:

@@ -96,9 +96,8 @@ class PassiveWatch:
 
     def with_reports(self, name: str, told: VehicleReports) -> PassiveWatch:
         """Return it with something told."""
-        return (
-            self if told == self.reports_of(name) else replace(self, told=MappingProxyType({**self.told, name: told}))
-        )
+        known = told == self.reports_of(name)
+        return self if known else replace(self, told=MappingProxyType({**self.told, name: told}))
 
 
 Stepped = tuple[PassiveWatch, tuple[Finding, ...]]
@@ -126,9 +125,8 @@ def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: fl
             fleet = state.fleet.put(vehicle)
             if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
                 fleet = fleet.with_progress(launched_s=now_s)
-            return PassiveWatch(
-                fleet, state.open, state.warned_s, state.told
-            ), found  # of every message: faster than replace
+            # Of every message: faster than replace.
+            return PassiveWatch(fleet, state.open, state.warned_s, state.told), found
         case Tick():
             return _apply_tick(scene, state, now_s)
 
@@ -235,10 +233,8 @@ def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: Vehicl
 def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
     fleet, _ = link_loss.discount_host_pause(scene, state.fleet, now_s)
     fleet, _ = link_loss.check_all_links(scene, fleet, now_s, least=link_loss.ALL)
-    alone = (
-        fleet.listening.silent_since_s is not None
-        and now_s - fleet.listening.silent_since_s < scene.limits.all_silent_s
-    )
+    silent_since_s = fleet.listening.silent_since_s
+    alone = silent_since_s is not None and now_s - silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
     heard_s = [one.link.heard_s for one in vehicles.values() if one.stage is Stage.FLYING]
@@ -250,14 +246,11 @@ def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
         if vehicle.armed and is_attribution_final(vehicle, now_s):
             state, moded = _report_mode(scene, state, vehicle)
             found += moded
-        told, (vehicle, declared) = (
-            state.reports_of(name),
-            _judge_vehicle(scene, vehicle, state.reports_of(name), now_s, alone=alone),
-        )
+        told = state.reports_of(name)
+        vehicle, declared = _judge_vehicle(scene, vehicle, told, now_s, alone=alone)
         vehicles[name] = vehicle
-        state = state.with_reports(
-            name, replace(told, declared=told.declared | {_group_of(one) for one, _ in declared})
-        )
+        groups = told.declared | {_group_of(one) for one, _ in declared}
+        state = state.with_reports(name, replace(told, declared=groups))
         found += (DeclaredFault(name, point.kind, point.name, why, now_s) for point, why in declared)
         if looks and (open_ or vehicle.stage not in _DOWN):
             found += update_degradations(WatchView(scene, scene.vehicles[name], vehicle, False, now_s), open_)
@@ -288,10 +281,9 @@ def _judge_vehicle(
         view = WatchView(scene, setup, vehicle, False, now_s)
         late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
         return vehicle, [(watchpoints.CRASH, late)] if late and "down" not in told.declared else []
-    judgement = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
-    vehicle = watchpoints.store_watches(vehicle, judgement)
+    vehicle, failed = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
     raised = list[Raised]()
-    for point, why in judgement.raised:
+    for point, why in failed:
         known = told.declared | {_group_of(one) for one, _ in raised}
         if point.code is FaultCode.VOLTAGE_STEP and known & _STRUGGLES and not vehicle.power.volts.known_load:
             continue  # what its motors draw to save it, nobody knows

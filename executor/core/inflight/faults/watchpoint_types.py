@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from executor.core.context import Scene, VehicleSetup
@@ -63,10 +63,12 @@ LOST_ITSELF_S = 30.0
 
 def is_estimate_lost(view: WatchView) -> bool:
     """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
-    return any(
-        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
-        for failed, said_s in view.state.evidence.failed
-    )
+    return has_failed_lately(view, {"ekf", "gps"}, LOST_ITSELF_S)
+
+
+def has_failed_lately(view: WatchView, kinds: Collection[str], within_s: float) -> bool:
+    """Return whether its autopilot said within a time that something of these kinds has failed."""
+    return any(one.what in kinds and view.now_s - said_s <= within_s for one, said_s in view.state.evidence.failed)
 
 
 def is_in_mission_mode(view: WatchView) -> bool:

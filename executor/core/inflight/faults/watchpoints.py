@@ -7,7 +7,7 @@ time, so that a silent vehicle's last battery report raises nothing by itself. O
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from executor.core.context import Scene, VehicleSetup
 from executor.core.inflight.custody.mode_attribution import (
@@ -265,17 +265,13 @@ TABLE: tuple[Watchpoint, ...] = (
 _BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for stage in Stage}
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """All watchpoints of one vehicle at one moment."""
+def judge_watchpoints(
+    context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
+) -> tuple[VehicleState, list[tuple[Watchpoint, str]]]:
+    """Look at every watchpoint of a vehicle; return it with what they remember, and what has failed for long enough.
 
-    watches: tuple[tuple[str, WatchpointMemory], ...]
-    raised: tuple[tuple[Watchpoint, str], ...]
-    """What has failed for long enough, the most important first, with its evidence."""
-
-
-def judge_watchpoints(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
-    """Look at every watchpoint of a vehicle."""
+    The most important comes first, each with its evidence.
+    """
     old = dict(state.watches)
     watches: list[tuple[str, WatchpointMemory]] = []
     raised: list[tuple[Watchpoint, str]] = []
@@ -292,9 +288,4 @@ def judge_watchpoints(context: Scene, setup: VehicleSetup, state: VehicleState, 
             since = None
         if since is not None:
             watches.append((point.name, WatchpointMemory(since)))
-    return Judgement(tuple(watches), tuple(raised))
-
-
-def store_watches(state: VehicleState, judgement: Judgement) -> VehicleState:
-    """Return a vehicle with what its watchpoints have to remember."""
-    return state if judgement.watches == state.watches else replace(state, watches=judgement.watches)
+    return state if tuple(watches) == state.watches else replace(state, watches=tuple(watches)), raised

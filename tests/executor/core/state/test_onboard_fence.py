@@ -136,10 +136,6 @@ def test_a_flight_taken_up_between_the_two_sends_the_fence_again_before_the_miss
     assert [command.fence for command in again] == [WIDE]
 
 
-def judged(one: VehicleState) -> watchpoints.Judgement:
-    return watchpoints.judge_watchpoints(CONTEXT, CONTEXT.vehicles["uav1"], one, NOW_S)
-
-
 def breached(one: VehicleState) -> tuple[Verdict, str]:
     found = watchpoints.check_fence_breach(WatchView(CONTEXT, CONTEXT.vehicles["uav1"], one, False, NOW_S))
     return verdict_of(found), found or ""
