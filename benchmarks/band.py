@@ -22,7 +22,7 @@ from benchmarks.virtual_flight import FlightObservers, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries
 from executor.core.context import Context
 from executor.core.inflight.faults import battery_watchpoints, warning_rules, watchpoints
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import OK, WatchView
 from executor.core.interface.events import Event, Tick
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
@@ -206,15 +206,13 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
     view = WatchView(context, setup, state, seen.failing_since_s is not None, now_s)
     if seen.warned_s is None and warning_rules.describe_reserve_risk(view):
         seen.warned_s = now_s
-    match RESERVE.judge(view).verdict:
-        case Verdict.FAIL:
-            seen.failing_since_s = now_s if seen.failing_since_s is None else seen.failing_since_s
-            if seen.faulted_s is None and now_s - seen.failing_since_s >= RESERVE.raise_after_s:
-                seen.faulted_s = now_s
-        case Verdict.OK:
-            seen.failing_since_s = None
-        case Verdict.STALE:
-            pass
+    found = RESERVE.judge(view)
+    if found:
+        seen.failing_since_s = now_s if seen.failing_since_s is None else seen.failing_since_s
+        if seen.faulted_s is None and now_s - seen.failing_since_s >= RESERVE.raise_after_s:
+            seen.faulted_s = now_s
+    elif found == OK:
+        seen.failing_since_s = None
 
 
 def band_held(flights: Sequence[BandFlight]) -> Json:

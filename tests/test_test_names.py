@@ -18,7 +18,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
-    "tests/executor/virtual/test_areas.py": ("executor/core/preflight/area_checks.py", "missions/area_check.py"),
+    "tests/executor/virtual/test_areas.py": ("missions/area_check.py",),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_areas.py",
         "executor/site/tables/area_tables.py",
@@ -252,10 +252,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
-    "tests/executor/runtime/test_turnaround.py": (
-        "executor/core/state/sortie_log.py",
-        "executor/runtime/turnaround_check.py",
-    ),
+    "tests/executor/runtime/test_turnaround.py": ("executor/runtime/turnaround_check.py",),
     "tests/benchmarks/test_distance.py": (
         "benchmarks/distancepage.py",
         "benchmarks/report.py",
@@ -317,10 +314,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/tables/ground.py",
         "executor/site/tables/links.py",
     ),
-    "tests/executor/site/test_planned_heights.py": (
-        "executor/core/preflight/height_checks.py",
-        "executor/site/site_model.py",
-    ),
+    "tests/executor/site/test_planned_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_planning_asked.py": (
         "executor/flight/checklist.py",
         "executor/flight/checklist_only.py",

@@ -31,7 +31,7 @@ from executor.analysis.plan_comparison import build_route_rows
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
 from executor.core.interface.ports import LinkCounts
-from executor.core.preflight import height_checks
+from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_position import is_over_pad
@@ -222,7 +222,7 @@ def _build_heights(context: Context, state: FleetState) -> HeightsPart:
     paths = [
         vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
     ]
-    return HeightsPart.model_validate(height_checks.build_heights_document(context.setup, paths))
+    return HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
 
 
 def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:

@@ -14,7 +14,7 @@ from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
 from executor.cli.plan_inputs import write_named_file
 from executor.core.interface.commands import Level
-from executor.core.preflight.height_checks import find_low_places
+from executor.core.preflight.mission_checks import find_low_places
 from executor.errors import SiteError
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site

@@ -21,8 +21,12 @@ from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, stream_watch, warning_rules, watchpoints
 from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
 from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing import unexpected_landing as down
-from executor.core.inflight.homing.landing import apply_touchdown, has_landed
+from executor.core.inflight.homing.landing import (
+    apply_touchdown,
+    describe_unexpected_landing,
+    has_landed,
+    is_flying_again,
+)
 from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.interface.events import (
@@ -318,10 +322,9 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if mission_check.is_mission_read_due(vehicle, now_s):
         vehicle = vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=now_s))
         commands.append(ReadMission(name))
-    judgement = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
-    vehicle = watchpoints.store_watches(vehicle, judgement)
+    vehicle, raised = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)
     state = state.put(vehicle)
-    raised = [(point, why) for point, why in judgement.raised if not (alone and point.kind is FaultKind.LINK)]
+    raised = [(point, why) for point, why in raised if not (alone and point.kind is FaultKind.LINK)]
     if taken_up is None:
         raised = [(point, why) for point, why in raised if point.kind is FaultKind.LINK]
         if not raised:
@@ -353,7 +356,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := down.describe_unexpected_landing(context, vehicle, now_s):
+    if why := describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
@@ -382,7 +385,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
         if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
             state = state.put(vehicle.with_sortie(place_told=True))
             return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
-        if not down.is_flying_again(vehicle):
+        if not is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):
@@ -409,28 +412,22 @@ def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleSt
     """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
-    lies = replace(
-        change_stage(vehicle, Stage.DOWN),
-        orders=replace(vehicle.orders, errand=None),
-        motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
-        sortie=replace(vehicle.sortie, place_told=True),
-    )
+    lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)
+    lies = lies.with_motion(anchor=vehicle.motion.fix)
     return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
 
 
 def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
     """Say that an inspection does not count once its vehicle has left the segment without proof."""
-    vehicle = state.vehicles[name]
-    if vehicle.assignment.owed is None or vehicle.assignment.board is None:
+    vehicle, board = state.vehicles[name], state.vehicles[name].assignment.board
+    if vehicle.assignment.owed is None or board is None:
         return state, ()
     visit, why = vehicle.assignment.owed
-    ahead = any(
-        point.visit == visit for point in vehicle.assignment.board.path.waypoints[vehicle.assignment.waypoint :]
-    )
+    ahead = any(point.visit == visit for point in board.path.waypoints[vehicle.assignment.waypoint :])
     if ahead and vehicle.stage in {Stage.FLYING, Stage.PILOT}:
         return state, ()
     state = state.put(vehicle.with_assignment(owed=None))
-    segment = vehicle.assignment.board.tracks[visit].segment
+    segment = board.tracks[visit].segment
     if segment in state.coverage.inspected:
         return state, ()
     return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
@@ -441,12 +438,8 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
 
     Its mission is not taken up in the air: both autopilots forget the speed at a change of mode (measured).
     """
-    vehicle = replace(
-        change_stage(vehicle, Stage.RETURNING),
-        assignment=replace(vehicle.assignment, run=None),
-        motion=replace(vehicle.motion, anchor=None),
-        sortie=replace(vehicle.sortie, left_s=now_s),
-    )
+    vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
+    vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
@@ -457,13 +450,10 @@ def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fau
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, fault)
     text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
-    orders = replace(vehicle.orders, errand=None)
+    vehicle = vehicle.with_orders(errand=None)
     if fault.kind is FaultKind.LINK:
-        return state.put(replace(change_stage(vehicle, Stage.LOST), orders=orders)), (Say(Level.WARNING, text),)
-    sortie = replace(vehicle.sortie, place_told=False)
-    return state.put(replace(change_stage(vehicle, Stage.DOWN), orders=orders, sortie=sortie)), (
-        Say(Level.FAULT, text),
-    )
+        return state.put(change_stage(vehicle, Stage.LOST)), (Say(Level.WARNING, text),)
+    return state.put(change_stage(vehicle, Stage.DOWN).with_sortie(place_told=False)), (Say(Level.FAULT, text),)
 
 
 def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:

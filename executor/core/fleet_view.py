@@ -320,9 +320,7 @@ def _build_vehicle_view(
         name=vehicle.name,
         sysid=setup.sysid,
         state=vehicle_state_word(context, vehicle),
-        mode=None
-        if vehicle.telemetry.heartbeat is None
-        else mode_name(setup.dialect, vehicle.telemetry.heartbeat.custom_mode),
+        mode=None if vehicle.mode is None else mode_name(setup.dialect, vehicle.mode),
         armed=vehicle.armed,
         layer=layers.vehicles.index(vehicle.name),
         layer_m=layers.offset_m(vehicle.name),
@@ -382,8 +380,7 @@ def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> 
 def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
     """Return what a vehicle does, in one word; it holds once it says so itself."""
     hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    shown = vehicle.telemetry.heartbeat is not None and vehicle.telemetry.heartbeat.custom_mode == hold
-    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and shown:
+    if vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None and vehicle.mode == hold:
         return "holding"
     if vehicle.stage is Stage.RETURNING and vehicle.orders.lands:
         return "landing"
@@ -440,10 +437,10 @@ def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
     began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
-    if vehicle.assignment.board is not None and began_pct is not None and vehicle.airborne:
-        spent_pct = sum(
-            leg.energy_pct for leg in vehicle.assignment.board.legs
-        ) - landing_projection.energy_to_reach_pct(vehicle, len(vehicle.assignment.board.legs) - 1)
+    board = vehicle.assignment.board
+    if board is not None and began_pct is not None and vehicle.airborne:
+        ahead_pct = landing_projection.energy_to_reach_pct(vehicle, len(board.legs) - 1)
+        spent_pct = sum(leg.energy_pct for leg in board.legs) - ahead_pct
         predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
         band_pct = round(BAND_SD * math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
     return BatteryView(

@@ -5,15 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executor.core.context import Context
-from executor.core.preflight import (
-    area_checks,
-    distance_checks,
-    height_checks,
-    pack_checks,
-    shutter_checks,
-    terrain_checks,
-    vehicle_checks,
-)
+from executor.core.preflight import mission_checks, pack_checks, vehicle_checks
 from executor.core.preflight.failsafe_parameters import LinkFailsafe
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
@@ -44,18 +36,18 @@ def build_checklist(
     """
     paths = {name: board.path for name, board in boards.items() if board is not None}
     site, plan = order.site, order.plan
-    found = height_checks.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
+    found = mission_checks.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
     stated_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
     pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
-    found += area_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
+    found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
     found.append(vehicle_checks.check_disk_space(free_bytes, paths, context))
     found += vehicle_checks.check_layer_separation(
         list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m
     )
-    found += distance_checks.check_inspection_distances(context.setup, list(paths.values()), visits)
+    found += mission_checks.check_inspection_distances(context.setup, list(paths.values()), visits)
     for name, fact in facts.items():
         setup, board = context.vehicles[name], boards[name]
         path = board.path if board is not None else None
@@ -72,9 +64,9 @@ def build_checklist(
             fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)
         )
         if site.terrain is not None:
-            found += terrain_checks.check_terrain_following(fact, setup.dialect)
-            found += terrain_checks.check_pad_ground(context, fact)
-        found += shutter_checks.check_shutter(fact, setup.dialect, path)
+            found += vehicle_checks.check_terrain_following(fact, setup.dialect)
+            found += vehicle_checks.check_pad_ground(context, fact)
+        found += vehicle_checks.check_shutter(fact, setup.dialect, path)
         found += vehicle_checks.check_own_geofence(context, fact, path)
         found += pack_checks.check_pack(context, fact)
         found += vehicle_checks.flight_times(fact, setup.dialect)

@@ -10,7 +10,7 @@ from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.interface.ports import OpenLink
-from executor.core.preflight import shutter_checks, terrain_checks, vehicle_checks
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
@@ -59,8 +59,8 @@ async def connect_and_interview(
         console.say(Level.INFO, f"{name}: not ready yet: {missing}")
 
     dialect = dialect_for(table.autopilot)
-    more = () if site.terrain is None else terrain_checks.list_terrain_parameters(dialect)
-    more += shutter_checks.list_shutter_parameters(dialect) if site.look else ()
+    more = () if site.terrain is None else vehicle_checks.list_terrain_parameters(dialect)
+    more += vehicle_checks.list_shutter_parameters(dialect) if site.look else ()
     facts = await asking.interview_vehicle(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts

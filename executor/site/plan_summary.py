@@ -9,7 +9,7 @@ import numpy as np
 
 from executor.core.formatting import describe_unreachable, format_count, join_first_names
 from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight import distance_checks
+from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import DayPlanFile, PlanFile
 from missions.geo import FloatArray
@@ -126,7 +126,7 @@ def describe_distances(plan: PlanFile) -> list[str]:
             at_m = plan.inspection_height_m(name, segment_of(visit))
             if at_m is not None:
                 rows.append((plan.segments[segment_of(visit)].display_name, name, at_m))
-    return [distance_checks.describe_inspection_distances(plan.inspection.height_m, rows)] if rows else []
+    return [mission_checks.describe_inspection_distances(plan.inspection.height_m, rows)] if rows else []
 
 
 def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: Collection[int] = ()) -> list[str]:

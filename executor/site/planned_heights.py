@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from executor.core.preflight import area_checks, height_checks
+from executor.core.preflight import mission_checks
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
@@ -50,11 +50,13 @@ def compute_planned_heights(ground: SiteModel, rounds: Sequence[Mapping[str, tup
     paths = [path for _, own in flown for path in own]
     for text in check_areas(setup, paths):
         raise SiteError(f"area: {text}")
-    for text in height_checks.find_low_places(setup, paths):
+    for text in mission_checks.find_low_places(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
-    returns = (line for routes, own in flown for line in area_checks.describe_returns_through_areas(setup, own, routes))
+    returns = (
+        line for routes, own in flown for line in mission_checks.describe_returns_through_areas(setup, own, routes)
+    )
     return PlannedHeights(
-        height_checks.describe_heights(setup, paths),
+        mission_checks.describe_heights(setup, paths),
         (*ground.worth_a_look, *check_ceiling(setup, paths), *dict.fromkeys(returns)),
-        height_checks.build_heights_document(setup, paths),
+        mission_checks.build_heights_document(setup, paths),
     )

@@ -5,18 +5,18 @@ from __future__ import annotations
 from missions.autopilots.dialect import Dialect
 
 
-def is_mission_mode(dialect: Dialect, custom_mode: int) -> bool:
+def is_mission_mode(dialect: Dialect, custom_mode: int | None) -> bool:
     """Return whether the vehicle flies the mission on board."""
     return custom_mode == dialect.modes.mission.custom_mode
 
 
-def is_home_mode(dialect: Dialect, custom_mode: int) -> bool:
+def is_home_mode(dialect: Dialect, custom_mode: int | None) -> bool:
     """Return whether the vehicle comes home, or lands, by itself."""
     ours = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
     return custom_mode in ours | dialect.modes.other_ways_home
 
 
-def is_manual_mode(dialect: Dialect, custom_mode: int) -> bool:
+def is_manual_mode(dialect: Dialect, custom_mode: int | None) -> bool:
     """Return whether somebody has to fly it: neither we, nor a mission, nor a failsafe leads there with hands off."""
     return custom_mode in dialect.modes.manual
 

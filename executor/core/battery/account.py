@@ -46,6 +46,7 @@ GAP_S = 10.0
 BLIND_PCT = 1.5
 """PX4 without a current sensor: its percentage is off by some percent, and slowly so."""
 FULL_PCT = 100.0
+"""A percentage's stop: PX4 says no more of a pack that its voltage puts above."""
 
 NO_PRIOR = Prior()
 DEFAULT_LIMITS = Limits()

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from executor.core.battery.resting_voltage import least_cell_count
 from executor.core.battery.voltage_sag import POLARISED, SagEstimate
+from executor.core.limits import Limits
 
 SETTLE_S = 8.0
 """After the take-off: until then the voltage falls by the load itself."""
@@ -91,17 +92,8 @@ class VoltageReport:
     cells_v: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class VoltageThresholds:
-    """What is too much."""
-
-    step: float
-    low_v: float
-    spread_v: float
-
-
 def apply_voltage_report(
-    state: VoltageState, report: VoltageReport, limits: VoltageThresholds, now_s: float, *, flying: bool,
+    state: VoltageState, report: VoltageReport, limits: Limits, now_s: float, *, flying: bool,
     sag: SagEstimate | None = None
 ) -> VoltageState:  # fmt: skip
     """Take a report; `sag` is what was known of the pack before it."""
@@ -123,11 +115,11 @@ def apply_voltage_report(
     if state.began_s is None:
         state = replace(state, began_s=now_s)
     weakest = state.weakest_v
-    low = weakest is not None and weakest < limits.low_v
+    low = weakest is not None and weakest < limits.cell_low_v
     state = replace(
         state,
         low_since_s=_track_onset(state.low_since_s, now_s, holds=low),
-        spread_since_s=_track_onset(state.spread_since_s, now_s, holds=state.spread_v > limits.spread_v),
+        spread_since_s=_track_onset(state.spread_since_s, now_s, holds=state.spread_v > limits.cell_spread_v),
     )
     if state.began_s is None or now_s - state.began_s < SETTLE_S:
         return state
@@ -135,7 +127,7 @@ def apply_voltage_report(
 
 
 def _compare_with_usual(
-    state: VoltageState, report: VoltageReport, limits: VoltageThresholds, now_s: float, elapsed_s: float,
+    state: VoltageState, report: VoltageReport, limits: Limits, now_s: float, elapsed_s: float,
     sag: SagEstimate | None
 ) -> VoltageState:  # fmt: skip
     current = report.current_a if state.known_load else None
@@ -147,7 +139,8 @@ def _compare_with_usual(
         expected_v -= more_a * state.usual_ohm[more_a > 0]
     drop = (expected_v - report.voltage_v) / usual_v
     state = replace(state, drop=drop, expected_v=expected_v)
-    dropped_s = _track_onset(state.dropped_s, now_s, holds=drop > CALM * limits.step)
+    step = limits.voltage_step if state.known_load else limits.voltage_step_blind
+    dropped_s = _track_onset(state.dropped_s, now_s, holds=drop > CALM * step)
     if dropped_s is not None and now_s - dropped_s < GIVES_UP_S:
         return replace(state, dropped_s=dropped_s)
     follow = 1.0 - math.exp(-elapsed_s / USUAL_S) if dropped_s is None else 1.0

@@ -150,14 +150,10 @@ def _find_late_pictures(
 
 
 def _build_silence_finding(memory: CameraRecord, name: str, since: str, now_s: float) -> CameraFinding:
-    if _is_present(memory, now_s):
+    present = memory.component >= FIRST_COMPONENT and memory.heard_s is not None and now_s - memory.heard_s <= HEARD_S
+    if present:
         return FaultCode.CAMERA_MUTE, f"{name}: online, but no picture reported {since}"
     return FaultCode.CAMERA_SILENT, f"{name}: no picture {since}"
-
-
-def _is_present(memory: CameraRecord, now_s: float) -> bool:
-    speaks = memory.component >= FIRST_COMPONENT and memory.heard_s is not None
-    return speaks and memory.heard_s is not None and now_s - memory.heard_s <= HEARD_S
 
 
 def _report_broken_camera(

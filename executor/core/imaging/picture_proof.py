@@ -13,12 +13,11 @@ from types import MappingProxyType
 from executor.core.context import Context
 from executor.core.interface.commands import AskPicture, Command, Level, Say
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures, WantedPicture
-from executor.core.payload.span_coverage import find_unseen_stretches, max_picture_spacing_m
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_run import SegmentPass
 from executor.core.state.vehicle_state import IN_THE_AIR, VehicleState
 from missions import Phase
-from missions.cameras import FIRST_COMPONENT
+from missions.cameras import FIRST_COMPONENT, SpanCameraTask, Trigger
 from missions.inspection_height import visit_distances_m
 from planner import segment_of
 
@@ -29,6 +28,12 @@ TRIES = 8
 """Where a fifth of all frames is lost each way, three questions leave one picture of a hundred unknown."""
 AT_ONCE = 5
 """Pictures that are asked for in one turn."""
+LATE_M = 2.5
+"""A picture may be taken, or said to be, this much later than it was asked for; two fixes add to it."""
+SPACES = 1.5
+"""Times the distance that was asked for: one picture that is missing leaves twice as much."""
+FILM_S = 3.0
+"""A camera says once a second that it films, and a word may be lost."""
 
 
 def requires_pictures(context: Context, segment: int) -> bool:
@@ -137,6 +142,32 @@ def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[
     return words
 
 
+def max_picture_spacing_m(look: SpanCameraTask, speed_m_s: float) -> float:
+    """Return how far two pictures next to each other may be apart."""
+    if look.trigger is Trigger.VIDEO:
+        return FILM_S * speed_m_s + LATE_M
+    return SPACES * look.every_m + LATE_M
+
+
+def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: float) -> list[tuple[float, float]]:
+    """Return the stretches of a span that no picture shows, from a.
+
+    Args:
+        length_m: Of the span's flight track.
+        seen_at_m: Where along it pictures were taken that count.
+        most_m: How far two of them may be apart, and the first and the last from the ends.
+
+    >>> find_unseen_stretches(40.0, [0.0, 10.0, 30.0, 40.0], 15.0)
+    [(10.0, 30.0)]
+    """
+    places = sorted(min(max(at_m, 0.0), length_m) for at_m in seen_at_m)
+    return [
+        (before, after)
+        for before, after in zip([0.0, *places], [*places, length_m], strict=True)
+        if after - before > most_m
+    ]
+
+
 def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
     """Return what was flown and is not seen: at once, while the words of pictures may still come."""
     waiting = {
@@ -154,12 +185,8 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
     state, asked = _request_lost_pictures(state, now_s)
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
-        nearer = state.coverage.caught_nearer.get(segment, ())
-        why = (
-            describe_unseen_parts(context, state, segment)
-            if waits.nearer_m is None
-            else _describe_missing_pictures(context, segment, nearer)
-        )
+        caught = state.coverage.caught if waits.nearer_m is None else state.coverage.caught_nearer
+        why = _describe_missing_pictures(context, segment, caught.get(segment, ()))
         if why and now_s - waits.since_s < WAITS_S:
             continue
         if waits.nearer_m is None:
@@ -176,14 +203,15 @@ def _judge_segment(
     coverage = state.coverage
     unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
     if not why:
-        inspected = MappingProxyType({**coverage.inspected, segment: waits.vehicle})
-        return replace(state, coverage=replace(coverage, unseen=unseen, inspected=inspected)), ()
+        return state.with_coverage(
+            unseen=unseen, inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle})
+        ), ()
     words = "; ".join(why)
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
     found = MissingPictures(waits.vehicle, segment, now_s, words)
-    coverage = replace(coverage, unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
     text = f"{waits.vehicle}: {context.segment_name(segment)} flown, but pictures are missing: {words}"
-    return replace(state, coverage=coverage), (Say(Level.WARNING, text),)
+    state = state.with_coverage(unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
+    return state, (Say(Level.WARNING, text),)
 
 
 def _judge_nearer_pictures(
@@ -217,23 +245,16 @@ def _judge_nearer_pictures(
 def _request_lost_pictures(state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for vehicle in state.vehicles.values():
-        if vehicle.stage not in IN_THE_AIR or vehicle.link.stale:
-            continue
-        state, more = _request_pictures_from(state, vehicle, now_s)
-        commands.extend(more)
+        # An autopilot says each once.
+        cameras = [one for one in vehicle.payload.cameras if one.component >= FIRST_COMPONENT]
+        payload = vehicle.payload
+        for camera in cameras if vehicle.stage in IN_THE_AIR and not vehicle.link.stale else ():
+            due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
+            if due:
+                asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
+                wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)
+                payload = payload.with_camera(replace(camera, wanted=wanted))
+                commands += [AskPicture(vehicle.name, camera.component, one.sequence) for one in due]
+        if payload is not vehicle.payload:
+            state = state.put(replace(vehicle, payload=payload))
     return state, tuple(commands)
-
-
-def _request_pictures_from(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    commands: list[Command] = []
-    payload = vehicle.payload
-    for camera in payload.cameras:
-        if camera.component < FIRST_COMPONENT:
-            continue  # an autopilot says each once
-        due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
-        if due:
-            asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
-            wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)
-            payload = payload.with_camera(replace(camera, wanted=wanted))
-            commands += [AskPicture(vehicle.name, camera.component, one.sequence) for one in due]
-    return (state.put(replace(vehicle, payload=payload)), tuple(commands)) if commands else (state, ())

@@ -22,8 +22,10 @@ def select_segments_to_reinspect(
     context: Context, state: FleetState, assets: Sequence[int | str]
 ) -> frozenset[int] | Objection:
     """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
-    blind = _find_blind_segments(context, state)
-    again: set[int] = set()
+    # What no vehicle has a camera for that works.
+    barred = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
+    blind = frozenset.intersection(*barred) if barred else frozenset[int]()
+    again, coverage = set[int](), state.coverage
     for asset in assets:
         found = _segments_of(context, asset)
         if not found:
@@ -31,7 +33,8 @@ def select_segments_to_reinspect(
         flown = (found & context.wanted) - blind
         if not flown:
             return IntentReason.ASSET_NEVER_FLOWN, _describe_never_flown(context, min(found))
-        closed = flown & _find_closed_segments(state.coverage)
+        # What nobody is to fly: it counts, its pictures are waited for, or it was given up.
+        closed = flown & {*coverage.inspected, *coverage.unseen, *coverage.given_up}
         if not closed:
             return IntentReason.ASSET_OPEN, f"{context.segment_name(min(flown))} is open already"
         again |= closed
@@ -71,17 +74,6 @@ def _segments_of(context: Context, asset: int | str) -> frozenset[int]:
     if isinstance(asset, int):
         return frozenset({asset} & set(range(count)))
     return frozenset(segment for segment in range(count) if context.segment_name(segment) == asset)
-
-
-def _find_closed_segments(coverage: Coverage) -> set[int]:
-    """Return what nobody is to fly: it counts, its pictures are waited for, or it was given up."""
-    return {*coverage.inspected, *coverage.unseen, *coverage.given_up}
-
-
-def _find_blind_segments(context: Context, state: FleetState) -> frozenset[int]:
-    """Return the segments that no vehicle has a camera for that works."""
-    blind = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
-    return frozenset.intersection(*blind) if blind else frozenset()
 
 
 def _describe_unknown_asset(context: Context, asset: int | str) -> str:

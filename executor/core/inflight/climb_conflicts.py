@@ -128,8 +128,9 @@ def _update_yielding(
     if waits is None or waits.over_s is not None:
         if found is None or not _must_brake(vehicle, found[1]):
             return (vehicle, ()) if waits is None else _restore_speed(vehicle, waits, now_s)
-        told = Say(Level.INFO, _describe_slowdown(vehicle, found[0])), ChangeSpeed(vehicle.name, SLOW_M_S)
-        return _set_yielding(vehicle, YieldState(now_s, now_s), now_s), told
+        does = "is climbing in RTL" if found[0].seen else "has no link and may climb in failsafe RTL"
+        said = Say(Level.INFO, f"{vehicle.name}: slowing: {found[0].vehicle} ahead {does}")
+        return _set_yielding(vehicle, YieldState(now_s, now_s), now_s), (said, ChangeSpeed(vehicle.name, SLOW_M_S))
     if found is not None and now_s - waits.since_s < MOST_S:
         return _keep_slow(vehicle, waits, now_s)
     if _is_at_leg_end(vehicle):
@@ -140,20 +141,13 @@ def _update_yielding(
     return after, (Say(Level.INFO, text), ChangeSpeed(vehicle.name, speed_m_s))
 
 
-def _describe_slowdown(vehicle: VehicleState, climb: Climb) -> str:
-    does = "is climbing in RTL" if climb.seen else "has no link and may climb in failsafe RTL"
-    return f"{vehicle.name}: slowing: {climb.vehicle} ahead {does}"
-
-
 def _keep_slow(vehicle: VehicleState, waits: YieldState, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:
     """Tell it again if it is seen to be fast: the order was lost, or its next leg began with a speed of its own."""
     patience_s = FOLLOWS_S if waits.followed else AGAIN_S
     slow = _speed_m_s(vehicle) < 2.0 * SLOW_M_S
     if slow or now_s - waits.told_s < patience_s:
-        followed = waits.followed or slow
-        return (
-            vehicle if followed is waits.followed else _set_yielding(vehicle, replace(waits, followed=True), now_s)
-        ), ()
+        known = waits.followed or not slow
+        return (vehicle if known else _set_yielding(vehicle, replace(waits, followed=True), now_s)), ()
     return _set_yielding(vehicle, replace(waits, told_s=now_s, followed=False), now_s), (
         ChangeSpeed(vehicle.name, SLOW_M_S),
     )
@@ -179,14 +173,9 @@ def _is_on_our_mission(context: Context, vehicle: VehicleState) -> bool:
     flies = vehicle.stage is Stage.FLYING and vehicle.orders.held_s is None and vehicle.fault is None
     leg = vehicle.leg
     level = leg is not None and leg.phase not in {Phase.TAKEOFF, Phase.LAND}
-    ours = (
-        vehicle.custody.cause is ModeCause.OURS
-        and vehicle.custody.taken is None
-        and not is_under_foreign_control(vehicle)
-    )
-    return (
-        flies and level and ours and is_on_mission(context, vehicle) and not vehicle.assignment.carried.may_be_foreign()
-    )
+    ours = vehicle.custody.cause is ModeCause.OURS and not is_under_foreign_control(vehicle)
+    carries_ours = not vehicle.assignment.carried.may_be_foreign()
+    return flies and level and ours and carries_ours and is_on_mission(context, vehicle)
 
 
 def _speed_m_s(vehicle: VehicleState) -> float:
@@ -292,10 +281,9 @@ def _observe_climb(context: Context, vehicle: VehicleState) -> Climb | None:
 
     Who sinks is in its landing, and who stands over its pad is about to be.
     """
-    fix, beat = vehicle.motion.fix, vehicle.telemetry.heartbeat
-    lands = context.vehicles[vehicle.name].dialect.modes.land.custom_mode
+    fix, lands = vehicle.motion.fix, context.vehicles[vehicle.name].dialect.modes.land.custom_mode
     told = vehicle.stage is Stage.RETURNING and vehicle.orders.errand is not None and not vehicle.orders.lands
-    returns = beat is not None and beat.custom_mode != lands and is_coming_home(context, vehicle)
+    returns = vehicle.mode != lands and is_coming_home(context, vehicle)
     if fix is None or not (told or returns) or fix.alt_rel_m < context.limits.airborne_m:
         return None
     up_m, top_m = context.setup.up_m(vehicle.name, fix.alt_rel_m), _return_top_m(context, vehicle)

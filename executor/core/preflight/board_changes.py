@@ -70,9 +70,9 @@ class BoardChange(ABC, Generic[Value]):
         """What is restored, for the crew to confirm."""
 
     @property
-    @abstractmethod
     def words_back(self) -> str:
         """What the vehicle has again once it is given back."""
+        return self.words_open
 
     @property
     @abstractmethod
@@ -139,11 +139,6 @@ class KeptList(BoardChange[Items]):
         """What is restored, for the crew to confirm."""
         items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
         return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
-
-    @property
-    def words_back(self) -> str:
-        """What the vehicle has again once it is given back."""
-        return self.words_open
 
     @property
     def words_open(self) -> str:

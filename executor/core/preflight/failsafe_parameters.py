@@ -18,33 +18,35 @@ UNKNOWN = "unknown action"
 
 def list_preflight_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return every parameter that the checks before the flight read."""
-    wanted = [
+    return select_names(
         *link_names(dialect), *dialect.ground_station_failsafe.station_sysid[:1], *battery_names(dialect),
         *fence_names(dialect), *(tuning.parameter for tuning in dialect.tunings), *dialect.pack_parameters,
-    ]  # fmt: skip
-    return tuple(dict.fromkeys(wanted))
+    )  # fmt: skip
+
+
+def select_names(*names: str | None) -> tuple[str, ...]:
+    """Return names of parameters without those that a dialect does not have, each once."""
+    return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
 def link_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say what a vehicle does in silence."""
     rule = dialect.ground_station_failsafe
-    return tuple(name for name in (rule.action, rule.timeout, rule.pause, rule.exception[0]) if name is not None)
+    return select_names(rule.action, rule.timeout, rule.pause, rule.exception[0])
 
 
 def battery_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that say what a vehicle does on a low battery."""
     failsafe = dialect.battery_failsafe
-    wanted = [failsafe.capacity, *(early.action for early in failsafe.early)]
-    for level in failsafe.levels:
-        wanted += [level.action, level.threshold, level.voltage]
-    return tuple(dict.fromkeys(name for name in wanted if name is not None))
+    levels = (name for level in failsafe.levels for name in (level.action, level.threshold, level.voltage))
+    return select_names(failsafe.capacity, *(early.action for early in failsafe.early), *levels)
 
 
 def fence_names(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that describe a vehicle's geofence."""
     rule = dialect.geofence
     kinds = () if rule.kinds is None else rule.kinds[:1]
-    return tuple(dict.fromkeys((*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)))
+    return select_names(*rule.enabled_by, rule.height, rule.radius, *kinds, rule.action)
 
 
 def list_older_parameters(dialect: Dialect, known: Collection[str]) -> tuple[str, ...]:
@@ -92,25 +94,20 @@ def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collect
     timeout_s = rule.timeout_most_s if rule.timeout in unread else parameters.get(rule.timeout, rule.timeout_s)
     after_s = timeout_s + slack_s + holds_s
     lacking = [name for name in link_names(dialect) if name in unread]
+    action, (name, bit) = parameters.get(rule.action), rule.exception
+    acts, returns, setting = None, False, f"{rule.action}={action or 0.0:g}"
     if lacking:
         words = f"GCS failsafe not known: {describe_unread_parameters(lacking)}"
-        return LinkFailsafe(None, after_s, words, holds_s=holds_s, unread=True)
-    action = parameters.get(rule.action)
-    if action is None:
+    elif action is None:
         words = f"GCS failsafe not known: it has no {rule.action}"
-        return LinkFailsafe(None, after_s, words, holds_s=holds_s)
-    setting = f"{rule.action}={action:g}"
-    if action == 0:
-        words = f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
-        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
-    name, bit = rule.exception
-    if int(parameters.get(name, 0.0)) & bit:
-        words = f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
-        return LinkFailsafe(False, after_s, words, holds_s=holds_s)
-    does = describe_action(rule.actions, action)
-    words = f"GCS failsafe: {does} after {after_s:g} s ({setting})"
-    acts = None if does == UNKNOWN else True
-    return LinkFailsafe(acts, after_s, words, returns=int(action) == rule.action_return, holds_s=holds_s)
+    elif action == 0:
+        acts, words = False, f"no GCS failsafe ({setting}): without a link it flies its mission to the end"
+    elif int(parameters.get(name, 0.0)) & bit:
+        acts, words = False, f"no GCS failsafe in a mission ({setting}, but {name}={parameters[name]:g})"
+    else:
+        does, returns = describe_action(rule.actions, action), int(action) == rule.action_return
+        acts, words = None if does == UNKNOWN else True, f"GCS failsafe: {does} after {after_s:g} s ({setting})"
+    return LinkFailsafe(acts, after_s, words, returns=returns, holds_s=holds_s, unread=bool(lacking))
 
 
 def describe_unread_parameters(names: Collection[str]) -> str:

@@ -10,7 +10,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight.board_changes import format_number
-from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names
+from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.parameter_proposals import (
     REAL32,
     ParameterChange,
@@ -44,27 +44,17 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
         return ()
     rule = context.vehicles[name].dialect.geofence
     kinds = rule.kinds[0] if rule.kinds is not None else None
-    wanted = (kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
-    return tuple(dict.fromkeys(one for one in wanted if one is not None))
+    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
 
 
 def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
     """Return what a flight changes on board with what its fences need."""
-    made = {name: plan_fence_changes(context, name, said) for name, said in proposal.present.items()}
-    checks = [
-        check
-        for name, said in proposal.present.items()
-        for check in _check_planned_fence(context, name, said, made[name])
-    ]
-    return replace(
-        proposal,
-        changes=(*proposal.changes, *(change for own in made.values() for change in own)),
-        checks=(*proposal.checks, *checks),
-    )
-
-
-def _check_planned_fence(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
-    return [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
+    changes, checks = list(proposal.changes), list(proposal.checks)
+    for name, said in proposal.present.items():
+        made = plan_fence_changes(context, name, said)
+        changes += made
+        checks += [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
+    return replace(proposal, changes=tuple(changes), checks=tuple(checks))
 
 
 def plan_fence_changes(context: Context, name: str, said: Present) -> list[ParameterChange]:
@@ -75,14 +65,16 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[Param
     names = list_fence_parameters(context, name)
     if not names or any(one not in said for one in names):
         return []
-    rule, stands = context.vehicles[name].dialect.geofence, _is_fence_enabled(context.vehicles[name].dialect, said)
+    rule = context.vehicles[name].dialect.geofence
+    stands = any(one in said and said[one].value for one in rule.enabled_by)  # it keeps to a fence already
+    limited = stands and (rule.kinds is None or bool(int(said[rule.kinds[0]].value) & rule.kinds[1]))
     wanted: dict[str, tuple[float, str, str]] = {}
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
         own = int(said[kinds].value) if stands else 0
         wanted[kinds] = (float(own | height_bit | rule.polygons), "", "keeps to a height and to the fence on board")
     top = _round_up_fence_top(context, name, said)
-    limit = said[rule.height].value if stands and _is_height_limited(context.vehicles[name].dialect, said) else 0.0
+    limit = said[rule.height].value if limited else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", "its fence ends above all that it flies")
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
@@ -196,16 +188,6 @@ def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
     rule = context.vehicles[name].dialect.geofence
     least = fence_top_m(context, name)
     return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
-
-
-def _is_fence_enabled(dialect: Dialect, said: Present) -> bool:
-    """Return whether the vehicle keeps to a fence already."""
-    return any(one in said and said[one].value for one in dialect.geofence.enabled_by)
-
-
-def _is_height_limited(dialect: Dialect, said: Present) -> bool:
-    kinds = dialect.geofence.kinds
-    return kinds is None or bool(int(said[kinds[0]].value) & kinds[1])
 
 
 def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:

@@ -10,7 +10,7 @@ from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight.board_changes import format_change
-from executor.core.preflight.failsafe_parameters import describe_unread_parameters
+from executor.core.preflight.failsafe_parameters import describe_unread_parameters, select_names
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
 
@@ -73,7 +73,7 @@ class ParameterProposal:
 def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
     """Return the parameters that a vehicle is asked for before a change of its return."""
     rule = dialect.return_parameters
-    return tuple(name for name in (rule.height, rule.cone, rule.descend_height, rule.descend_wait) if name is not None)
+    return select_names(rule.height, rule.cone, rule.descend_height, rule.descend_wait)
 
 
 def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:
@@ -98,7 +98,11 @@ def propose_return_changes(
     """
     changes: list[ParameterChange] = []
     checks: list[Check] = []
-    highest = max(context.vehicles, key=lambda name: _return_height_over_depot_m(context, name))
+    over_depot_m = {
+        name: context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
+        for name in context.vehicles
+    }
+    highest = max(over_depot_m, key=over_depot_m.__getitem__)
     for name, answers in answered.items():
         said = answers.present
         if answers.unread:
@@ -122,11 +126,6 @@ def list_change_checks(changes: Sequence[ParameterChange]) -> list[Check]:
     ]
 
 
-def _return_height_over_depot_m(context: Context, name: str) -> float:
-    """Return how high over the depot a vehicle returns."""
-    return context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
-
-
 def _propose_for_vehicle(
     context: Context, vehicle: str, said: Present, kept_to_m: float
 ) -> tuple[list[ParameterChange], Check]:
@@ -144,14 +143,11 @@ def _propose_for_vehicle(
         value = _round_up_height(wanted_m, unit_m, known.kind)
         height_m = value * unit_m
         unit = "cm" if unit_m < 1.0 else "m"
-        changes.append(
-            ParameterChange(vehicle, name, known.value, value, known.kind, unit, _explain_return_height(context))
-        )
+        why = _explain_return_height(context)
+        changes.append(ParameterChange(vehicle, name, known.value, value, known.kind, unit, why))
     changes += _propose_other_changes(vehicle, rule, said, height_m)
-    stays = "is" if height_m == is_m else "will be"
-    return changes, Check(
-        Severity.OK, vehicle, f"RTL altitude {stays} {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE
-    )
+    text = f"RTL altitude {'is' if height_m == is_m else 'will be'} {round(height_m, 1):g} m ({name})"
+    return changes, Check(Severity.OK, vehicle, text, CheckCode.RTL_ALTITUDE)
 
 
 def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
@@ -174,14 +170,9 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
             f"others: {problems}"
         )
         return Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
-    if problems:
-        return Check(
-            Severity.WARNING,
-            vehicle,
-            f"RTL altitude set to {round(height_m, 1):g} m, but {problems}",
-            CheckCode.RTL_ALTITUDE,
-        )
-    return Check(Severity.OK, vehicle, f"RTL altitude set to {round(height_m, 1):g} m ({name})", CheckCode.RTL_ALTITUDE)
+    severity = Severity.WARNING if problems else Severity.OK
+    text = f"RTL altitude set to {round(height_m, 1):g} m" + (f", but {problems}" if problems else f" ({name})")
+    return Check(severity, vehicle, text, CheckCode.RTL_ALTITUDE)
 
 
 def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.connection import Connection, Scheme
@@ -29,13 +31,14 @@ RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
 SPARE_ROOM = 4.0
 """A flight with a re-plan takes longer, and pictures and a copy are wanted too."""
-"""MAV_AUTOPILOT."""
 PAD_OFF_M = 15.0
 """What a GPS may be off in height."""
 PAD_SLOPE = 0.3
 """By how much the ground may rise from the depot to a pad, in metres a metre."""
 FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
+GPS_M = 5.0
+"""What a good GPS is off in height beside the raster."""
 
 
 class Severity(Enum):
@@ -120,9 +123,8 @@ def check_identity(
         for double in facts.doubles
     ]
     if facts.heartbeat.armed:
-        found.append(
-            Check(Severity.STOP, facts.name, "already armed, expected a disarmed vehicle on its pad", CheckCode.ARMED)
-        )
+        text = "already armed, expected a disarmed vehicle on its pad"
+        found.append(Check(Severity.STOP, facts.name, text, CheckCode.ARMED))
     away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
         where = "the depot" if stated_m is None else "its pad"
@@ -137,20 +139,31 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
     off_m = pad.alt_m - context.frame.alt_m
     text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
     if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
-        return [
-            Check(Severity.STOP, facts.name, f"{text}: expected depot.alt_m and GPS to agree", CheckCode.PAD_HEIGHT)
-        ]
-    inspection = context.setup.inspection
-    if abs(off_m) > inspection.height_m - margin_m(context.setup):
-        return [
-            Check(
-                Severity.WARNING,
-                facts.name,
-                f"{text}: its flight is {abs(off_m):.0f} m off if they do not agree",
-                CheckCode.PAD_HEIGHT,
-            )
-        ]
+        text += ": expected depot.alt_m and GPS to agree"
+        return [Check(Severity.STOP, facts.name, text, CheckCode.PAD_HEIGHT)]
+    if abs(off_m) > context.setup.inspection.height_m - margin_m(context.setup):
+        text += f": its flight is {abs(off_m):.0f} m off if they do not agree"
+        return [Check(Severity.WARNING, facts.name, text, CheckCode.PAD_HEIGHT)]
     return []
+
+
+def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
+    """Hold a pad's height by the vehicle's own GPS against the raster: all heights of its mission are counted from it.
+
+    A GPS that is too high sends the vehicle lower over the ground than its mission says.
+    """
+    terrain, pad = context.setup.terrain, context.setup.pad_of(facts.name)
+    if terrain is None:
+        return []
+    known = terrain.elevation
+    ground_m = float(known.interpolate_m(np.array([[pad.east_m, pad.north_m]]))[0])
+    off_m = pad.alt_m - ground_m
+    if not abs(off_m) > known.uncertainty_m + GPS_M:
+        return []
+    lower = f"{abs(off_m):.0f} m {'lower' if off_m > 0 else 'higher'} over the ground than planned"
+    text = f"its pad is at {pad.alt_m:.0f} m by its GPS, at {ground_m:.0f} m by {known.source}: it flies {lower}"
+    severity = Severity.STOP if off_m > terrain.margin_m else Severity.WARNING
+    return [Check(severity, facts.name, f"{text} if the raster is right", CheckCode.PAD_HEIGHT)]
 
 
 def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
@@ -182,9 +195,8 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
             f"it still flies them: {declared} instead"
         )
         return Check(Severity.WARNING, facts.name, text, CheckCode.LINK_FAILSAFE)
-    return Check(
-        Severity.OK if own.acts else Severity.WARNING, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE
-    )
+    severity = Severity.OK if own.acts else Severity.WARNING
+    return Check(severity, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -287,6 +299,53 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     return [Check(Severity.WARNING, facts.name, text, CheckCode.ENERGY)]
 
 
+def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that say whether it follows the ground by itself."""
+    return tuple(rule.parameter for rule in dialect.terrain)
+
+
+def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
+    """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
+    if unread := facts.check_parameters_read(
+        list_terrain_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN
+    ):
+        return unread
+    set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
+    on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
+    setting = {rule: f"{rule.parameter} {facts.parameters[rule.parameter]:g}" for rule in set_}
+    found = [f"follows the ground by itself: {setting[rule]}: {rule.words}" for rule in on if rule.in_flight]
+    found += [f"may follow the ground by itself: {setting[rule]} is unknown" for rule in set_ if rule not in on]
+    if found:
+        return [Check(Severity.WARNING, facts.name, text, CheckCode.TERRAIN) for text in found]
+    idle = "; ".join(f"{setting[rule]} {rule.words}" for rule in on)
+    text = "its missions and its RTL do not follow the ground by themselves" + (f" ({idle})" if idle else "")
+    return [Check(Severity.OK, facts.name, text, CheckCode.TERRAIN)]
+
+
+def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that say whether it takes pictures."""
+    return (dialect.shutter.parameter,)
+
+
+def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None) -> list[Check]:
+    """Say whether pictures are taken that a vehicle's mission asks of its autopilot; nothing where it asks for none."""
+    rule = dialect.shutter
+    asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
+    if not asked & rule.triggers:
+        return []
+    if unread := facts.check_parameters_read(
+        (rule.parameter,), "whether its autopilot takes pictures is", CheckCode.CAMERA
+    ):
+        return unread
+    value = facts.parameters.get(rule.parameter)
+    if value:
+        text = f"its autopilot takes pictures ({rule.parameter} {value:g})"
+        return [Check(Severity.OK, facts.name, text, CheckCode.CAMERA)]
+    said = f"does not say {rule.parameter}" if value is None else f"{rule.parameter} 0"
+    text = f"{said}: its autopilot takes no pictures {rule.words}; expected {rule.remedy}, and a restart"
+    return [Check(Severity.WARNING, facts.name, text, CheckCode.CAMERA)]
+
+
 def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
     """Return what a flight should leave in the battery; None if there is no flight."""
     return None if path is None else remaining_pct - _estimate_flight(context, path).energy_pct
@@ -302,9 +361,8 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
-        return Check(
-            Severity.OK, name, f"stays on the ground as a spare, battery {remaining_pct:.0f} %", CheckCode.ENERGY
-        )
+        text = f"stays on the ground as a spare, battery {remaining_pct:.0f} %"
+        return Check(Severity.OK, name, text, CheckCode.ENERGY)
     needed = _estimate_flight(context, path)
     left = remaining_pct - needed.energy_pct
     text = (
@@ -312,9 +370,8 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
         f"lands with {left:.0f} %"
     )
     if left < setup.reserve_pct:
-        return Check(
-            Severity.STOP, name, f"{text}, expected at least the reserve of {setup.reserve_pct:g} %", CheckCode.ENERGY
-        )
+        text += f", expected at least the reserve of {setup.reserve_pct:g} %"
+        return Check(Severity.STOP, name, text, CheckCode.ENERGY)
     return Check(Severity.OK, name, text, CheckCode.ENERGY)
 
 
@@ -326,18 +383,18 @@ def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Che
         signed: Whether frames must be signed.
     """
     if signed:
-        return Check(
-            Severity.OK, "signing", "frames are signed; frames not signed with our key are rejected", CheckCode.SIGNING
-        )
+        text = "frames are signed; frames not signed with our key are rejected"
+        return Check(Severity.OK, "signing", text, CheckCode.SIGNING)
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:
         radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
         beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
         return Check(Severity.OK, "signing", f"frames are not signed; {beyond}", CheckCode.SIGNING)
-    text = f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network"
-    return Check(
-        Severity.WARNING, "signing", f"{text}: any sender there can command and imitate the vehicles", CheckCode.SIGNING
+    text = (
+        f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network: "
+        "any sender there can command and imitate the vehicles"
     )
+    return Check(Severity.WARNING, "signing", text, CheckCode.SIGNING)
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:

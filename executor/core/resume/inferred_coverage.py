@@ -16,6 +16,7 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.state.inspection_run import NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
+from executor.core.state.landing_projection import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
 from missions import Pace, Phase
@@ -61,26 +62,21 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
         return NOTHING
-    if not state.armed and state.orders.start_owed_s is not None:
-        return NOTHING  # it was not told to start yet
-    if not _may_have_inspected(before, board, waypoint if state.armed else len(board.legs)):
+    waits = not state.armed and state.orders.start_owed_s is not None  # it was not told to start yet
+    ahead = board.path.waypoints[before.waypoint + 1 : (waypoint if state.armed else len(board.legs)) + 1]
+    if waits or (before.run is None and not any(point.phase is Phase.INSPECT for point in ahead)):
         return NOTHING
     if not context.infers:
         return InferredCoverage(why_not="the site asks for proof by positions")
-    if why_not := _explain_missing_evidence(before.fix, fix):
-        return InferredCoverage(why_not=why_not)
+    if fix.boot_s <= before.fix.boot_s:
+        return InferredCoverage(why_not="its clock was reset")
+    if before.fix.reckoned or fix.reckoned:
+        return InferredCoverage(why_not="its GPS was lost: its position is dead-reckoned")
     if not state.armed:
         return _infer_after_landing(context, state, before, fix, board)
     if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
         return InferredCoverage(why_not=why_not)
     return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
-
-
-def _explain_missing_evidence(before: PositionFix, fix: PositionFix) -> str:
-    """Return why two positions say nothing of the way between them; empty if they may."""
-    if fix.boot_s <= before.boot_s:
-        return "its clock was reset"
-    return "its GPS was lost: its position is dead-reckoned" if before.reckoned or fix.reckoned else ""
 
 
 def _infer_in_flight(
@@ -116,18 +112,11 @@ def _infer_in_flight(
     return InferredCoverage(segments, joins, join_run(board.tracks[joins], sample, context.inspection_speed_m_s))
 
 
-def _may_have_inspected(before: LastKnown, board: OnboardMission, waypoint: int) -> bool:
-    """Return whether there is anything that may have been inspected."""
-    ahead = board.path.waypoints[before.waypoint + 1 : waypoint + 1]
-    return before.run is not None or any(point.phase is Phase.INSPECT for point in ahead)
-
-
 def _describe_deviation(
     context: Context, state: VehicleState, before: LastKnown, fix: PositionFix, board: OnboardMission, waypoint: int
 ) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
-    dialect, beat = context.vehicles[state.name].dialect, state.telemetry.heartbeat
-    if beat is None or not is_mission_mode(dialect, beat.custom_mode):
+    if not is_mission_mode(context.vehicles[state.name].dialect, state.mode):
         return "it is no longer on its mission"
     if waypoint < before.waypoint:
         return "its mission went back"
@@ -164,7 +153,7 @@ def _infer_after_landing(
         return InferredCoverage(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return InferredCoverage(why_not="its consumption is not known")
-    modelled_pct = _remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
+    modelled_pct = remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
         board, before.waypoint, pace
     )
     modelled_pct += sum(_leg_energy_pct(board, leg, pace) for leg in rest)
@@ -177,12 +166,12 @@ def _infer_after_landing(
 
 def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
-    setup, beat = context.vehicles[state.name], state.telemetry.heartbeat
+    setup = context.vehicles[state.name]
     if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
         return "it is not on its pad"
-    if beat is None or is_home_mode(setup.dialect, beat.custom_mode):
+    if state.mode is None or is_home_mode(setup.dialect, state.mode):
         return "it came home by itself"
-    if is_manual_mode(setup.dialect, beat.custom_mode):
+    if is_manual_mode(setup.dialect, state.mode):
         return "its pilot may have landed it"
     if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
         # PX4 goes back to its mission mode once it has disarmed, however it came home.
@@ -192,14 +181,12 @@ def _describe_other_landing(context: Context, state: VehicleState, before: LastK
 
 def _select_passed_visits(before: LastKnown, board: OnboardMission, waypoint: int) -> tuple[int, ...]:
     """Return the visits that end before the leg under way, without one whose beginning is known not to count."""
-    visits = []
-    for index in range(before.waypoint, waypoint):
-        point = board.path.waypoints[index]
-        if point.phase is not Phase.INSPECT or point.visit is None:
-            continue
-        if index > before.waypoint or (before.run is not None and before.run_visit == point.visit):
-            visits.append(point.visit)
-    return tuple(visits)
+    begun = None if before.run is None else before.run_visit
+    return tuple(
+        point.visit
+        for index, point in enumerate(board.path.waypoints[before.waypoint : waypoint])
+        if point.phase is Phase.INSPECT and point.visit is not None and (index > 0 or point.visit == begun)
+    )
 
 
 def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...]) -> float:
@@ -231,19 +218,7 @@ def _leg_energy_pct(board: OnboardMission, leg: int, pace: Pace) -> float:
 
 def _remaining_leg_s(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> float:
     """Return how long the rest of a leg takes from a place on it."""
-    return _remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
-
-
-def _remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:
-    end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
-    begin, begin_up_m = end, 0.0  # the climb from the pad
-    if waypoint > 0:
-        begin, begin_up_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
-    length = math.dist(begin, end)
-    left = math.dist(fix.place_m, end)
-    if length < 1.0:
-        length, left = abs(end_up_m - begin_up_m), abs(end_up_m - fix.alt_rel_m)
-    return min(1.0, left / length) if length >= 1.0 else 1.0
+    return remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
 
 
 def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:

@@ -24,7 +24,6 @@ from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Ne
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission, change_stage, last_known_of
 from missions import MissionItem, count_common_items, encode
-from missions.autopilots.modes import is_mission_mode
 from planner import segment_of
 
 FLOWN_PCT = 3.0
@@ -80,12 +79,9 @@ def compare_onboard_mission(
         items: What is on board; None if it could not be read.
         seq: The item that it flies to.
     """
-    vehicle, plan, dialect = state.vehicles[name], state.replanning.replan, context.vehicles[name].dialect
-    paths = (
-        {} if vehicle.assignment.board is None else {vehicle.assignment.board.revision: vehicle.assignment.board.path}
-    )
-    if vehicle.assignment.declined is not None and (maybe := vehicle.assignment.declined.maybe) is not None:
-        paths[maybe.revision] = maybe.path
+    given, plan, dialect = state.vehicles[name].assignment, state.replanning.replan, context.vehicles[name].dialect
+    boards = (given.board, None if given.declined is None else given.declined.maybe)
+    paths = {board.revision: board.path for board in boards if board is not None}
     if plan is not None and name in plan.missions:
         paths[plan.solve.revision] = plan.missions[name].path
     matches = []
@@ -279,11 +275,10 @@ def _resend_mission(
 
 def _has_started(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle that had been told to take off has done so, or is about to."""
-    heartbeat, fix = vehicle.telemetry.heartbeat, vehicle.motion.fix
-    if not vehicle.armed or heartbeat is None or fix is None:
+    fix = vehicle.motion.fix
+    if not vehicle.armed or fix is None:
         return False
-    dialect = context.vehicles[vehicle.name].dialect
-    return is_mission_mode(dialect, heartbeat.custom_mode) or fix.alt_rel_m > context.limits.airborne_m
+    return is_on_mission(context, vehicle) or fix.alt_rel_m > context.limits.airborne_m
 
 
 def _handle_unstarted_vehicle(

@@ -55,10 +55,9 @@ def add_reported_position(known: DuplicateIdWatch, told: ReportedPosition) -> Du
         return replace(known, one=told, recent=_append_position(known, told))
     if (told.boot_s, told.lat_deg, told.lon_deg) in known.recent:
         return known
-    if known.other is None or not _is_continuation(known.other, told):
-        return replace(known, one=told, other=known.one, recent=_append_position(known, told))
-    if known.one.boot_s - told.boot_s <= CLOCK_S and _is_near(known.one, told):
-        # What only comes late, however unevenly, never goes back in time.
+    # What only comes late, however unevenly, never goes back in time.
+    late = known.one.boot_s - told.boot_s <= CLOCK_S and _is_near(known.one, told)
+    if late or known.other is None or not _is_continuation(known.other, told):
         return replace(known, one=told, other=known.one, recent=_append_position(known, told))
     swaps = known.swaps + 1 if told.at_s - known.swapped_s <= WITHIN_S else 1
     return DuplicateIdWatch(told, known.one, swaps, told.at_s, _append_position(known, told))

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, project_remaining
 from executor.core.context import Scene, VehicleSetup
-from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_parts import OnboardMission, PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import LegEstimate, Phase
 from planner import CLIMB_SHARE_PER_M_S
@@ -149,11 +149,16 @@ def _iterate_phases(board: OnboardMission, first: int) -> Iterator[Phase]:
 
 def _remaining_leg_share(state: VehicleState) -> float:
     board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
-    if board is None or fix is None or waypoint == 0:
-        return 1.0
-    begin, end = board.places_m[waypoint - 1], board.places_m[waypoint]
+    return 1.0 if board is None or fix is None or waypoint == 0 else remaining_leg_share(board, waypoint, fix)
+
+
+def remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:
+    """Return how much of the leg to a waypoint lies before a vehicle at a place on it."""
+    end, end_up_m = board.places_m[waypoint], board.path.waypoints[waypoint].alt_rel_m
+    begin, begin_up_m = end, 0.0  # the climb from the pad
+    if waypoint > 0:
+        begin, begin_up_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
     length, left = math.dist(begin, end), math.dist(fix.place_m, end)
-    if length < UPRIGHT_M:  # it lands
-        begin_up_m, end_up_m = (board.path.waypoints[leg].alt_rel_m for leg in (waypoint - 1, waypoint))
-        length, left = abs(begin_up_m - end_up_m), abs(fix.alt_rel_m - end_up_m)
+    if length < UPRIGHT_M:
+        length, left = abs(end_up_m - begin_up_m), abs(end_up_m - fix.alt_rel_m)
     return min(1.0, left / length) if length >= UPRIGHT_M else 1.0

@@ -1,4 +1,4 @@
-"""When each leg of a mission on board began and ended, and what the battery gave for it: held against the plan.
+"""When each leg of a mission on board, and each sortie, began and ended, and what the battery gave for it.
 
 A leg ends when the vehicle goes on to the next waypoint, by its own report. As in a plan, the first one begins with the
 start of its motors, and the last one ends with their end on the ground. What is not heard, as in a silence, stays
@@ -10,13 +10,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core import vehicle_learning
-from executor.core.state.vehicle_parts import FlownLeg, LegBoundary
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import FlownLeg, FlownSortie, LegBoundary
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Phase
 from planner import segment_of
 
 _FLIES_MISSION = frozenset({Stage.STARTING, Stage.FLYING, Stage.PILOT})
+REFILLED_PCT = 10.0
+"""A pack at rest recovers by less."""
 
 
 def track_legs(
@@ -54,16 +57,11 @@ def end_landing_leg(state: VehicleState, now_s: float, start: LearnedFactors = U
     return _end_legs(state, assignment.waypoint, assignment.waypoint + 1, now_s, start)
 
 
-def battery_use_pct(state: VehicleState) -> float | None:
-    """Return what its battery has given since its first report, in percent; None if there was none."""
-    battery = state.power.battery
-    if battery.estimate is None or battery.first_pct is None:
-        return None
-    return battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
-
-
 def _build_leg_boundary(state: VehicleState, now_s: float) -> LegBoundary:
-    return LegBoundary(now_s, battery_use_pct(state), state.power.battery.modelled_pct)
+    battery, given_pct = state.power.battery, None
+    if battery.estimate is not None and battery.first_pct is not None:
+        given_pct = battery.earlier_pct + battery.first_pct - battery.estimate.remaining_pct
+    return LegBoundary(now_s, given_pct, battery.modelled_pct)
 
 
 def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, start: LearnedFactors) -> VehicleState:
@@ -115,3 +113,39 @@ def _is_undisturbed(state: VehicleState, since_s: float) -> bool:
         and not assignment.carried.may_be_foreign()
         and max(silent, changed) <= since_s
     )
+
+
+def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle that is told to start; one that never left its pad since begins the same sortie again."""
+    turn, rest = vehicle.turn, vehicle.power.pack.rest
+    before = turn.sorties
+    if before and before[-1].ended_s is None and not vehicle.sortie.took_off:
+        before = before[:-1]
+    own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
+    sortie = FlownSortie(
+        len(before) + 1,
+        turn.label,
+        now_s,
+        vehicle.power.battery.remaining_pct,
+        None if rest is None else rest.voltage_v,
+        own,
+    )
+    return replace(vehicle, turn=replace(turn, sorties=(*before, sortie)))
+
+
+def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle that has landed."""
+    turn = vehicle.turn
+    if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:
+        return vehicle
+    power, sag = vehicle.power, vehicle.power.pack.sag
+    # What its voltage says then is of another pack, in effect.
+    refilled = (power.battery.remaining_pct or 0.0) > (power.landed_pct or 0.0) + REFILLED_PCT
+    last = replace(
+        turn.sorties[-1],
+        ended_s=now_s,
+        ended_pct=power.landed_pct,
+        end_v=None if refilled else power.volts.voltage_v if sag is None else sag.recovered_v,
+        cells=power.volts.cells if power.volts.voltage_v is not None else None,
+    )
+    return replace(vehicle, turn=replace(turn, sorties=(*turn.sorties[:-1], last)))

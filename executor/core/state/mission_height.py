@@ -69,21 +69,19 @@ class _Slope:
 
 def find_mission_height(context: Scene, setup: VehicleSetup, state: VehicleState) -> AskedHeight | None:
     """Return what a vehicle's mission asks for; None where it is on none, takes off or lands, or nobody knows."""
-    beat, fix = state.telemetry.heartbeat, state.motion.fix
-    if beat is None or fix is None or not state.armed or not is_mission_mode(setup.dialect, beat.custom_mode):
-        return None
-    if not state.sortie.took_off:
+    fix = state.motion.fix
+    flies = state.armed and state.sortie.took_off and is_mission_mode(setup.dialect, state.mode)
+    if fix is None or not flies:
         return None
     return _find_planned_height(state, fix) if setup.planned else _find_onboard_height(context, state.own, fix)
 
 
 def is_stopped_below_mission(context: Scene, setup: VehicleSetup, state: VehicleState) -> bool:
     """Return whether a vehicle in mission mode has stopped far below its mission."""
-    fix, anchor, limits = state.motion.fix, state.motion.anchor, context.limits
-    if fix is None or anchor is None or fix.boot_s - anchor.boot_s < limits.lies_s:
+    if state.motion.stood_s < context.limits.lies_s:
         return False
     asked = find_mission_height(context, setup, state)
-    return asked is not None and asked.below_m >= limits.below_mission_m
+    return asked is not None and asked.below_m >= context.limits.below_mission_m
 
 
 def _find_planned_height(state: VehicleState, fix: PositionFix) -> AskedHeight | None:

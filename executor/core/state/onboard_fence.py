@@ -40,16 +40,15 @@ def widen_fence(context: Context, name: str, known: Fence | None, path: FlightPa
     return needed if known is None else known.merge_with(needed)
 
 
-def max_flight_height_m(context: Context, name: str) -> float:
-    """Return how high over its home a vehicle may come by any plan of this flight, and on its own way home."""
+def fence_top_m(context: Context, name: str) -> float:
+    """Return the height over its home at which a vehicle's fence ends: above any plan of this flight, and its return.
+
+    No later plan of the flight needs another.
+    """
     setup = context.setup
     over_home_m = setup.layers.offset_m(name) - setup.frame.up_m(setup.pad_of(name).alt_m)
-    return max(float(setup.layers.track_heights_m.max()) + over_home_m, context.return_height_m(name))
-
-
-def fence_top_m(context: Context, name: str) -> float:
-    """Return the height over its home at which a vehicle's fence ends; no later plan of the flight needs another."""
-    return max_flight_height_m(context, name) + (0.0 if context.fencing is None else context.fencing.height_margin_m)
+    highest_m = max(float(setup.layers.track_heights_m.max()) + over_home_m, context.return_height_m(name))
+    return highest_m + (0.0 if context.fencing is None else context.fencing.height_margin_m)
 
 
 def height_over_fence_m(context: Context, name: str, path: FlightPath) -> float:

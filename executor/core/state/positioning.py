@@ -52,7 +52,9 @@ def update_positioning(
         case EstimatorStatus():
             return _estimator_heard(known, message, now_s, stands=stands)
         case SystemStatus(unhealthy=unhealthy):
-            return _health_heard(known, unhealthy, now_s)
+            # For a receiver that says nothing itself.
+            ill = unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S
+            return _record_gps_loss(known, "GPS not healthy", now_s) if ill else known
 
 
 def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: float) -> Positioning:
@@ -71,7 +73,10 @@ def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: 
     known = replace(known, measured_s=measured_s, accuracy_m=message.accuracy_m)
     if known.adrift_s is not None and now_s - known.estimated_s <= REPORTED_S:
         return known
-    return _record_gps_return(known, at, now_s)
+    if known.lost_s is None:
+        return known if at is None else replace(known, fixed=at)
+    # The newest position is from before: the next report confirms one.
+    return replace(known, lost_s=None, why="", regained_s=now_s)
 
 
 def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float, *, stands: bool) -> Positioning:
@@ -88,24 +93,10 @@ def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float,
     return _record_gps_loss(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
 
 
-def _health_heard(known: Positioning, unhealthy: int, now_s: float) -> Positioning:
-    """Take SYS_STATUS for a receiver that says nothing itself."""
-    if unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S:
-        return _record_gps_loss(known, "GPS not healthy", now_s)
-    return known
-
-
 def _record_gps_loss(known: Positioning, why: str, now_s: float) -> Positioning:
     if known.lost_s is not None or known.fixed is None:
         return known
     return replace(known, lost_s=now_s, why=why)
-
-
-def _record_gps_return(known: Positioning, at: PositionFix | None, now_s: float) -> Positioning:
-    if known.lost_s is None:
-        return known if at is None else replace(known, fixed=at)
-    # The newest position is from before: the next report confirms one.
-    return replace(known, lost_s=None, why="", regained_s=now_s)
 
 
 def time_without_fix_s(known: Positioning, at: PositionFix) -> float:
@@ -142,8 +133,6 @@ class Accuracy:
     """fix: by GPS. reckoned: without it. unsaid: the vehicle has said nothing of its GPS."""
     off_m: float
     """By so much it may be off; a reckoned one by this or more."""
-    without_s: float = 0.0
-    """How long it is reckoned."""
     fixed: PositionFix | None = None
     """The last position with a fix, of one that is reckoned."""
 
@@ -155,6 +144,6 @@ def accuracy_of(vehicle: VehicleState) -> Accuracy | None:
         return None
     usual_m = USUAL_M if known.accuracy_m is None else known.accuracy_m
     if fix.reckoned:
-        without_s = time_without_fix_s(known, fix)
-        return Accuracy("reckoned", usual_m + 0.5 * DRIFT_M_S2 * without_s**2, without_s, known.fixed)
+        drift_m = 0.5 * DRIFT_M_S2 * time_without_fix_s(known, fix) ** 2
+        return Accuracy("reckoned", usual_m + drift_m, known.fixed)
     return Accuracy("unsaid" if known.fixed is None else "fix", usual_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -90,6 +91,10 @@ class PositionFix:
     heading_deg: float | None = None
     reckoned: bool = False
     """Whether it came while GPS was lost: by its accelerations alone."""
+
+    def distance_m(self, other: PositionFix) -> float:
+        """Return how far another one is, in height too."""
+        return math.dist((*self.place_m, self.alt_rel_m), (*other.place_m, other.alt_rel_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,6 +307,11 @@ class MotionState:
     """When the last such gap ended."""
     reopened: bool = False
     """Whether the ground station was away since its last position: how long that was is its own clock's word alone."""
+
+    @property
+    def stood_s(self) -> float:
+        """How long it has not moved on, by its own clock; 0 where nobody knows."""
+        return 0.0 if self.fix is None or self.anchor is None else self.fix.boot_s - self.anchor.boot_s
 
 
 @dataclass(frozen=True, slots=True)

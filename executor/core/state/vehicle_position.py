@@ -24,7 +24,8 @@ def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
         return "an unknown place"
     if how.known != "reckoned" or how.fixed is None:
         return formatting.format_known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
-    return f"{last_fix(context, vehicle)}, {describe_dead_reckoning(context, vehicle)}"
+    reckoned = f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
+    return f"{last_fix(context, vehicle)}, {reckoned}"
 
 
 def last_fix(context: Scene, vehicle: VehicleState) -> str:
@@ -35,14 +36,6 @@ def last_fix(context: Scene, vehicle: VehicleState) -> str:
     place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
     speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), time_without_fix_s(vehicle.sensors.positioning, fix)
     return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
-
-
-def describe_dead_reckoning(context: Scene, vehicle: VehicleState) -> str:
-    """Return where a vehicle without GPS is by its own reckoning, and by how much that may be off."""
-    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
-    if fix is None or how is None:
-        return "nothing reckoned"
-    return f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
 
 
 def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
@@ -105,11 +98,8 @@ def has_fallen(context: Scene, vehicle: VehicleState) -> bool:
     fix = vehicle.motion.fix
     if fix is None:
         return False
-    return (
-        has_used_kill_switch(context, vehicle)
-        or has_sinking_fix(vehicle)
-        or fix.alt_rel_m > context.limits.off_pad_up_m
-    )
+    fell = fix.alt_rel_m > context.limits.off_pad_up_m or has_sinking_fix(vehicle)
+    return fell or has_used_kill_switch(context, vehicle)
 
 
 def has_used_kill_switch(context: Scene, vehicle: VehicleState) -> bool:
@@ -172,9 +162,9 @@ def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:
         return False  # it did not come down by itself
     if vehicle.stage is Stage.RETURNING or vehicle.sortie.away_once:
         return True  # whatever its index says: it has been out there, and has come back
-    leg, beat = vehicle.leg, vehicle.telemetry.heartbeat
+    leg = vehicle.leg
     if leg is None or leg.phase in {Phase.LAND, Phase.RETURN}:
         return True
     # Nobody saw how it came down: it may have flown its mission to the end.
     unseen = vehicle.custody.unseen_until_s is not None and vehicle.custody.unseen_until_s == vehicle.link.heartbeat_s
-    return unseen or (beat is not None and is_home_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode))
+    return unseen or is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)

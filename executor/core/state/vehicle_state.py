@@ -7,6 +7,7 @@ from enum import Enum, StrEnum
 
 from executor.core.battery import account
 from executor.core.context import Context
+from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
 from executor.core.state.inspection_run import Track
 from executor.core.state.mission_ownership import MissionOwnership
@@ -221,6 +222,16 @@ class VehicleState:
     def armed(self) -> bool:
         """Whether its last heartbeat said so."""
         return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.armed
+
+    @property
+    def mode(self) -> int | None:
+        """The mode that its last heartbeat showed; None before there was one."""
+        return None if self.telemetry.heartbeat is None else self.telemetry.heartbeat.custom_mode
+
+    @property
+    def is_critical(self) -> bool:
+        """Whether its last heartbeat said that a failsafe is in force."""
+        return self.telemetry.heartbeat is not None and self.telemetry.heartbeat.system_status >= CRITICAL
 
     @property
     def leg(self) -> Waypoint | None:

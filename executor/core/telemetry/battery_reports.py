@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from executor.core.battery import account, pack_condition, resting_voltage
 from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageReport, VoltageThresholds, apply_voltage_report
+from executor.core.battery.load_voltage import VoltageReport, apply_voltage_report
 from executor.core.battery.resting_voltage import PackFacts
 from executor.core.context import Scene
 from executor.core.interface.messages import Battery, SystemStatus, VehicleSetting
@@ -14,8 +14,6 @@ from executor.core.state.current_setup import current_setup_of
 from executor.core.state.vehicle_parts import PowerState
 from executor.core.state.vehicle_state import VehicleState
 
-FULL_PCT = 100.0
-"""Its stop: PX4 says no more of a pack that its voltage puts above."""
 SETTLES_S = 25.0
 """What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
 
@@ -88,16 +86,11 @@ def pack_facts_of(context: Scene, state: VehicleState) -> PackFacts:
 def _apply_voltage(
     context: Scene, state: VehicleState, power: PowerState, report: VoltageReport, now_s: float
 ) -> PowerState:
-    limits = context.limits
-    known = report.current_a is not None and report.current_a > 0
-    step = limits.voltage_step if known else limits.voltage_step_blind
-    thresholds = VoltageThresholds(step, limits.cell_low_v, limits.cell_spread_v)
-    flying = state.armed and state.sortie.took_off
-    volts = apply_voltage_report(power.volts, report, thresholds, now_s, flying=flying, sag=power.pack.sag)
-    facts = pack_facts_of(context, state)
+    flying, facts = state.armed and state.sortie.took_off, pack_facts_of(context, state)
+    volts = apply_voltage_report(power.volts, report, context.limits, now_s, flying=flying, sag=power.pack.sag)
     volts = replace(volts, set_cells=facts.cells)
     claimed_pct = power.battery.remaining_pct
-    current_a = report.current_a if known or power.pack.sag is not None or not flying else None
+    current_a = report.current_a if volts.known_load or power.pack.sag is not None or not flying else None
     seen = pack_condition.apply_pack_voltage(
         power.pack, report.voltage_v, current_a, claimed_pct, now_s, idle=not flying, ohm=facts.ohm
     )  # fmt: skip
@@ -139,7 +132,7 @@ def _apply_percentage(
     if setup is not None and not setup.planned and known.remaining_pct is not None:
         if not _is_seen_flying(context, state, now_s):
             return account.rebase_account(known, remaining_pct, charge_state, now_s, prior, middle_pct)
-        if setup.dialect.rounds_twice and (now_s - known.anew_s < SETTLES_S or remaining_pct >= FULL_PCT):
+        if setup.dialect.rounds_twice and (now_s - known.anew_s < SETTLES_S or remaining_pct >= account.FULL_PCT):
             return account.apply_uninformative_report(known, remaining_pct, charge_state, now_s, prior, middle_pct)
     # Both autopilots' percentages jump back to 100 at a restart; PX4's simulated one also when it disarms.
     if known.remaining_pct is not None and remaining_pct > known.remaining_pct + 20.0:

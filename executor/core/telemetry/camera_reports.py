@@ -84,11 +84,14 @@ def _apply_camera_status(
         return state
     memory = vehicle.payload.camera_of(camera.name, camera.id)
     last, wanted = _count_pictures(memory, message.images)
+    # A camera whose card never had any room does not count it: MAVSDK's says 0 with each picture. One whose card was
+    # full from the beginning is found by its pictures that fail.
+    uncounted = message.free_mib == 0.0 and memory.free_mib is None
     memory = replace(
         memory,
         heard_s=now_s,
         films=memory.films if message.films is None else message.films,
-        free_mib=_free_mib(memory, message),
+        free_mib=memory.free_mib if message.free_mib is None or uncounted else message.free_mib,
         images=memory.images if message.images is None else message.images,
         last=last,
         wanted=wanted,
@@ -102,16 +105,6 @@ def _apply_camera_status(
     if seen is None or seen.capture is None or not seen.capture.is_filming:
         return state
     return _record_coverage(context, state, vehicle, camera, seen)
-
-
-def _free_mib(memory: CameraRecord, message: CameraStatus) -> float | None:
-    """Return the room on a card; a camera that has never had any does not count it (MAVSDK's says 0 with each picture).
-
-    One whose card was full from the beginning is found by its pictures that fail.
-    """
-    if message.free_mib is None or (message.free_mib == 0.0 and memory.free_mib is None):
-        return memory.free_mib
-    return message.free_mib
 
 
 def _count_pictures(memory: CameraRecord, images: int | None) -> tuple[int | None, tuple[WantedPicture, ...]]:
@@ -310,10 +303,8 @@ def _find_viewpoint(board: OnboardMission, visit: int, place_m: tuple[float, flo
 
 def _find_span_capture(board: OnboardMission, visit: int, camera: str) -> Capture | None:
     """Return what a visit asks of a camera all along its span."""
-    for point in board.path.waypoints:
-        if point.visit == visit and point.phase is Phase.INSPECT:
-            return _capture_of(point.captures, camera)
-    return None
+    inspects = (point for point in board.path.waypoints if point.visit == visit and point.phase is Phase.INSPECT)
+    return next((_capture_of(point.captures, camera) for point in inspects), None)
 
 
 def _capture_of(captures: Iterable[Capture], camera: str) -> Capture | None:
@@ -367,13 +358,10 @@ def _record_coverage(
     segment, points = seen.track.segment, () if seen.capture is None else seen.capture.points
     places = map(float, points) if points else (round(_distance_from_a_m(vehicle.assignment.board, seen), 2),)
     here, coverage = tuple((camera.name, place) for place in places), state.coverage
-    if coverage.is_nearer_than_counted(segment, _inspection_distance_m(context, vehicle, seen)):
-        caught = MappingProxyType(
-            {**coverage.caught_nearer, segment: (*coverage.caught_nearer.get(segment, ()), *here)}
-        )
-        return replace(state, coverage=replace(coverage, caught_nearer=caught))
-    caught = MappingProxyType({**coverage.caught, segment: (*coverage.caught.get(segment, ()), *here)})
-    return replace(state, coverage=replace(coverage, caught=caught))
+    nearer = coverage.is_nearer_than_counted(segment, _inspection_distance_m(context, vehicle, seen))
+    known = coverage.caught_nearer if nearer else coverage.caught
+    caught = MappingProxyType({**known, segment: (*known.get(segment, ()), *here)})
+    return state.with_coverage(caught_nearer=caught) if nearer else state.with_coverage(caught=caught)
 
 
 def _inspection_distance_m(context: Context, vehicle: VehicleState, seen: _VisitSite) -> float | None:

@@ -81,7 +81,7 @@ class MessageEffect:
     text: StatusText | None = None
 
 
-def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of message
+def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> MessageEffect:
     """Take one message into the state."""
@@ -93,45 +93,42 @@ def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of
         return MessageEffect(_apply_evidence(state, message, now_s))
     silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
     link = state.link.with_contact(now_s, silent=silent)
+    sensors, telemetry = state.sensors, state.telemetry
     match message:
         case Heartbeat():
-            return MessageEffect(_apply_heartbeat(context, state, link, message, now_s))
+            after = _apply_heartbeat(context, state, link, message, now_s)
         case Position():
-            return _apply_position(
-                context, state, _update_link_position(link, state.name, message, now_s, context), message, now_s
-            )
+            link = _update_link_position(link, state.name, message, now_s, context)
+            return _apply_position(context, state, link, message, now_s)
         case Battery():
-            return MessageEffect(state.with_parts(link, power=apply_battery_status(context, state, message, now_s)))
+            after = state.with_parts(link, power=apply_battery_status(context, state, message, now_s))
         case SystemStatus(unhealthy=unhealthy):
-            sensors = replace(state.sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
-            return MessageEffect(
-                state.with_parts(link, sensors=sensors, power=apply_system_status(context, state, message, now_s))
-            )
+            sensors = replace(sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
+            power = apply_system_status(context, state, message, now_s)
+            after = state.with_parts(link, sensors=sensors, power=power)
         case MissionCurrent():
-            return MessageEffect(_current_item(context, state, link, message, now_s))
+            after = _current_item(context, state, link, message, now_s)
         case ListedItem(item):
-            return MessageEffect(replace(state, own=mission_height.add_onboard_item(state.own, item)))
+            after = replace(state, own=mission_height.add_onboard_item(state.own, item))
         case HeightTarget(below_m):
-            return MessageEffect(replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s)))
+            after = replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s))
         case LandedState(on_ground):
-            return MessageEffect(state.with_parts(link, telemetry=replace(state.telemetry, on_ground=on_ground)))
+            after = state.with_parts(link, telemetry=replace(telemetry, on_ground=on_ground))
         case Gps() | EstimatorStatus():
             known = _positioning(state, message, now_s)
-            gps = message if isinstance(message, Gps) and message.receiver == 0 else state.sensors.gps
-            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, gps=gps, positioning=known)))
+            gps = message if isinstance(message, Gps) and message.receiver == 0 else sensors.gps
+            after = state.with_parts(link, sensors=replace(sensors, gps=gps, positioning=known))
         case Wind():
-            return MessageEffect(state.with_parts(link, sensors=replace(state.sensors, wind=message)))
+            after = state.with_parts(link, sensors=replace(sensors, wind=message))
         case Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
-            tilted_s = (state.sensors.tilted_since_s or now_s) if tilted else None
-            sensors = replace(state.sensors, attitude=message, tilted_since_s=tilted_s)
-            return MessageEffect(state.with_parts(link, sensors=sensors))
+            tilted_s = (sensors.tilted_since_s or now_s) if tilted else None
+            after = state.with_parts(link, sensors=replace(sensors, attitude=message, tilted_since_s=tilted_s))
         case FenceStatus(breached):
-            breached_s = now_s if breached else state.sensors.breached_s
-            sensors = replace(state.sensors, fence_breached=breached, breached_s=breached_s)
-            return MessageEffect(state.with_parts(link, sensors=sensors))
+            breached_s = now_s if breached else sensors.breached_s
+            after = state.with_parts(link, sensors=replace(sensors, fence_breached=breached, breached_s=breached_s))
         case StatusText(_, said):
-            assignment, telemetry = _apply_mission_report(context, state, message, now_s), state.telemetry
+            assignment = _apply_mission_report(context, state, message, now_s)
             if is_alarm(said) and not _is_redundant_text(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
@@ -140,7 +137,8 @@ def apply_message(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of
             after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
             return MessageEffect(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
-            return MessageEffect(state.with_parts(link))
+            after = state.with_parts(link)
+    return MessageEffect(after)
 
 
 def _current_item(
@@ -174,9 +172,8 @@ def _apply_heartbeat(
     before, before_s = old.mode_before, old.mode_before_s
     if other and old.heartbeat is not None and state.link.heartbeat_s is not None:
         before, before_s = old.heartbeat.custom_mode, state.link.heartbeat_s
-    critical_s = None if message.system_status < CRITICAL else old.critical_since_s
-    if message.system_status >= CRITICAL and critical_s is None:
-        critical_s = now_s
+    since_s = now_s if old.critical_since_s is None else old.critical_since_s
+    critical_s = None if message.system_status < CRITICAL else since_s
     # Its clock says so too, once it has a position.
     starts_anew = message.system_status == BOOT and old.heartbeat is not None and old.heartbeat.system_status > BOOT
     rebooted_s = now_s if starts_anew else sortie.rebooted_s
@@ -214,7 +211,9 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     fix, setup = state.motion.fix, context.vehicles.get(state.name)
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
-    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or _has_disarm_reason(state, now_s):
+    text, said_s = state.telemetry.alarm
+    explained = now_s - said_s <= NAMED_S and may_explain_disarming(text)
+    if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or explained:
         return False
     if now_s - state.motion.falls_s < DOUBT_S:
         return False  # who falls is not refuted by where it is
@@ -226,28 +225,18 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
 RESTS_M_S = 0.3
 
 
-def _has_disarm_reason(state: VehicleState, now_s: float) -> bool:
-    """Return whether it says why it disarms in the air."""
-    text, said_s = state.telemetry.alarm
-    return now_s - said_s <= NAMED_S and may_explain_disarming(text)
-
-
 def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     """Return whether a text explains nothing.
 
     It only says what an autopilot does about something that it has just named; or somebody stops the motors of a
     vehicle that has landed, which ends no flight.
     """
-    does = now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower()
-    return does or (may_stop_motors(said) and _is_at_rest(state, now_s))
-
-
-def _is_at_rest(state: VehicleState, now_s: float) -> bool:
-    """Return whether it is seen to stand on the ground."""
+    if now_s - state.telemetry.alarm[1] < NAMED_S and "failsafe activated" in said.lower():
+        return True
     fix = state.motion.fix
     if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
         return False
-    return math.hypot(*fix.velocity_m_s) < RESTS_M_S
+    return may_stop_motors(said) and math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
 def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
@@ -358,7 +347,7 @@ def _apply_position(
         drawn_pct = climb * context.draw_pct_per_s(message.east_m_s, message.north_m_s) * elapsed_s
         power = replace(power, battery=account.add_modelled_use(power.battery, drawn_pct))
     anchor = state.motion.anchor
-    if anchor is None or fix.boot_s < anchor.boot_s or _distance_m(anchor, fix) > context.limits.stall_m:
+    if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
     jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
     jump = jump or state.motion.jump
@@ -378,16 +367,17 @@ def _apply_position(
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
     sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
-        covered = _break_unproven_run(context, state, positioning.time_without_fix_s(known, fix))
+        without_s = positioning.time_without_fix_s(known, fix)
+        assignment, inspected, flown = _break_unproven_run(context, state, without_s)
     else:
-        covered = _advance_coverage(context, _keep_state_before_gap(state, elapsed_s), sample)
-    assignment = covered.assignment
+        before_gap = _keep_state_before_gap(state, elapsed_s)
+        assignment, inspected, flown = _advance_coverage(context, before_gap, sample)
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
     after = state.with_parts(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
     if state.own.listed and state.own.leg_from is None:
         after = replace(after, own=replace(state.own, leg_from=fix))
-    return MessageEffect(after, covered.inspected, covered.flown)
+    return MessageEffect(after, inspected, flown)
 
 
 CLIMBS_S = 1.5
@@ -437,38 +427,31 @@ def _find_jump(
     return (off_m, fix.at_s) if off_m > context.limits.jump_warn_m * max(1.0, elapsed_s) else None
 
 
-def _distance_m(one: PositionFix, other: PositionFix) -> float:
-    return math.dist((*one.place_m, one.alt_rel_m), (*other.place_m, other.alt_rel_m))
-
-
-@dataclass(frozen=True, slots=True)
-class _CoverageStep:
-    assignment: Assignment
-    inspected: int | None = None
-    flown: SegmentPass | None = None
+_CoverageStep = tuple[Assignment, int | None, SegmentPass | None]
+"""A mission after a position, and the segment that this proved to be inspected, with how it was flown."""
 
 
 def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample) -> _CoverageStep:
     old, leg = state.assignment, state.leg
     if old.board is None or leg is None or not _may_count(context, state):
-        return _CoverageStep(old)
+        return old, None, None
     # The index may be ahead of the place by an item or behind it by a lost message: a run goes on until it ends.
     visit = old.run_visit if old.run_visit is not None and old.run is not None else leg.visit
     if leg.visit is not None and visit != leg.visit and leg.phase is Phase.INSPECT:
         visit = leg.visit
     if visit is None:
-        return _CoverageStep(old)
+        return old, None, None
     track = old.board.tracks[visit]
     if track.by_pictures:
-        return _CoverageStep(old)
+        return old, None, None
     run = old.run if old.run_visit == visit else None
     step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
     if step.done:
-        return _CoverageStep(replace(old, run=step.run, run_visit=visit), track.segment, step.flown)
+        return replace(old, run=step.run, run_visit=visit), track.segment, step.flown
     if step.broken:
         broken = (*old.runs_broken, (track.segment, step.broken))
-        return _CoverageStep(replace(old, run=step.run, run_visit=visit, runs_broken=broken, owed=(visit, step.broken)))
-    return _CoverageStep(replace(old, run=step.run, run_visit=visit))
+        old = replace(old, runs_broken=broken, owed=(visit, step.broken))
+    return replace(old, run=step.run, run_visit=visit), None, None
 
 
 def _break_unproven_run(context: Scene, state: VehicleState, without_s: float) -> _CoverageStep:
@@ -478,15 +461,15 @@ def _break_unproven_run(context: Scene, state: VehicleState, without_s: float) -
     """
     old, leg = state.assignment, state.leg
     if without_s <= GAP_S or old.board is None or leg is None or not _may_count(context, state):
-        return _CoverageStep(old)
+        return old, None, None
     visit = old.run_visit if old.run is not None else leg.visit if leg.phase is Phase.INSPECT else None
     if visit is None or old.board.tracks[visit].by_pictures:
-        return _CoverageStep(old)
+        return old, None, None
     segment = old.board.tracks[visit].segment
     if old.run is None and (segment, WITHOUT_FIX) in old.runs_broken[-1:]:
-        return _CoverageStep(old)
+        return old, None, None
     broken = (*old.runs_broken, (segment, WITHOUT_FIX))
-    return _CoverageStep(replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)))
+    return replace(old, run=None, run_visit=visit, runs_broken=broken, owed=(visit, WITHOUT_FIX)), None, None
 
 
 def _may_count(context: Scene, state: VehicleState) -> bool:
@@ -495,6 +478,4 @@ def _may_count(context: Scene, state: VehicleState) -> bool:
         return False
     if state.stage is Stage.FLYING:
         return True
-    beat = state.telemetry.heartbeat
-    on_mission = beat is not None and is_mission_mode(context.vehicles[state.name].dialect, beat.custom_mode)
-    return state.stage is Stage.PILOT and on_mission
+    return state.stage is Stage.PILOT and is_mission_mode(context.vehicles[state.name].dialect, state.mode)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight import height_checks
+from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError
 from executor.simulated.demo_site import build_demo_site
@@ -26,7 +26,7 @@ WANTED = PlanRequest(Cost.MINMAX, 0.05, 1, starts=1)
 def test_the_checklist_says_over_what_and_how_high() -> None:
     setup = default_setup()
     paths = [build_flight_path(setup, name, range(2 * index, 66, 8)) for index, name in enumerate(FLEET)]
-    [check] = height_checks.check_flight_heights(setup, paths)
+    [check] = mission_checks.check_flight_heights(setup, paths)
     assert check.severity is Severity.OK
     assert check.text.startswith("over the pylon tops, by 1")
     assert check.text.endswith(" m over the ground, RTL up to 115 m; ceiling 120 m")
@@ -35,7 +35,7 @@ def test_the_checklist_says_over_what_and_how_high() -> None:
 def test_flat_ground_is_said_to_be_taken_for_that() -> None:
     fleet = fleet_of()
     paths = [board.path for board in fleet.boards.values() if board is not None]
-    assert height_checks.check_flight_heights(fleet.context.setup, paths, ("look here",)) == [
+    assert mission_checks.check_flight_heights(fleet.context.setup, paths, ("look here",)) == [
         Check(
             Severity.OK, "heights",
             "over the depot's ground, taken to be flat; 15 to 27 m over the ground, RTL up to 27 m; ceiling 120 m",
@@ -50,7 +50,7 @@ def test_over_the_ceiling_nobody_flies() -> None:
     paths = [board.path for board in fleet.boards.values() if board is not None]
     stops = [
         check.text
-        for check in height_checks.check_flight_heights(fleet.context.setup, paths)
+        for check in mission_checks.check_flight_heights(fleet.context.setup, paths)
         if check.severity is Severity.STOP
     ]
     assert [text.split(",")[0] for text in stops] == [
@@ -75,7 +75,7 @@ def test_a_plan_over_a_taller_line_that_crosses_is_refused() -> None:
 
 def test_the_report_has_the_figures() -> None:
     setup = default_setup()
-    document = height_checks.build_heights_document(setup, [build_flight_path(setup, "uav1", [0, 2])])
+    document = mission_checks.build_heights_document(setup, [build_flight_path(setup, "uav1", [0, 2])])
     assert document == {
         "over": "the pylon tops",
         "flat": False,

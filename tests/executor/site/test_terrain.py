@@ -12,7 +12,7 @@ import pytest
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.height_profile import build_profiles
 from executor.analysis.pictures import draw_profile_figure, save_figure
-from executor.core.preflight import height_checks
+from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
 from executor.flight.flight_request import FlightRequest, write_run_start
@@ -179,7 +179,7 @@ def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, t
 def test_a_flight_that_is_too_low_stops(ground: SiteModel, plan: PlanFile) -> None:
     setup = site_model.build_flight_setup(ground)
     paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
-    assert all(check.severity is not Severity.STOP for check in height_checks.check_flight_heights(setup, paths))
+    assert all(check.severity is not Severity.STOP for check in mission_checks.check_flight_heights(setup, paths))
 
 
 REFUSED = {

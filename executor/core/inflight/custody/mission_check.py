@@ -14,28 +14,25 @@ from executor.core.state.vehicle_state import Stage, VehicleState, apply_onboard
 
 def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is time to look up what a vehicle carries."""
-    flies = (
-        vehicle.stage in {Stage.FLYING, Stage.PILOT} and vehicle.assignment.pending is None and not vehicle.link.stale
-    )
-    return flies and vehicle.assignment.carried.is_reading_due(now_s)
+    known, heard = vehicle.assignment, not vehicle.link.stale
+    flies = vehicle.stage in {Stage.FLYING, Stage.PILOT} and known.pending is None
+    return flies and heard and known.carried.is_reading_due(now_s)
 
 
 def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped:
     """Believe, or not, that a vehicle was given another station's mission."""
     vehicle = state.vehicles[found.vehicle]
-    if vehicle.assignment.board is None or vehicle.assignment.carried.told_s is None:
+    board, carried, declined = vehicle.assignment.board, vehicle.assignment.carried, vehicle.assignment.declined
+    if board is None or carried.told_s is None:
         return state, ()  # it was given one of ours meanwhile
     if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= mission_ownership.SURE_S:
         # Nothing came of it at all: it is asked again when it is heard.
-        return state.put(vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=None))), ()
-    if vehicle.assignment.stubborn and vehicle.assignment.declined is not None:
-        return _apply_read_of_declined(state, vehicle, vehicle.assignment.declined, found, now_s)
-    was_ours = vehicle.assignment.carried.foreign_s is None
-    known = mission_ownership.apply_mission_readback(
-        vehicle.assignment.carried, found.match_of(vehicle.assignment.board.revision), now_s
-    )
+        return state.put(vehicle.with_assignment(carried=replace(carried, asked_s=None))), ()
+    if vehicle.assignment.stubborn and declined is not None:
+        return _apply_read_of_declined(state, vehicle, declined, found, now_s)
+    known = mission_ownership.apply_mission_readback(carried, found.match_of(board.revision), now_s)
     state = state.put(vehicle.with_assignment(carried=known))
-    if known.foreign_s is not None or not was_ours:
+    if known.foreign_s is not None or carried.foreign_s is not None:
         return state, ()
     text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"
     return state, (Say(Level.WARNING, text),)
@@ -45,23 +42,18 @@ def _apply_read_of_declined(
     state: FleetState, vehicle: VehicleState, declined: DeclinedMission, found: Found, now_s: float
 ) -> Stepped:
     """Take what a vehicle carries whose last upload came to no known end."""
-    board, maybe = vehicle.assignment.board, declined.maybe
+    board, carried, maybe = vehicle.assignment.board, vehicle.assignment.carried, declined.maybe
     new = None if maybe is None else found.match_of(maybe.revision)
     if maybe is not None and new is not None and new.whole:
         carries = apply_onboard_mission(vehicle, maybe, now_s)
         # It is planned around until it is planned with again: others have its part by now.
         known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
         known = replace(known, carried=replace(known.carried, read_s=now_s))
-        text = (
-            f"{vehicle.name}: its new mission of re-plan {maybe.revision} is on board after all, verified by read-back"
-        )
-        return state.put(replace(carries, assignment=known)), (Say(Level.INFO, text),)
+        text = f"its new mission of re-plan {maybe.revision} is on board after all, verified by read-back"
+        return state.put(replace(carries, assignment=known)), (Say(Level.INFO, f"{vehicle.name}: {text}"),)
     if found.items is None or board is None:
-        unread = replace(vehicle.assignment.carried, told_s=None, asked_s=None)
+        unread = replace(carried, told_s=None, asked_s=None)
         declined = replace(declined, at_s=now_s, tries=declined.tries + 1)
-        known = replace(vehicle.assignment, carried=unread, declined=declined)
-        return state.put(replace(vehicle, assignment=known)), ()
-    looked_up = mission_ownership.apply_mission_readback(
-        vehicle.assignment.carried, found.match_of(board.revision), now_s
-    )
+        return state.put(vehicle.with_assignment(carried=unread, declined=declined)), ()
+    looked_up = mission_ownership.apply_mission_readback(carried, found.match_of(board.revision), now_s)
     return state.put(vehicle.with_assignment(carried=looked_up)), ()

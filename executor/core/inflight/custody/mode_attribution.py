@@ -59,18 +59,18 @@ def attribute_mode_change(setup: VehicleSetup, vehicle: VehicleState) -> Attribu
         return Attribution(Actor.UNKNOWN)
     mode, known, at_s = vehicle.telemetry.heartbeat.custom_mode, vehicle.evidence, vehicle.telemetry.mode_since_s
     late_s = _mode_delay_s(vehicle)
-    found = _match_record(known, at_s, mode)
-    if found is None and _has_foreign_order(known, at_s, late_s, mode):
-        found = Attribution(Actor.GROUND_STATION, "it was ordered")
-    if found is None and (switch := find_switch_before(known, at_s, late_s)):
-        found = Attribution(Actor.PILOT, switch)
-    if found is None:
-        found = _match_failsafe(setup, vehicle, at_s, mode)
-    if found is None and _has_foreign_order(known, at_s, late_s, None):
-        found = Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
-    if found is None and is_home_mode(setup.dialect, mode) and _is_at_mission_end(setup, vehicle):
-        found = Attribution(Actor.MISSION, "it was at its last item")
-    return found or Attribution(Actor.UNKNOWN)
+    if found := _match_record(known, at_s, mode):
+        return found
+    if _has_foreign_order(known, at_s, late_s, mode):
+        return Attribution(Actor.GROUND_STATION, "it was ordered")
+    if switch := find_switch_before(known, at_s, late_s):
+        return Attribution(Actor.PILOT, switch)
+    if found := _match_failsafe(setup, vehicle, at_s, mode):
+        return found
+    if _has_foreign_order(known, at_s, late_s, None):
+        return Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
+    itself = is_home_mode(setup.dialect, mode) and _is_at_mission_end(setup, vehicle)
+    return Attribution(Actor.MISSION, "it was at its last item") if itself else Attribution(Actor.UNKNOWN)
 
 
 def _mode_delay_s(vehicle: VehicleState) -> float:
@@ -102,9 +102,8 @@ def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mod
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
         return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
     if safe and (is_fence_breached_near(vehicle, at_s) or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
-        return Attribution(
-            Actor.FAILSAFE, "its fence was breached", OwnFailsafe("fence", active=True, words="fence breached")
-        )
+        fence = OwnFailsafe("fence", active=True, words="fence breached")
+        return Attribution(Actor.FAILSAFE, "its fence was breached", fence)
     return None
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from executor.core.context import Scene
 from executor.core.inflight.custody.mode_attribution import attribute_mode_change, is_fence_breached_near
-from executor.core.interface.messages import CRITICAL, Actor, Heartbeat
+from executor.core.interface.messages import Actor
 from executor.core.state.fleet_state import GroundStationAbsence
 from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
@@ -78,7 +78,9 @@ def review_mode_cause(
         or is_set_by_person(context, vehicle)
     ):
         return vehicle.with_custody(cause=ModeCause.PERSON, certain=True)
-    if vehicle.custody.cause is ModeCause.MISSION and _is_hovering(context, vehicle, now_s):
+    aloft = vehicle.armed and vehicle.telemetry.on_ground is False
+    holds = aloft and _is_holding(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
+    if vehicle.custody.cause is ModeCause.MISSION and holds:  # where its mission's end would have it on the ground
         # In its landing a failsafe holds it as anywhere else, and says so.
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
         cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
@@ -98,17 +100,20 @@ CALM_S = 2.5
 """Two heartbeats, and some of their way."""
 
 
+def _is_holding(context: Scene, vehicle: VehicleState) -> bool:
+    return vehicle.mode == context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+
+
 def _is_holding_calmly(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it holds and its heartbeats know of nothing: a failsafe that acts makes them critical.
 
     PX4 says so while a failsafe has changed its mode, ArduPilot while any but the fence's has. A text, which anybody
     can send, or a silence explains a hold for a moment only.
     """
-    beat, beat_s = vehicle.telemetry.heartbeat, vehicle.link.heartbeat_s
-    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if beat is None or beat_s is None or beat.custom_mode != hold:
+    beat_s = vehicle.link.heartbeat_s
+    if beat_s is None or not _is_holding(context, vehicle) or not vehicle.armed:
         return False
-    if beat.system_status >= CRITICAL or vehicle.sensors.fence_breached or not beat.armed:
+    if vehicle.is_critical or vehicle.sensors.fence_breached:
         return False
     # Of a heartbeat that came late enough: the one that first shows the mode may be older than its failsafe's flag.
     return beat_s - vehicle.telemetry.mode_since_s >= CALM_S and now_s >= beat_s
@@ -118,22 +123,13 @@ HOVERS_S = 2.5
 """A vehicle that holds at the end of a mission stands on the ground, and says so every second."""
 
 
-def _is_hovering(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it holds in the air where its mission's end would have it on the ground."""
-    hold, beat = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode, vehicle.telemetry.heartbeat
-    if beat is None or not beat.armed or beat.custom_mode != hold:
-        return False
-    return vehicle.telemetry.on_ground is False and now_s - vehicle.telemetry.mode_since_s >= HOVERS_S
-
-
 def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
     context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, vehicle: VehicleState, now_s: float
 ) -> ModeCause:
     """Return why a vehicle is in the mode that its newest heartbeat shows."""
-    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
-    if beat is None:
+    dialect, mode = context.vehicles[vehicle.name].dialect, vehicle.mode
+    if mode is None:
         return ModeCause.OURS
-    mode = beat.custom_mode
     if vehicle.stage in {Stage.GROUND, Stage.LANDED} and not has_never_landed(context, vehicle):
         # It arms, and nobody here said so; or what was said overtook its start.
         return ModeCause.OURS if may_arm_late(vehicle, now_s) else ModeCause.PERSON
@@ -144,33 +140,30 @@ def determine_mode_cause(  # noqa: PLR0911 - one return for each cause
         return ModeCause.OURS
     if is_mission_mode(dialect, mode) and vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.LOST}:
         return ModeCause.OURS
-    goes_down = dialect.ends_in_other_mode and _is_landing_after_return(dialect, before.telemetry.heartbeat, mode)
+    goes_down = dialect.ends_in_other_mode and _is_landing_after_return(dialect, before, vehicle)
     if goes_down and not _is_landing_elsewhere(context, before, vehicle):
         return before.custody.cause  # a return ends in a landing
     if before.custody.cause is not ModeCause.PERSON and _is_mission_end(context, before, vehicle, mode):
         return ModeCause.MISSION
     if _must_be_person(context, before, vehicle) or is_set_by_person(context, vehicle):
         return ModeCause.PERSON
-    goes_on = (
-        before.custody.cause is ModeCause.FAILSAFE and beat.system_status >= CRITICAL
-    )  # it holds before it returns
-    explained = _is_explained_by_failsafe(context, absences, vehicle, now_s) or (
-        goes_on and is_home_mode(dialect, mode)
+    goes_on = before.custody.cause is ModeCause.FAILSAFE and vehicle.is_critical  # it holds before it returns
+    explained = (goes_on and is_home_mode(dialect, mode)) or _is_explained_by_failsafe(
+        context, absences, vehicle, now_s
     )
     return ModeCause.FAILSAFE if explained else ModeCause.PERSON
 
 
 def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState) -> bool:
     """Return whether what explained the mode before explains no other one."""
-    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
-    if old is None or beat is None or not old.armed:
+    dialect = context.vehicles[vehicle.name].dialect
+    if not before.armed or vehicle.mode is None:
         return False
     if before.custody.cause is ModeCause.PERSON:
-        text, said_s = (
-            vehicle.telemetry.alarm
-        )  # who has it changes its mode again, unless it says anew what it does by itself
+        # Who has it changes its mode again, unless it says anew what it does by itself.
+        text, said_s = vehicle.telemetry.alarm
         return not (may_change_mode(text) and said_s >= before.telemetry.mode_since_s)
-    if beat.custom_mode != dialect.modes.hold.custom_mode or not is_home_mode(dialect, old.custom_mode):
+    if not _is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
         return False
     # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
     holds_first = dialect.ground_station_failsafe.pause is not None or vehicle.sensors.fence_breached
@@ -202,17 +195,15 @@ def may_arm_late(vehicle: VehicleState, now_s: float) -> bool:
     return told and now_s - (left_s or 0.0) <= OVERTAKEN_S
 
 
-def _is_landing_after_return(dialect: Dialect, before: Heartbeat | None, mode: int) -> bool:
-    return before is not None and is_home_mode(dialect, before.custom_mode) and mode == dialect.modes.land.custom_mode
+def _is_landing_after_return(dialect: Dialect, before: VehicleState, vehicle: VehicleState) -> bool:
+    return is_home_mode(dialect, before.mode) and vehicle.mode == dialect.modes.land.custom_mode
 
 
 def _is_return_after_landing(dialect: Dialect, before: VehicleState, mode: int) -> bool:
     """Return whether it leaves a landing for the return that it was a part of: none does so by itself."""
-    old, lands = before.telemetry.heartbeat, dialect.modes.land.custom_mode
     return (
-        old is not None
-        and old.armed
-        and old.custom_mode == lands != mode
+        before.armed
+        and before.mode == dialect.modes.land.custom_mode != mode
         and before.orders.ordered_mode_s < before.telemetry.mode_since_s
         and is_home_mode(dialect, mode)
     )
@@ -223,13 +214,11 @@ def _is_landing_elsewhere(context: Scene, before: VehicleState, vehicle: Vehicle
 
     Where it was some time ago is no place that it lands at: nobody knows then that it has come home.
     """
-    dialect, old, beat = context.vehicles[vehicle.name].dialect, before.telemetry.heartbeat, vehicle.telemetry.heartbeat
-    if old is None or beat is None or not old.armed or old.custom_mode == beat.custom_mode:
-        return False
-    if not _is_landing_after_return(dialect, old, beat.custom_mode):
+    dialect, modes = context.vehicles[vehicle.name].dialect, vehicle.orders.ordered_modes
+    if not before.armed or before.mode == vehicle.mode or not _is_landing_after_return(dialect, before, vehicle):
         return False
     # An order to return that is followed explains no landing elsewhere; one to land does.
-    ordered = beat.custom_mode in vehicle.orders.ordered_modes and old.custom_mode not in vehicle.orders.ordered_modes
+    ordered = vehicle.mode in modes and before.mode not in modes
     fix, limits = vehicle.motion.fix, context.limits
     home = fix is None or (
         vehicle.telemetry.mode_since_s - fix.at_s <= limits.link_stale_s and is_home_by_own_estimate(context, vehicle)
@@ -245,11 +234,11 @@ def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState,
     dialect, leg = context.vehicles[vehicle.name].dialect, vehicle.leg
     if vehicle.stage is not Stage.FLYING or leg is None or not dialect.ends_in_other_mode:
         return False
-    beat, old, fix = vehicle.telemetry.heartbeat, before.telemetry.heartbeat, vehicle.motion.fix
-    held = old is not None and old.custom_mode == dialect.modes.hold.custom_mode
+    fix = vehicle.motion.fix
     low = fix is not None and fix.alt_rel_m <= context.limits.airborne_m
-    calm = beat is not None and beat.system_status < CRITICAL  # a failsafe holds it in its landing as anywhere else
-    itself = (is_home_mode(dialect, mode) and not held) or (mode == dialect.modes.hold.custom_mode and low and calm)
+    # A failsafe holds it in its landing as anywhere else.
+    ends_in_hold = _is_holding(context, vehicle) and low and not vehicle.is_critical
+    itself = ends_in_hold or (is_home_mode(dialect, mode) and not _is_holding(context, before))
     return itself and leg.phase is Phase.LAND
 
 
@@ -257,23 +246,16 @@ def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
     """Return whether a failsafe explains a mode that a failsafe can lead to."""
-    dialect, beat = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat
-    if beat is None:
-        return False
-    if not is_home_mode(dialect, beat.custom_mode) and beat.custom_mode != dialect.modes.hold.custom_mode:
+    if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not _is_holding(context, vehicle):
         return False
     text, said_s = vehicle.telemetry.alarm
-    said = (
-        may_change_mode(text)
-        and -context.limits.alarm_s <= vehicle.telemetry.mode_since_s - said_s <= context.limits.alarm_s
-    )
     return (
-        said
+        (may_change_mode(text) and abs(vehicle.telemetry.mode_since_s - said_s) <= context.limits.alarm_s)
         or _is_newly_critical(vehicle, context.limits.alarm_s)
         or is_fence_breached_near(vehicle, vehicle.telemetry.mode_since_s)
         or bool(describe_fence_departure(vehicle, now_s, context.limits.link_stale_s))
         or vehicle.power.battery.charge_state >= CHARGE_EMERGENCY
-        or (_is_unseen_change(vehicle) and _may_follow_silence(context, vehicle, beat.custom_mode))
+        or (_is_unseen_change(vehicle) and _may_follow_silence(context, vehicle))
         or is_gcs_absence_failsafe(context, absences, vehicle, now_s)
     )
 
@@ -284,9 +266,8 @@ def _is_newly_critical(vehicle: VehicleState, within_s: float) -> bool:
     One that was in force long before explains nothing: ArduPilot's stays so after a failsafe whose action was to warn,
     or to go on with the mission.
     """
-    beat, since_s = vehicle.telemetry.heartbeat, vehicle.telemetry.critical_since_s
-    critical = beat is not None and beat.system_status >= CRITICAL
-    return critical and (since_s is None or vehicle.telemetry.mode_since_s - since_s <= within_s)
+    since_s = vehicle.telemetry.critical_since_s
+    return vehicle.is_critical and (since_s is None or vehicle.telemetry.mode_since_s - since_s <= within_s)
 
 
 def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
@@ -294,9 +275,8 @@ def is_unseen_hold(context: Scene, vehicle: VehicleState) -> bool:
 
     By its own clock: what waited for a ground station that stood still comes late, all of it.
     """
-    dialect, beat, fix = context.vehicles[vehicle.name].dialect, vehicle.telemetry.heartbeat, vehicle.motion.fix
-    from_s = vehicle.custody.unseen_from_boot_s
-    if beat is None or beat.custom_mode != dialect.modes.hold.custom_mode or not _is_unseen_change(vehicle):
+    fix, from_s = vehicle.motion.fix, vehicle.custody.unseen_from_boot_s
+    if not _is_holding(context, vehicle) or not _is_unseen_change(vehicle):
         return False
     if fix is None or from_s is None or fix.at_s < vehicle.telemetry.mode_since_s:
         return False
@@ -316,8 +296,8 @@ def is_long_hold(context: Scene, vehicle: VehicleState) -> bool:
 
     Who was silent may have stood still, and its clock with it; who sends no HEARTBEAT may have gone on.
     """
-    beat, link = vehicle.telemetry.heartbeat, vehicle.link
-    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
+    link = vehicle.link
+    if not _is_holding(context, vehicle):
         return False
     from_s = max(vehicle.telemetry.mode_since_s, link.excused_s, link.regained_s or 0.0)
     return (link.heartbeat_s or 0.0) - from_s >= max_failsafe_hold_s(context, vehicle.name)
@@ -325,12 +305,12 @@ def is_long_hold(context: Scene, vehicle: VehicleState) -> bool:
 
 def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether a failsafe that holds first has begun in a hold of ours: the mode does not show it."""
-    setup, told = context.vehicles[vehicle.name], vehicle.telemetry
-    if setup.dialect.ground_station_failsafe.pause is None or told.heartbeat is None:
+    told = vehicle.telemetry
+    if context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is None:
         return False
     text, said_s = told.alarm
     began_s = max(told.critical_since_s or -math.inf, said_s if may_change_mode(text) else -math.inf)
-    holds = told.heartbeat.custom_mode == setup.dialect.modes.hold.custom_mode and began_s > told.mode_since_s
+    holds = _is_holding(context, vehicle) and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 
 
@@ -363,13 +343,10 @@ def _is_hold_after_failsafe(
 
 def _has_reported_takeover(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it says itself that somebody took over while its failsafe held it: PX4 does, by an event."""
-    beat, (recorded, recorded_s) = vehicle.telemetry.heartbeat, vehicle.evidence.recorded
-    since_s = vehicle.telemetry.mode_since_s
-    if beat is None or beat.custom_mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
-        return False
-    if recorded is None or recorded.by is not Actor.PILOT or vehicle.orders.ordered_mode_s >= since_s:
+    (recorded, recorded_s), since_s = vehicle.evidence.recorded, vehicle.telemetry.mode_since_s
+    if not _is_holding(context, vehicle) or vehicle.orders.ordered_mode_s >= since_s:
         return False  # what is ordered here is one who takes over, too
-    return recorded_s >= since_s
+    return recorded is not None and recorded.by is Actor.PILOT and recorded_s >= since_s
 
 
 def _is_unseen_change(vehicle: VehicleState) -> bool:
@@ -379,15 +356,15 @@ def _is_unseen_change(vehicle: VehicleState) -> bool:
     )
 
 
-def _may_follow_silence(context: Scene, vehicle: VehicleState, mode: int) -> bool:
+def _may_follow_silence(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether its GCS failsafe leads to a mode, as far as it is known; or its mission, over its pad."""
     setup = context.vehicles[vehicle.name]
     dialect = setup.dialect
     if not setup.returns:
         return True
-    if mode == dialect.modes.land.custom_mode:
+    if vehicle.mode == dialect.modes.land.custom_mode:
         return dialect.ends_in_other_mode and is_home_by_own_estimate(context, vehicle)
-    return mode != dialect.modes.hold.custom_mode or dialect.ground_station_failsafe.pause is not None
+    return not _is_holding(context, vehicle) or dialect.ground_station_failsafe.pause is not None
 
 
 HOLDS_ON_S = 5.0
@@ -406,8 +383,7 @@ def is_gcs_absence_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
     """Return whether a vehicle's GCS failsafe acts because the ground station was not there, or could not be heard."""
-    beat = vehicle.telemetry.heartbeat
-    if not absences or (beat is not None and not _may_follow_silence(context, vehicle, beat.custom_mode)):
+    if not absences or (vehicle.mode is not None and not _may_follow_silence(context, vehicle)):
         return False
     away = absences[-1]
     failsafe_s = context.vehicles[vehicle.name].failsafe_s
@@ -435,8 +411,7 @@ def is_under_foreign_control(vehicle: VehicleState) -> bool:
 
 def is_in_manual_mode(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it stands in a mode that only a person flies in."""
-    beat = vehicle.telemetry.heartbeat
-    return beat is not None and is_manual_mode(context.vehicles[vehicle.name].dialect, beat.custom_mode)
+    return is_manual_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_taken_over(vehicle: VehicleState, now_s: float) -> bool:

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from executor.core.battery import account, cusum
 from executor.core.battery.pack_condition import PackCondition, assess_pack
-from executor.core.inflight.faults import stream_watch
 from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
     Finding,
-    Verdict,
     WatchView,
     describe_reported_failure,
+    is_in_mission_mode,
 )
-from executor.core.interface.messages import CRITICAL
 from executor.core.limits import Limits
 from executor.core.state import landing_projection
 from executor.core.telemetry.battery_reports import pack_facts_of
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
 
 _BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
                    "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
@@ -37,50 +35,40 @@ PLUNGE = 1.7
 
 def check_battery_step(view: WatchView) -> Finding:
     """Much was lost at once."""
-    if not _is_battery_fresh(view) or _is_percentage_refuted(view):
+    limits, power, known = view.context.limits, view.state.power, view.state.power.battery
+    # A percentage that does not follow its counter is no use where the voltage did not fall with it.
+    refuted = account.is_blind(known) and account.has_running_counter(known) and power.volts.dropped_s is None
+    if not _is_battery_fresh(view) or refuted:
         return STALE
-    limits, known = view.context.limits, view.state.power.battery
     window_s = limits.battery_step_window_s
     long_s = 4 * window_s
     # While it fails the window moves on; and nobody may have looked while a step was in it.
     fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
     excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
-    if excess >= limits.battery_step_pct:
-        used = excess + expected
-        return Finding(Verdict.FAIL, f"lost {used:.0f} % at once where the flight costs {expected:.1f} %")
-    return OK
-
-
-def check_battery_drain(view: WatchView) -> Finding:
-    """More is used than the flight should cost, by more than a climb or a gust explains."""
-    return _check_drain(view, hurried=False)
-
-
-def check_battery_plunge(view: WatchView) -> Finding:
-    """So much more is used that there is no time to wait for one more report."""
-    return _check_drain(view, hurried=True)
+    if excess < limits.battery_step_pct:
+        return OK
+    return f"lost {excess + expected:.0f} % at once where the flight costs {expected:.1f} %"
 
 
 def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
     if not _is_battery_fresh(view):
         return STALE
-    limits, known = view.context.limits, view.state.power.battery
-    eased = (2.0 if _is_climbing(view) else 1.0) * (0.8 if view.failing else 1.0)
+    limits, known, fix = view.context.limits, view.state.power.battery, view.state.motion.fix
+    climbs = fix is not None and fix.velocity_m_s[2] > limits.climbs_m_s
+    eased = (2.0 if climbs else 1.0) * (0.8 if view.failing else 1.0)
     for found, threshold, which in _iterate_excesses(known, limits, hurried=hurried):
         if cusum.is_drain(found, eased * threshold, limits.battery_step_pct):
-            return Finding(
-                Verdict.FAIL,
+            return (
                 f"used {found.used_pct:.1f} % in {found.duration_s(view.now_s):.0f} s where "
-                f"{found.expected_pct:.1f} % is usual{which}",
+                f"{found.expected_pct:.1f} % is usual{which}"
             )
     return OK
 
 
-def _is_percentage_refuted(view: WatchView) -> bool:
-    """Return whether a percentage fell that does not follow its counter, and the voltage did not: it is no use."""
-    power = view.state.power
-    counts = power.battery.charge.consumed_ah is not None and account.is_blind(power.battery)
-    return counts and power.volts.dropped_s is None and account.has_running_counter(power.battery)
+check_battery_drain = partial(_check_drain, hurried=False)
+"""More is used than the flight should cost, by more than a climb or a gust explains."""
+check_battery_plunge = partial(_check_drain, hurried=True)
+"""So much more is used that there is no time to wait for one more report."""
 
 
 def _iterate_excesses(
@@ -112,7 +100,7 @@ def check_voltage_step(view: WatchView) -> Finding:
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
         return OK
     expected_v = volts.usual_v if volts.expected_v is None else volts.expected_v
-    return Finding(Verdict.FAIL, f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load")
+    return f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load"
 
 
 def _is_driven_hard(view: WatchView) -> bool:
@@ -129,9 +117,9 @@ def check_cells(view: WatchView) -> Finding:
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others")
+        return f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others"
     if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
-        return Finding(Verdict.FAIL, f"{volts.weakest_v or 0.0:.2f} V a cell under load")
+        return f"{volts.weakest_v or 0.0:.2f} V a cell under load"
     return OK
 
 
@@ -144,16 +132,15 @@ def check_reserve(view: WatchView) -> Finding:
     chance = landing_projection.landing_chance_below(view.context, view.state, view.setup, floor_pct)
     if chance is None or not _is_battery_fresh(view):
         return STALE
-    if chance >= (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
-        ahead = landing_projection.project_landing(view.context, view.state, view.setup)
-        if ahead is None:
-            return STALE
-        return Finding(
-            Verdict.FAIL,
-            f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
-            f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability",
-        )
-    return OK
+    if chance < (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        return OK
+    ahead = landing_projection.project_landing(view.context, view.state, view.setup)
+    if ahead is None:
+        return STALE
+    return (
+        f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
+        f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability"
+    )
 
 
 def check_pack_charge(view: WatchView) -> Finding:
@@ -163,9 +150,8 @@ def check_pack_charge(view: WatchView) -> Finding:
     found = assess_pack_in_flight(view)
     if found is None or not found.in_flight:
         return OK if found is None else STALE
-    if found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found)):
-        return Finding(Verdict.FAIL, f"its pack {found.words}")
-    return OK
+    fails = found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found))
+    return f"its pack {found.words}" if fails else OK
 
 
 def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
@@ -196,28 +182,18 @@ def assess_pack_in_flight(view: WatchView) -> PackCondition | None:
 def check_battery_failsafe(view: WatchView) -> Finding:
     """The autopilot itself says that it acts on its battery."""
     said = describe_reported_failure(view, "battery")
-    if not said:
-        return OK
     # A text is the one thing that anybody can send: what it says must show somewhere else as well.
-    return Finding(Verdict.FAIL, said) if not view.setup.planned or _is_alarm_confirmed(view) else OK
+    return said if said and (not view.setup.planned or _is_alarm_confirmed(view)) else OK
 
 
 def _is_alarm_confirmed(view: WatchView) -> bool:
     """Return whether an alarm of the battery shows in anything besides its text."""
-    state, beat, volts = view.state, view.state.telemetry.heartbeat, view.state.power.volts
-    if beat is not None and (
-        beat.system_status >= CRITICAL or not is_mission_mode(view.setup.dialect, beat.custom_mode)
-    ):
+    state, power, volts = view.state, view.state.power, view.state.power.volts
+    if state.is_critical or (state.mode is not None and not is_in_mission_mode(view)):
         return True
-    low = (
-        state.power.battery.remaining_pct is None
-        or state.power.battery.remaining_pct <= view.setup.reserve_pct + NEAR_PCT
-    )
-    sick = (
-        state.power.battery.charge_state >= LOW
-        or state.power.battery_faults
-        or state.sensors.unhealthy & BATTERY_SENSOR
-    )
+    left_pct = power.battery.remaining_pct
+    low = left_pct is None or left_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = power.battery.charge_state >= LOW or power.battery_faults or state.sensors.unhealthy & BATTERY_SENSOR
     return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
 
 
@@ -228,20 +204,14 @@ def check_battery_status(view: WatchView) -> Finding:
     names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     state = view.state.power.battery.charge_state
     if state in names:
-        return Finding(Verdict.FAIL, f"the autopilot reports its battery {names[state]}")
+        return f"the autopilot reports its battery {names[state]}"
     bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.power.battery_faults & bit]
-    if bits:
-        return Finding(Verdict.FAIL, f"its battery reports {', '.join(bits)}")
-    return OK
-
-
-def _is_climbing(view: WatchView) -> bool:
-    fix = view.state.motion.fix
-    return fix is not None and fix.velocity_m_s[2] > view.context.limits.climbs_m_s
+    return f"its battery reports {', '.join(bits)}" if bits else OK
 
 
 def _is_battery_fresh(view: WatchView) -> bool:
     # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
     fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
     # Without positions nobody knows what the flight should have cost.
-    return fresh and (stream_watch.is_position_fresh(view) or not view.setup.planned)
+    positions_come = view.state.motion.fix is None or view.fresh_fix is not None
+    return fresh and (positions_come or not view.setup.planned)

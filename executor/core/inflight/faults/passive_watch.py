@@ -96,9 +96,8 @@ class PassiveWatch:
 
     def with_reports(self, name: str, told: VehicleReports) -> PassiveWatch:
         """Return it with something told."""
-        return (
-            self if told == self.reports_of(name) else replace(self, told=MappingProxyType({**self.told, name: told}))
-        )
+        known = told == self.reports_of(name)
+        return self if known else replace(self, told=MappingProxyType({**self.told, name: told}))
 
 
 Stepped = tuple[PassiveWatch, tuple[Finding, ...]]
@@ -126,9 +125,8 @@ def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: fl
             fleet = state.fleet.put(vehicle)
             if fleet.progress.launched_s is None and vehicle.stage is Stage.FLYING:
                 fleet = fleet.with_progress(launched_s=now_s)
-            return PassiveWatch(
-                fleet, state.open, state.warned_s, state.told
-            ), found  # of every message: faster than replace
+            # Of every message: faster than replace.
+            return PassiveWatch(fleet, state.open, state.warned_s, state.told), found
         case Tick():
             return _apply_tick(scene, state, now_s)
 
@@ -162,34 +160,32 @@ def _apply_mode_change(scene: Scene, state: PassiveWatch, before: VehicleState, 
         return state.with_reports(name, VehicleReports(mode_s=vehicle.telemetry.mode_since_s)), ()
     if not before.armed or before.telemetry.mode_since_s == vehicle.telemetry.mode_since_s:
         return state, ()
-    beat = vehicle.telemetry.heartbeat
-    if beat is not None and is_mission_mode(scene.vehicles[name].dialect, beat.custom_mode):
+    if is_mission_mode(scene.vehicles[name].dialect, vehicle.mode):
         state = state.with_reports(name, replace(told, declared=told.declared - {"left"}))  # it may be left again
     return _report_mode(scene, state, before)
 
 
 def _report_mode(scene: Scene, state: PassiveWatch, vehicle: VehicleState) -> Stepped:
     """Tell the mode that a vehicle is in, and who chose it, unless that was told."""
-    told, since_s, beat = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s, vehicle.telemetry.heartbeat
-    if beat is None or since_s <= told.mode_s:
+    told, since_s = state.reports_of(vehicle.name), vehicle.telemetry.mode_since_s
+    if vehicle.mode is None or since_s <= told.mode_s:
         return state, ()
     setup = scene.vehicles[vehicle.name]
     who = attribute_mode_change(setup, vehicle)
-    moded = ObservedModeChange(vehicle.name, mode_name(setup.dialect, beat.custom_mode), who.by, who.why, since_s)
+    moded = ObservedModeChange(vehicle.name, mode_name(setup.dialect, vehicle.mode), who.by, who.why, since_s)
     return state.with_reports(vehicle.name, replace(told, mode_s=since_s)), (moded,)
 
 
 def _follow_stage(scene: Scene, before: VehicleState, vehicle: VehicleState, now_s: float) -> VehicleState:
     """Return a vehicle in the stage that its HEARTBEAT shows."""
-    beat = vehicle.telemetry.heartbeat
-    if beat is None:
+    if vehicle.mode is None:
         return vehicle
     if before.armed and before.telemetry.mode_since_s != vehicle.telemetry.mode_since_s:
         vehicle = _leave_mission_to_person(scene, before, vehicle)
     match vehicle.stage:
-        case Stage.GROUND | Stage.LANDED if beat.armed:
+        case Stage.GROUND | Stage.LANDED if vehicle.armed:
             return _begin_flight(vehicle, now_s)
-        case Stage.LOST if not beat.armed:
+        case Stage.LOST if not vehicle.armed:
             return change_stage(vehicle, Stage.LANDED)
         case Stage.LOST:
             # Live RTL would be commanded; here it flies on, and may be lost again.
@@ -224,41 +220,37 @@ def _begin_flight(vehicle: VehicleState, now_s: float) -> VehicleState:
 
 def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: VehicleState) -> VehicleState:
     """Return a vehicle that is on no mission any more once a person has it: what comes then interrupts none."""
-    setup, old = scene.vehicles[vehicle.name], before.telemetry.heartbeat
-    if old is None or is_mission_mode(setup.dialect, old.custom_mode):
+    setup = scene.vehicles[vehicle.name]
+    if before.mode is None or is_mission_mode(setup.dialect, before.mode):
         return vehicle
     persons = attribute_mode_change(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
-    if not persons and not is_manual_mode(setup.dialect, old.custom_mode):
+    if not persons and not is_manual_mode(setup.dialect, before.mode):
         return vehicle
-    beat = vehicle.telemetry.heartbeat
-    again = beat is not None and is_mission_mode(setup.dialect, beat.custom_mode)
+    again = is_mission_mode(setup.dialect, vehicle.mode)
     return vehicle.with_sortie(flew_mission=again and vehicle.sortie.took_off)
 
 
 def _apply_tick(scene: Scene, state: PassiveWatch, now_s: float) -> Stepped:
     fleet, _ = link_loss.discount_host_pause(scene, state.fleet, now_s)
     fleet, _ = link_loss.check_all_links(scene, fleet, now_s, least=link_loss.ALL)
-    alone = (
-        fleet.listening.silent_since_s is not None
-        and now_s - fleet.listening.silent_since_s < scene.limits.all_silent_s
-    )
+    silent_since_s = fleet.listening.silent_since_s
+    alone = silent_since_s is not None and now_s - silent_since_s < scene.limits.all_silent_s
     vehicles, found = dict(fleet.vehicles), list[Finding]()
     open_ = dict(state.open)
-    looks = now_s - state.warned_s >= WARN_S or any(_is_falling_silent(scene, one, now_s) for one in vehicles.values())
+    heard_s = [one.link.heard_s for one in vehicles.values() if one.stage is Stage.FLYING]
+    silent = any(one is not None and now_s - one >= scene.limits.link_stale_s for one in heard_s)
+    looks = silent or now_s - state.warned_s >= WARN_S
     for name, vehicle in fleet.vehicles.items():
         if vehicle.stage is Stage.LOST:
             continue  # nothing begins and nothing ends in silence
         if vehicle.armed and is_attribution_final(vehicle, now_s):
             state, moded = _report_mode(scene, state, vehicle)
             found += moded
-        told, (vehicle, declared) = (
-            state.reports_of(name),
-            _judge_vehicle(scene, vehicle, state.reports_of(name), now_s, alone=alone),
-        )
+        told = state.reports_of(name)
+        vehicle, declared = _judge_vehicle(scene, vehicle, told, now_s, alone=alone)
         vehicles[name] = vehicle
-        state = state.with_reports(
-            name, replace(told, declared=told.declared | {_group_of(one) for one, _ in declared})
-        )
+        groups = told.declared | {_group_of(one) for one, _ in declared}
+        state = state.with_reports(name, replace(told, declared=groups))
         found += (DeclaredFault(name, point.kind, point.name, why, now_s) for point, why in declared)
         if looks and (open_ or vehicle.stage not in _DOWN):
             found += update_degradations(WatchView(scene, scene.vehicles[name], vehicle, False, now_s), open_)
@@ -277,11 +269,6 @@ def _group_of(point: Watchpoint) -> str:
     return "down" if point.name in _DOWN_REASONS else "left"
 
 
-def _is_falling_silent(scene: Scene, vehicle: VehicleState, now_s: float) -> bool:
-    silent = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s >= scene.limits.link_stale_s
-    return silent and vehicle.stage is Stage.FLYING
-
-
 Raised = tuple[Watchpoint, str]
 
 
@@ -294,10 +281,9 @@ def _judge_vehicle(
         view = WatchView(scene, setup, vehicle, False, now_s)
         late = describe_reported_failure(view, "crash") if now_s - vehicle.sortie.disarmed_s <= LATE_S else ""
         return vehicle, [(watchpoints.CRASH, late)] if late and "down" not in told.declared else []
-    judgement = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
-    vehicle = watchpoints.store_watches(vehicle, judgement)
+    vehicle, failed = watchpoints.judge_watchpoints(scene, setup, vehicle, now_s)
     raised = list[Raised]()
-    for point, why in judgement.raised:
+    for point, why in failed:
         known = told.declared | {_group_of(one) for one, _ in raised}
         if point.code is FaultCode.VOLTAGE_STEP and known & _STRUGGLES and not vehicle.power.volts.known_load:
             continue  # what its motors draw to save it, nobody knows

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
-from executor.core.inflight.faults.watchpoint_types import OK, STALE, Finding, Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import OK, STALE, Finding, WatchView
+from executor.core.limits import Limits
 from executor.core.state.mission_height import ITEM_STALE_S
 
 LEAST_GONE_S = 20.0
@@ -23,49 +23,69 @@ UNSEEN_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class StreamStatus:
-    """One of a vehicle's streams at one moment."""
+class Stream:
+    """One of a vehicle's streams."""
 
     words: str
-    """What is missing, in words."""
-    age_s: float
-    """Since it came last; not a number if it never came."""
-    stale_s: float
+    """What is missing, in words, where it does not come."""
+    last_s: Callable[[WatchView], float | None]
+    """When it came last; None if it never did."""
+    stale_s: Callable[[Limits], float]
     """An age that is worth a word."""
+    gone_s: float = LEAST_GONE_S
+    """An age that is a fault, or the link's time-out if that is longer."""
 
-    @property
-    def stale(self) -> bool:
-        """Whether it should have come."""
-        return self.age_s >= self.stale_s
+    def age_s(self, view: WatchView) -> float:
+        """Return for how long it has not come; not a number if it never came."""
+        last_s = self.last_s(view)
+        return math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
+
+    def is_stale(self, view: WatchView) -> bool:
+        """Return whether it should have come."""
+        return self.age_s(view) >= self.stale_s(view.context.limits)
+
+    def describe_missing(self, view: WatchView) -> str:
+        """Return in words that it does not come while others do; nothing if it comes."""
+        age_s, stale_s, heard_s = self.age_s(view), self.stale_s(view.context.limits), view.state.link.heard_s
+        if not age_s >= stale_s or heard_s is None or not is_link_alive(view):
+            return ""
+        if view.now_s - heard_s > age_s - stale_s:
+            return ""  # nothing else came since this was due: a silence of everything begins with one of them
+        return f"{self.words} for {age_s:.0f} s, while other messages come"
+
+    def check(self, view: WatchView) -> Finding:
+        """Return whether it stays away for longer than is usual, and than a silence of everything lasts."""
+        age_s, heard_s, after_s = self.age_s(view), view.state.link.heard_s, max(self.gone_s, view.setup.link_timeout_s)
+        if not view.setup.planned or math.isnan(age_s) or heard_s is None or not is_link_alive(view):
+            return STALE
+        if age_s < after_s:
+            return OK
+        if view.now_s - heard_s > age_s - after_s:
+            return STALE  # nothing at all came since it was due: that may be the link
+        return self.describe_missing(view)
 
 
-def get_heartbeat_stream(view: WatchView) -> StreamStatus:
-    """HEARTBEAT: without it nobody knows its mode, and whether it is armed."""
-    return _build_stream(view, "no HEARTBEAT", view.state.link.heartbeat_s, view.context.limits.heartbeat_stale_s)
-
-
-def get_position_stream(view: WatchView) -> StreamStatus:
-    """GLOBAL_POSITION_INT: without it nobody knows where it is."""
-    fix = view.state.motion.fix
-    return _build_stream(view, "no position", None if fix is None else fix.at_s, view.context.limits.link_stale_s)
-
-
-def get_battery_stream(view: WatchView) -> StreamStatus:
-    """BATTERY_STATUS or SYS_STATUS."""
-    known = view.state.power.battery
-    last_s = None if known.remaining_pct is None else known.reported_s
-    return _build_stream(view, "no battery report", last_s, view.context.limits.battery_stale_s)
-
-
-def get_item_stream(view: WatchView) -> StreamStatus:
-    """MISSION_CURRENT: without it nobody knows which segment it flies to."""
-    last_s = view.state.telemetry.item_s if view.setup.planned else None
-    return _build_stream(view, "no report of its current waypoint", last_s, ITEM_STALE_S)
-
-
-def _build_stream(view: WatchView, words: str, last_s: float | None, stale_s: float) -> StreamStatus:
-    age_s = math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
-    return StreamStatus(words, age_s, stale_s)
+HEARTBEAT = Stream("no HEARTBEAT", lambda view: view.state.link.heartbeat_s, lambda limits: limits.heartbeat_stale_s)
+"""Without it nobody knows its mode, and whether it is armed."""
+POSITION = Stream(
+    "no position",
+    lambda view: None if view.state.motion.fix is None else view.state.motion.fix.at_s,
+    lambda limits: limits.link_stale_s,
+)
+"""GLOBAL_POSITION_INT: without it nobody knows where it is."""
+BATTERY = Stream(
+    "no battery report",
+    lambda view: None if view.state.power.battery.remaining_pct is None else view.state.power.battery.reported_s,
+    lambda limits: limits.battery_stale_s,
+    BATTERY_GONE_S,
+)
+"""BATTERY_STATUS or SYS_STATUS."""
+ITEM = Stream(
+    "no report of its current waypoint",
+    lambda view: view.state.telemetry.item_s if view.setup.planned else None,
+    lambda _: ITEM_STALE_S,
+)
+"""MISSION_CURRENT: without it nobody knows which segment it flies to."""
 
 
 def is_link_alive(view: WatchView) -> bool:
@@ -74,55 +94,14 @@ def is_link_alive(view: WatchView) -> bool:
     return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
 
 
-def describe_missing_stream(of: Callable[[WatchView], StreamStatus], view: WatchView) -> str:
-    """Return in words what does not come while others do; nothing if it comes."""
-    stream, heard_s = of(view), view.state.link.heard_s
-    if not stream.stale or heard_s is None or not is_link_alive(view):
-        return ""
-    if view.now_s - heard_s > stream.age_s - stream.stale_s:
-        return ""  # nothing else came since this was due: a silence of everything begins with one of them
-    return f"{stream.words} for {stream.age_s:.0f} s, while other messages come"
-
-
 def is_stream_request_due(view: WatchView) -> bool:
     """Return whether it is to be asked for its streams again."""
     if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
         return False
-    return any(
-        stream(view).stale
-        for stream in (get_heartbeat_stream, get_position_stream, get_battery_stream, get_item_stream)
-    )
-
-
-def check_stream(of: Callable[[WatchView], StreamStatus], view: WatchView, least_s: float = LEAST_GONE_S) -> Finding:
-    """Return whether something stays away for longer than is usual, and than a silence of everything lasts."""
-    stream, heard_s, after_s = of(view), view.state.link.heard_s, max(least_s, view.setup.link_timeout_s)
-    if not view.setup.planned or math.isnan(stream.age_s) or heard_s is None or not is_link_alive(view):
-        return STALE
-    if stream.age_s < after_s:
-        return OK
-    if view.now_s - heard_s > stream.age_s - after_s:
-        return STALE  # nothing at all came since it was due: that may be the link
-    return Finding(Verdict.FAIL, describe_missing_stream(of, view))
-
-
-check_heartbeat_stream = partial(check_stream, get_heartbeat_stream)
-"""Its HEARTBEAT stays away."""
-check_position_stream = partial(check_stream, get_position_stream)
-"""Its positions stay away."""
-check_battery_stream = partial(check_stream, get_battery_stream, least_s=BATTERY_GONE_S)
-"""It does not say any more what its battery holds."""
-check_item_stream = partial(check_stream, get_item_stream)
-"""It does not say any more which waypoint it flies to."""
+    return any(stream.is_stale(view) for stream in (HEARTBEAT, POSITION, BATTERY, ITEM))
 
 
 def state_silence_s(view: WatchView) -> float:
     """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
-    ages_s = (get_heartbeat_stream(view).age_s, get_position_stream(view).age_s)
+    ages_s = (HEARTBEAT.age_s(view), POSITION.age_s(view))
     return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)
-
-
-def is_position_fresh(view: WatchView) -> bool:
-    """Return whether its positions come, if any ever did."""
-    fix = view.state.motion.fix
-    return fix is None or view.now_s - fix.at_s <= view.context.limits.link_stale_s

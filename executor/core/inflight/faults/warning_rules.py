@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 from executor.core.inflight.faults import battery_watchpoints, stream_watch
 from executor.core.inflight.faults.battery_watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.mission_height import find_mission_height
@@ -42,18 +41,13 @@ def describe_silence(view: WatchView) -> str:
 
 def describe_missing_items(view: WatchView) -> str:
     """It speaks, and not of where it flies to."""
-    return (
-        stream_watch.describe_missing_stream(stream_watch.get_item_stream, view)
-        if view.state.stage is Stage.FLYING
-        else ""
-    )
+    return stream_watch.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
     """A HEARTBEAT says what its positions refute."""
-    if view.state.telemetry.doubted is None:
-        return ""
-    return "HEARTBEAT reports disarmed, but it is flying: sent by another station?"
+    doubted = view.state.telemetry.doubted is not None
+    return "HEARTBEAT reports disarmed, but it is flying: sent by another station?" if doubted else ""
 
 
 def describe_frame_loss(view: WatchView) -> str:
@@ -93,7 +87,7 @@ def describe_second_battery_fault(view: WatchView) -> str:
         battery_watchpoints.check_battery_status,
         battery_watchpoints.check_cells,
     )
-    return next((f"besides, {found.evidence}" for look in looks if (found := look(view)).verdict is Verdict.FAIL), "")
+    return next((f"besides, {found}" for look in looks if (found := look(view))), "")
 
 
 def describe_reserve_risk(view: WatchView) -> str:
@@ -123,20 +117,16 @@ def describe_position_jump(view: WatchView) -> str:
     """Its position jumped a little."""
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
-    if off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s:
-        return f"its position jumped by {off_m:.0f} m"
-    return ""
+    jumped = off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s
+    return f"its position jumped by {off_m:.0f} m" if jumped else ""
 
 
 def describe_stuck_return(view: WatchView) -> str:
     """It should be on its way home, and hangs in the air where it is."""
-    state = view.state
-    if state.stage is not Stage.RETURNING or state.motion.fix is None or state.motion.anchor is None or not state.armed:
+    state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
+    if state.stage is not Stage.RETURNING or fix is None or not state.armed:
         return ""
-    if view.now_s - state.motion.fix.at_s > view.context.limits.link_stale_s:
-        return ""
-    stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
-    if stood_s < view.context.limits.hangs_s or state.motion.fix.alt_rel_m < view.context.limits.airborne_m:
+    if stood_s < limits.hangs_s or fix.alt_rel_m < limits.airborne_m:
         return ""
     return f"has not moved for {stood_s:.0f} s on its way home, {describe_position(view.context, state)}"
 
@@ -144,11 +134,10 @@ def describe_stuck_return(view: WatchView) -> str:
 def low(view: WatchView) -> str:
     """It flies below its mission, and does not climb."""
     state, limits = view.state, view.context.limits
-    if not view.setup.planned or state.stage is not Stage.FLYING or state.motion.fix is None:
+    if not view.setup.planned or state.stage is not Stage.FLYING or view.fresh_fix is None:
         return ""
     asked = find_mission_height(view.context, view.setup, state)
-    stale = view.now_s - state.motion.fix.at_s > limits.link_stale_s
-    if asked is None or stale or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
+    if asked is None or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
         return ""
     return f"flies {asked.below_m:.0f} m below its mission"
 
@@ -156,19 +145,15 @@ def low(view: WatchView) -> str:
 CLIMBS_M_S = 0.1
 
 
-def _describe_missing(stream: Callable[[WatchView], stream_watch.StreamStatus]) -> Callable[[WatchView], str]:
-    return partial(stream_watch.describe_missing_stream, stream)
-
-
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
-    WarningRule("heartbeat", FaultKind.LINK, _describe_missing(stream_watch.get_heartbeat_stream)),
+    WarningRule("heartbeat", FaultKind.LINK, stream_watch.HEARTBEAT.describe_missing),
     WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
-    WarningRule("positions", FaultKind.INTERRUPTION, _describe_missing(stream_watch.get_position_stream)),
+    WarningRule("positions", FaultKind.INTERRUPTION, stream_watch.POSITION.describe_missing),
     WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
     WarningRule("loss", FaultKind.LINK, describe_frame_loss),
     WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
-    WarningRule("battery-silent", FaultKind.BATTERY, _describe_missing(stream_watch.get_battery_stream)),
+    WarningRule("battery-silent", FaultKind.BATTERY, stream_watch.BATTERY.describe_missing),
     WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
     WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from enum import Enum
 
 from executor.core.context import Scene, VehicleSetup
+from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import has_failsafe_action
 from missions.autopilots.modes import is_mission_mode
-
-
-class Verdict(Enum):
-    """What a watchpoint says of one moment."""
-
-    OK = "ok"
-    FAIL = "fail"
-    STALE = "stale"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +23,18 @@ class WatchView:
     """Whether it failed at the last look: the clear threshold may differ from the raise threshold."""
     now_s: float
 
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """A verdict with its evidence in words."""
-
-    verdict: Verdict
-    evidence: str = ""
+    @property
+    def fresh_fix(self) -> PositionFix | None:
+        """Its newest position, if it is not old."""
+        fix = self.state.motion.fix
+        return None if fix is None or self.now_s - fix.at_s > self.context.limits.link_stale_s else fix
 
 
-OK = Finding(Verdict.OK)
-STALE = Finding(Verdict.STALE)
+Finding = str | None
+"""What a watchpoint says of one moment: its evidence in words where it fails."""
+OK: Finding = ""
+STALE: Finding = None
+"""Nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,16 +63,17 @@ LOST_ITSELF_S = 30.0
 
 def is_estimate_lost(view: WatchView) -> bool:
     """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
-    return any(
-        failed.what in {"ekf", "gps"} and view.now_s - said_s <= LOST_ITSELF_S
-        for failed, said_s in view.state.evidence.failed
-    )
+    return has_failed_lately(view, {"ekf", "gps"}, LOST_ITSELF_S)
+
+
+def has_failed_lately(view: WatchView, kinds: Collection[str], within_s: float) -> bool:
+    """Return whether its autopilot said within a time that something of these kinds has failed."""
+    return any(one.what in kinds and view.now_s - said_s <= within_s for one, said_s in view.state.evidence.failed)
 
 
 def is_in_mission_mode(view: WatchView) -> bool:
     """Return whether it says that it is in mission mode."""
-    heartbeat = view.state.telemetry.heartbeat
-    return heartbeat is not None and is_mission_mode(view.setup.dialect, heartbeat.custom_mode)
+    return is_mission_mode(view.setup.dialect, view.state.mode)
 
 
 def alarm_words(view: WatchView) -> str:

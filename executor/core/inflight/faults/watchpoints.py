@@ -7,7 +7,7 @@ time, so that a silent vehicle's last battery report raises nothing by itself. O
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from executor.core.context import Scene, VehicleSetup
 from executor.core.inflight.custody.mode_attribution import (
@@ -23,7 +23,6 @@ from executor.core.inflight.faults.watchpoint_types import (
     OK,
     STALE,
     Finding,
-    Verdict,
     Watchpoint,
     WatchView,
     alarm_words,
@@ -37,7 +36,7 @@ from executor.core.state.positioning import is_adrift
 from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
 from executor.core.state.vehicle_position import has_fallen, has_mission_ended, is_resting_place_known
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
-from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
+from missions.autopilots.modes import is_home_mode, is_manual_mode, mode_name
 
 
 def check_link_silence(view: WatchView) -> Finding:
@@ -47,11 +46,10 @@ def check_link_silence(view: WatchView) -> Finding:
         return STALE
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
-        return Finding(Verdict.FAIL, f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s")
+        return f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s"
     unseen_s = streams.state_silence_s(view)
-    if view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s):
-        return Finding(Verdict.FAIL, f"neither HEARTBEAT nor position for {unseen_s:.0f} s")
-    return OK
+    unseen = view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s)
+    return f"neither HEARTBEAT nor position for {unseen_s:.0f} s" if unseen else OK
 
 
 def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
@@ -69,34 +67,28 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if is_adrift(state):
-        return Finding(Verdict.FAIL, f"disarmed without GPS, position unknown{alarm_words(view)}")
+        return f"disarmed without GPS, position unknown{alarm_words(view)}"
     if away_m > limits.off_pad_m:
-        return Finding(
-            Verdict.FAIL,
-            f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}",
-        )
+        return f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}"
     # An old position says nothing of its height: it may have come down since.
     if has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
-        return Finding(Verdict.FAIL, f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}")
+        return f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}"
     if not state.sortie.took_off and state.stage is Stage.FLYING:
-        return Finding(Verdict.FAIL, f"disarmed on its pad before it took off{alarm_words(view)}")
+        return f"disarmed on its pad before it took off{alarm_words(view)}"
     if state.sortie.rebooted_s is not None:
-        return Finding(Verdict.FAIL, f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}")
-    if not has_mission_ended(view.context, state):
-        return Finding(Verdict.FAIL, f"disarmed over its pad in mid-mission{alarm_words(view)}")
-    return OK
+        return f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}"
+    return OK if has_mission_ended(view.context, state) else f"disarmed over its pad in mid-mission{alarm_words(view)}"
 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:
     """Look at a vehicle that disarmed and may land anywhere: it must have come to rest."""
-    fix, limits = view.state.motion.fix, view.context.limits
-    if fix is None or view.now_s - fix.at_s > limits.link_stale_s or view.state.telemetry.on_ground:
+    fix, limits = view.fresh_fix, view.context.limits
+    if fix is None or view.state.telemetry.on_ground:
         return OK
     speed_m_s = math.hypot(*fix.velocity_m_s)
-    if fix.alt_rel_m > limits.off_pad_up_m and speed_m_s > limits.at_rest_m_s:
-        text = f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{alarm_words(view)}"
-        return Finding(Verdict.FAIL, text)
-    return OK
+    if fix.alt_rel_m <= limits.off_pad_up_m or speed_m_s <= limits.at_rest_m_s:
+        return OK
+    return f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{alarm_words(view)}"
 
 
 def check_termination(view: WatchView) -> Finding:
@@ -105,39 +97,34 @@ def check_termination(view: WatchView) -> Finding:
     if heartbeat is None:
         return STALE
     names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
-    if heartbeat.armed and heartbeat.system_status in names:
-        return Finding(Verdict.FAIL, f"reports {names[heartbeat.system_status]}{alarm_words(view)}")
-    return OK
+    what = names.get(heartbeat.system_status) if heartbeat.armed else None
+    return f"reports {what}{alarm_words(view)}" if what else OK
 
 
 def check_fall(view: WatchView) -> Finding:
     """It sinks faster than it was ever told to."""
-    fix = view.state.motion.fix
-    if fix is None or view.now_s - fix.at_s > view.context.limits.link_stale_s:
+    fix = view.fresh_fix
+    if fix is None:
         return STALE
     if not view.setup.planned and not _is_sinking(view):
         return OK
-    if fix.velocity_m_s[2] < -view.context.limits.fall_m_s:
-        return Finding(Verdict.FAIL, f"falls at {-fix.velocity_m_s[2]:.1f} m/s")
-    return OK
+    up_m_s = fix.velocity_m_s[2]
+    return f"falls at {-up_m_s:.1f} m/s" if up_m_s < -view.context.limits.fall_m_s else OK
 
 
 def check_mission_mode(view: WatchView) -> Finding:
     """It is in a mode that nobody here ordered, by its own failsafe."""
     state = view.state
-    if state.telemetry.heartbeat is None:
+    if state.mode is None:
         return STALE
-    if check_fence_breach(view).verdict is Verdict.FAIL:
+    if check_fence_breach(view):
         return OK  # that is said by its own name
     dialect = view.setup.dialect
     if view.setup.planned:
         if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
             return OK
-        mode = mode_name(dialect, state.telemetry.heartbeat.custom_mode)
-        return Finding(Verdict.FAIL, f"{mode} by its own failsafe{alarm_words(view)}")
-    if is_mission_mode(dialect, state.telemetry.heartbeat.custom_mode) or not state.armed:
-        return OK
-    return _check_unplanned_mode(view, state.telemetry.heartbeat.custom_mode)
+        return f"{mode_name(dialect, state.mode)} by its own failsafe{alarm_words(view)}"
+    return OK if is_in_mission_mode(view) or not state.armed else _check_unplanned_mode(view, state.mode)
 
 
 def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
@@ -145,15 +132,13 @@ def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
     state, who, name = view.state, attribute_mode_change(view.setup, view.state), mode_name(view.setup.dialect, mode)
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
-        words = f"went to mode {name} by its own failsafe: {who.failed.words}"
-        return OK if who.failed.what == "battery" else Finding(Verdict.FAIL, words)
+        return OK if who.failed.what == "battery" else f"went to mode {name} by its own failsafe: {who.failed.words}"
     if not state.sortie.flew_mission:
         return OK  # it never was on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
-        words = f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
-        return Finding(Verdict.FAIL, words)
+        return f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
-        return Finding(Verdict.FAIL, f"went to mode {name}, by an unknown source")
+        return f"went to mode {name}, by an unknown source"
     return OK
 
 
@@ -171,17 +156,14 @@ def check_fence_breach(view: WatchView) -> Finding:
     bit = view.setup.planned and state.sortie.took_off and bool(sensors.unhealthy & GEOFENCE_SENSOR)
     told = sensors.fence_breached or bit
     off = describe_fence_departure(state, view.now_s, view.context.limits.link_stale_s)
-    led = "" if said or told or off or not _newly_led(view) else describe_fence_action(view.setup, state)
+    # It may be inside its fence again before it is heard that it has left its mission.
+    left = state.sortie.flew_mission and not is_in_mission_mode(view)
+    newly = left and view.now_s - state.telemetry.mode_since_s <= view.context.limits.alarm_s
+    led = "" if said or told or off or not newly else describe_fence_action(view.setup, state)
     if not said and not told and not off and not led:
         return OK
     parts = ("its fence was breached" if led else "its fence is breached", off, said)
-    return Finding(Verdict.FAIL, "; ".join(part for part in parts if part))
-
-
-def _newly_led(view: WatchView) -> bool:
-    """Return whether it has left its mission just now: it may be inside its fence again before that is heard."""
-    left = view.state.sortie.flew_mission and not is_in_mission_mode(view)
-    return left and view.now_s - view.state.telemetry.mode_since_s <= view.context.limits.alarm_s
+    return "; ".join(part for part in parts if part)
 
 
 UNNAMED_S = 1.0
@@ -193,15 +175,14 @@ def check_crash(view: WatchView) -> Finding:
     if view.setup.planned and view.state.armed:
         return OK  # a text is the one thing that anybody can send
     if said := describe_reported_failure(view, "crash"):
-        return Finding(Verdict.FAIL, said)
+        return said
     since_s, attitude = view.state.sensors.tilted_since_s, view.state.sensors.attitude
     if view.setup.planned or since_s is None or attitude is None or not view.state.sortie.took_off:
         return OK
     disarmed = not view.state.armed and view.now_s - since_s >= 0.0
-    if disarmed or view.now_s - since_s >= view.context.limits.tilt_s:
-        tilt_deg = max(abs(attitude.roll_deg), abs(attitude.pitch_deg))
-        return Finding(Verdict.FAIL, f"lies or hangs tilted by {tilt_deg:.0f} degrees")
-    return OK
+    if not disarmed and view.now_s - since_s < view.context.limits.tilt_s:
+        return OK
+    return f"lies or hangs tilted by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
 
 
 def _is_sinking(view: WatchView) -> bool:
@@ -209,8 +190,8 @@ def _is_sinking(view: WatchView) -> bool:
 
     On the ground, and until a filter has settled, a velocity alone says nothing; and a pilot may let it drop.
     """
-    beat, fix, before = view.state.telemetry.heartbeat, view.state.motion.fix, view.state.motion.last_fix
-    if beat is None or is_manual_mode(view.setup.dialect, beat.custom_mode) or not view.state.sortie.took_off:
+    mode, fix, before = view.state.mode, view.state.motion.fix, view.state.motion.last_fix
+    if mode is None or is_manual_mode(view.setup.dialect, mode) or not view.state.sortie.took_off:
         return False
     if fix is None or before is None or fix.boot_s <= before.boot_s or is_estimate_lost(view):
         return False
@@ -228,31 +209,24 @@ def check_position_jump(view: WatchView) -> Finding:
     limits = view.context.limits
     if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
-    if off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s:
-        return Finding(Verdict.FAIL, f"its position jumped by {off_m:.0f} m")
-    return OK
+    jumped = off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s
+    return f"its position jumped by {off_m:.0f} m" if jumped else OK
 
 
 def check_stall(view: WatchView) -> Finding:
     """It is on its mission and does not move."""
     state, limits = view.state, view.context.limits
-    if (
-        state.motion.fix is None
-        or state.motion.anchor is None
-        or view.now_s - state.motion.fix.at_s > limits.link_stale_s
-    ):
-        return STALE
-    if state.motion.fix.reckoned:
+    fix = view.fresh_fix
+    if fix is None or fix.reckoned or state.motion.anchor is None:
         return STALE
     if state.orders.held_s is not None:
         return OK  # the operator's order
     if view.setup.planned is False and not is_in_mission_mode(view):
         return OK  # somebody flies it by hand
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
-    stood_s = state.motion.fix.boot_s - state.motion.anchor.boot_s
-    if stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s):
-        return Finding(Verdict.FAIL, f"has not moved for {stood_s:.0f} s")
-    return OK
+    stood_s = state.motion.stood_s
+    stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
+    return f"has not moved for {stood_s:.0f} s" if stalls else OK
 
 
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
@@ -268,8 +242,8 @@ TABLE: tuple[Watchpoint, ...] = (
     CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, FaultCode.TERMINATED, _IN_THE_AIR),
     Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, FaultCode.LINK_LOST, _OUT_THERE),
-    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.check_heartbeat_stream, 0.0, FaultCode.HEARTBEAT_LOST),
-    Watchpoint("positions", FaultKind.INTERRUPTION, streams.check_position_stream, 0.0, FaultCode.POSITION_LOST),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.HEARTBEAT.check, 0.0, FaultCode.HEARTBEAT_LOST),
+    Watchpoint("positions", FaultKind.INTERRUPTION, streams.POSITION.check, 0.0, FaultCode.POSITION_LOST),
     Watchpoint("battery-step", FaultKind.BATTERY, battery.check_battery_step, 2.5, FaultCode.BATTERY_STEP),
     Watchpoint("voltage-step", FaultKind.BATTERY, battery.check_voltage_step, 3.0, FaultCode.VOLTAGE_STEP),
     Watchpoint("cells", FaultKind.BATTERY, battery.check_cells, 0.0, FaultCode.CELL_WEAK),
@@ -279,8 +253,8 @@ TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("battery-drain", FaultKind.BATTERY, battery.check_battery_drain, 2.5, FaultCode.BATTERY_DRIFT),
     Watchpoint("pack", FaultKind.BATTERY, battery.check_pack_charge, 15.0, FaultCode.PACK_SHORT),
     Watchpoint("reserve", FaultKind.BATTERY, battery.check_reserve, 5.0, FaultCode.BATTERY_LOW),
-    Watchpoint("battery-reports", FaultKind.BATTERY, streams.check_battery_stream, 0.0, FaultCode.BATTERY_REPORT_LOST),
-    Watchpoint("items", FaultKind.INTERRUPTION, streams.check_item_stream, 0.0, FaultCode.ITEM_LOST),
+    Watchpoint("battery-reports", FaultKind.BATTERY, streams.BATTERY.check, 0.0, FaultCode.BATTERY_REPORT_LOST),
+    Watchpoint("items", FaultKind.INTERRUPTION, streams.ITEM.check, 0.0, FaultCode.ITEM_LOST),
     Watchpoint("position", FaultKind.INTERRUPTION, check_position_jump, 0.0, FaultCode.POSITION_JUMP),
     Watchpoint("fence", FaultKind.FENCE, check_fence_breach, FENCE_SEEN_S, FaultCode.FENCE_BREACHED),
     Watchpoint("mode", FaultKind.INTERRUPTION, check_mission_mode, 1.0, FaultCode.MODE_CHANGED),
@@ -291,17 +265,13 @@ TABLE: tuple[Watchpoint, ...] = (
 _BY_STAGE = {stage: tuple(point for point in TABLE if stage in point.stages) for stage in Stage}
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """All watchpoints of one vehicle at one moment."""
+def judge_watchpoints(
+    context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float
+) -> tuple[VehicleState, list[tuple[Watchpoint, str]]]:
+    """Look at every watchpoint of a vehicle; return it with what they remember, and what has failed for long enough.
 
-    watches: tuple[tuple[str, WatchpointMemory], ...]
-    raised: tuple[tuple[Watchpoint, str], ...]
-    """What has failed for long enough, the most important first, with its evidence."""
-
-
-def judge_watchpoints(context: Scene, setup: VehicleSetup, state: VehicleState, now_s: float) -> Judgement:
-    """Look at every watchpoint of a vehicle."""
+    The most important comes first, each with its evidence.
+    """
     old = dict(state.watches)
     watches: list[tuple[str, WatchpointMemory]] = []
     raised: list[tuple[Watchpoint, str]] = []
@@ -310,17 +280,12 @@ def judge_watchpoints(context: Scene, setup: VehicleSetup, state: VehicleState, 
     for point in _BY_STAGE[state.stage]:
         since = old[point.name].failing_since_s if point.name in old else None
         finding = point.judge(fine if since is None else failing)
-        if finding.verdict is Verdict.FAIL:
+        if finding:
             since = now_s if since is None else since
             if now_s - since >= point.raise_after_s:
-                raised.append((point, finding.evidence))
-        elif finding.verdict is Verdict.OK:
+                raised.append((point, finding))
+        elif finding == OK:
             since = None
         if since is not None:
             watches.append((point.name, WatchpointMemory(since)))
-    return Judgement(tuple(watches), tuple(raised))
-
-
-def store_watches(state: VehicleState, judgement: Judgement) -> VehicleState:
-    """Return a vehicle with what its watchpoints have to remember."""
-    return state if judgement.watches == state.watches else replace(state, watches=judgement.watches)
+    return state if tuple(watches) == state.watches else replace(state, watches=tuple(watches)), raised

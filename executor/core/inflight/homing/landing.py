@@ -1,15 +1,16 @@
-"""A vehicle on the ground again: whether it landed, or came down otherwise."""
+"""A vehicle on the ground again: whether it landed, came down otherwise, or is down where people must keep away."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 
 from executor.core.battery import account
 from executor.core.battery.pack_condition import is_doubtful_at_rest
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
+from executor.core.inflight.homing.return_home import is_coming_home
 from executor.core.interface.commands import Level, Say
-from executor.core.state import leg_times, sortie_log
+from executor.core.state import leg_times
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.positioning import is_adrift
 from executor.core.state.vehicle_position import (
@@ -17,11 +18,12 @@ from executor.core.state.vehicle_position import (
     describe_down_place,
     describe_last_position,
     describe_lean,
+    down_at,
     has_fallen,
     has_sinking_fix,
     is_over_pad,
 )
-from executor.core.state.vehicle_state import Stage, VehicleState, change_stage
+from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState, change_stage
 from executor.core.telemetry.battery_reports import pack_facts_of
 from missions.autopilots.modes import mode_name
 
@@ -29,6 +31,11 @@ SEEN_AFTER_S = 0.5
 """A position so much later than the disarming shows where it lies."""
 CRASHED_S = 10.0
 """Who fell so shortly before it disarmed did not land."""
+UNSAID_S = 10.0
+"""So long without HEARTBEAT the last one says nothing any more."""
+FLIES_UP_M = 5.0
+FLIES_M_S = 1.5
+"""What is this much higher, or this fast, after it was found down, flies."""
 
 
 def has_landed(vehicle: VehicleState) -> bool:
@@ -68,15 +75,10 @@ def apply_touchdown(
     if came_down:
         leans = f"; {lean}" if (lean := describe_lean(vehicle)) else ""
         text = f"{vehicle.name}: came down outside a landing{leans}; {describe_last_position(context, vehicle, now_s)}"
-        lies = replace(
-            change_stage(vehicle, Stage.DOWN),
-            assignment=replace(vehicle.assignment, run=None),
-            orders=replace(vehicle.orders, errand=None),
-            motion=replace(vehicle.motion, anchor=vehicle.motion.fix),
-            sortie=replace(vehicle.sortie, place_told=False),
-        )
+        lies = change_stage(vehicle, Stage.DOWN).with_assignment(run=None).with_orders(errand=None)
+        lies = lies.with_motion(anchor=vehicle.motion.fix).with_sortie(place_told=False)
         return state.put(lies), (Say(Level.FAULT, text),)
-    vehicle = sortie_log.end_sortie(
+    vehicle = leg_times.end_sortie(
         leg_times.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
     )
     vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
@@ -104,10 +106,10 @@ def apply_touchdown(
 
 def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
     """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
-    beat, dialect = vehicle.telemetry.heartbeat, context.vehicles[vehicle.name].dialect
-    if context.fly_again is not RelaunchPolicy.AUTO or beat is None or not is_in_manual_mode(context, vehicle):
+    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
+    if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
         return ""
-    return f"; mode {mode_name(dialect, beat.custom_mode)}: stays on the ground until included"
+    return f"; mode {mode_name(context.vehicles[vehicle.name].dialect, mode)}: stays on the ground until included"
 
 
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:
@@ -122,3 +124,52 @@ def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: f
     if not is_doubtful_at_rest(last.rest_v, vehicle.power.volts.cells, pack_facts_of(context, vehicle), last.began_pct):
         return f" with {held_pct:.0f} %"
     return f", reports {held_pct:.0f} %, contradicted by its voltage before take-off"
+
+
+def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: float) -> str:
+    """Return why an armed vehicle is taken to be down, with its place; empty if it is not."""
+    fix, limits = vehicle.motion.fix, context.limits
+    if vehicle.stage not in IN_THE_AIR or not vehicle.armed or fix is None:
+        return ""
+    if vehicle.sensors.tilted_since_s is not None and now_s - vehicle.sensors.tilted_since_s >= limits.tilt_s:
+        return f"{describe_lean(vehicle)}, {describe_down_place(context, vehicle)}"
+    if now_s - fix.at_s > limits.link_stale_s or vehicle.stage is not Stage.RETURNING:
+        return ""
+    if not _has_stopped(context, vehicle, now_s):
+        return ""
+    if _is_mode_unknown(vehicle, now_s):
+        return f"does not move, {down_at(context, vehicle)}; no HEARTBEAT says that it is disarmed: keep away"
+    return f"does not move, {describe_down_place(context, vehicle)}"
+
+
+def _is_mode_unknown(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether nobody knows any more in which mode it is, and whether it is armed."""
+    return vehicle.link.heartbeat_s is None or now_s - max(vehicle.link.heartbeat_s, vehicle.link.excused_s) >= UNSAID_S
+
+
+def _has_stopped(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle on its way home has stopped for good."""
+    fix, left_s, limits = vehicle.motion.fix, vehicle.sortie.left_s, context.limits
+    if fix is None or vehicle.motion.anchor is None or left_s is None or now_s - left_s < limits.on_ground_s:
+        return False
+    low_over_pad = is_over_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
+    stood_s = vehicle.motion.stood_s
+    if not low_over_pad and vehicle.fault is not None and vehicle.fault.code in SINKS:
+        return stood_s >= limits.lies_s  # it sank in its mission's mode, and is left in it
+    if low_over_pad or not (is_coming_home(context, vehicle) or _is_mode_unknown(vehicle, now_s)):
+        return False
+    # On its pad it lands, and disarms some seconds later.
+    if vehicle.telemetry.on_ground and not is_over_pad(context, vehicle):
+        return stood_s >= limits.on_ground_s
+    # Who hangs in the air says so, and a wreck on a hill may say the same.
+    hangs = vehicle.telemetry.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
+    return stood_s >= (limits.hangs_most_s if hangs else limits.down_s)
+
+
+def is_flying_again(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle that was found down flies after all."""
+    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    if fix is None or anchor is None or not vehicle.armed or vehicle.sensors.tilted_since_s is not None:
+        return False
+    moves_m_s = math.hypot(*(fix.velocity_m_s[2:] if fix.reckoned else fix.velocity_m_s))  # a wreck's reckoning drifts
+    return abs(fix.alt_rel_m - anchor.alt_rel_m) > FLIES_UP_M or moves_m_s > FLIES_M_S

@@ -60,14 +60,12 @@ class HomingAdvice:
 
 def is_coming_home(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it flies home, or lands, by itself."""
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.telemetry.heartbeat is not None and is_home_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+    return is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_on_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether it says that it is in mission mode."""
-    dialect = context.vehicles[vehicle.name].dialect
-    return vehicle.telemetry.heartbeat is not None and is_mission_mode(dialect, vehicle.telemetry.heartbeat.custom_mode)
+    return is_mission_mode(context.vehicles[vehicle.name].dialect, vehicle.mode)
 
 
 def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
@@ -79,8 +77,12 @@ def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
         return True
     if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
         return True
-    over_pad = fix is not None and math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
-    return over_pad and fix is not None and fix.velocity_m_s[2] < -SINKS_M_S
+    return fix is not None and fix.velocity_m_s[2] < -SINKS_M_S and _is_over_pad(context, vehicle)
+
+
+def _is_over_pad(context: Context, vehicle: VehicleState) -> bool:
+    fix = vehicle.motion.fix
+    return fix is not None and math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
 
 
 def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> HomingAdvice:  # noqa: C901, PLR0911 - one return a reason
@@ -88,7 +90,8 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
     errand = vehicle.orders.errand or HomingOrder(now_s)
     if is_under_foreign_control(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
         return HomingAdvice(HomingAction.LEAVE, "with its pilot, not commanded")
-    if _has_kill_switch_on(vehicle, now_s) and not errand.force:
+    text, said_s = vehicle.telemetry.alarm
+    if is_kill_switch_text(text) and now_s - said_s < STOPPED_S and not errand.force:
         return HomingAdvice(HomingAction.WAIT, "reports its kill switch on, not commanded")
     if errand.land:
         return HomingAdvice(HomingAction.LAND)
@@ -97,17 +100,15 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
     if not errand.force and (failsafe := _await_failsafe(context, vehicle)) is not None:
         return failsafe
     if _cannot_climb(context, vehicle, now_s) and not errand.force:
-        return HomingAdvice(
-            HomingAction.LEAVE, "cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
-        )
+        words = "cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
+        return HomingAdvice(HomingAction.LEAVE, words)
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
             return HomingAdvice(HomingAction.WAIT)
         return HomingAdvice(HomingAction.RETURN)  # only its autopilot knows where it is
-    over_pad = math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
-    if over_pad:
-        if is_on_mission(context, vehicle) and _is_landing(vehicle) and not _is_stuck_over_pad(vehicle):
+    if _is_over_pad(context, vehicle):
+        if is_on_mission(context, vehicle) and _is_landing(vehicle) and vehicle.motion.stood_s < HANGS_S:
             return HomingAdvice(HomingAction.LEAVE, "landing on its pad, not commanded")
         return HomingAdvice(HomingAction.LAND)
     if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
@@ -115,21 +116,14 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
     return HomingAdvice(HomingAction.RETURN)
 
 
-def _has_kill_switch_on(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether it has just said that its kill switch is on."""
-    text, said_s = vehicle.telemetry.alarm
-    return is_kill_switch_text(text) and now_s - said_s < STOPPED_S
-
-
 def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | None:
     """Return that a failsafe is waited for that holds before it acts; None if none acts."""
     waited_for = HomingAdvice(HomingAction.WAIT, "holding in its own failsafe; waiting for it to act")
     if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
         return waited_for
-    if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.telemetry.heartbeat is None:
+    if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.mode is None:
         return None
-    hold = context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    if vehicle.telemetry.heartbeat.custom_mode != hold:
+    if vehicle.mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
         return HomingAdvice(HomingAction.LEAVE, "left to its own failsafe")
     return None if is_long_hold(context, vehicle) else waited_for
 
@@ -140,25 +134,20 @@ def _cannot_climb(context: Context, vehicle: VehicleState, now_s: float) -> bool
     RTL climbs before it flies, and a landing comes down on whatever is below: both are its pilot's to choose. One that
     holds its height again is told as any other.
     """
-    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
+    fix = vehicle.motion.fix
     if vehicle.fault is None or vehicle.fault.code not in SINKS:
         return False
-    if fix is None or anchor is None or now_s - fix.at_s > context.limits.link_stale_s:
+    if fix is None or vehicle.motion.anchor is None or now_s - fix.at_s > context.limits.link_stale_s:
         return True
-    if math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m:
+    if _is_over_pad(context, vehicle):
         return False
-    moves = fix.boot_s - anchor.boot_s < HANGS_S and fix.alt_rel_m > context.limits.off_pad_up_m
+    moves = vehicle.motion.stood_s < HANGS_S and fix.alt_rel_m > context.limits.off_pad_up_m
     return not moves or now_s - vehicle.motion.sinks_s < CLIMBS_AGAIN_S
 
 
 CLIMBS_AGAIN_S = 10.0
 HANGS_S = 10.0
-
-
-def _is_stuck_over_pad(vehicle: VehicleState) -> bool:
-    """Return whether it has stood over its pad for longer than any mission of ours does."""
-    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
-    return fix is not None and anchor is not None and fix.boot_s - anchor.boot_s >= HANGS_S
+"""So long no mission of ours stands anywhere."""
 
 
 def _is_landing(vehicle: VehicleState) -> bool:
@@ -185,18 +174,10 @@ def issue_homing_order(context: Context, state: FleetState, name: str, now_s: fl
         return state.put(vehicle.with_orders(errand=None)), ()
     if vehicle.link.stale or now_s < errand.not_before_s:
         return state, ()
-    found = advise_homing(context, vehicle, now_s)
-    match found.answer:
-        case HomingAction.RETURN | HomingAction.LAND:
-            return _command_homing(context, state, vehicle, errand, now_s, land=found.answer is HomingAction.LAND)
-        case HomingAction.WAIT | HomingAction.LEAVE:
-            return state, ()
-
-
-def _command_homing(
-    context: Context, state: FleetState, vehicle: VehicleState, errand: HomingOrder, now_s: float, *, land: bool
-) -> Stepped:
-    modes = context.vehicles[vehicle.name].dialect.modes
+    answer = advise_homing(context, vehicle, now_s).answer
+    if answer in {HomingAction.WAIT, HomingAction.LEAVE}:
+        return state, ()
+    land, modes = answer is HomingAction.LAND, context.vehicles[name].dialect.modes
     expected = {modes.land.custom_mode} if land else {modes.return_home.custom_mode, modes.land.custom_mode}
     told = vehicle.with_orders(
         errand=replace(errand, told=True), ordered_mode_s=now_s, ordered_modes=frozenset(expected)
@@ -211,8 +192,7 @@ def _warn_of_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ..
     fix = vehicle.motion.fix
     if fix is None or not context.setup.areas:
         return ()
-    names = find_areas_on_return(context.setup, vehicle.name, fix.place_m)
-    if not names:
+    if not (names := find_areas_on_return(context.setup, vehicle.name, fix.place_m)):
         return ()
     text = f"{vehicle.name}: RTL will cross no-fly area {join_first_names([repr(name) for name in names], MOST_NAMED)}"
     return (Say(Level.WARNING, text),)

@@ -15,7 +15,7 @@ from executor.core.battery.account import FACTOR_RANGE, BatteryState
 from executor.core.battery.charge_counter import PercentTransition
 from executor.core.battery.percent_rounding import PercentRounding
 from executor.core.inflight.faults import battery_watchpoints
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.interface.messages import Battery, SystemStatus
 from executor.core.state.vehicle_state import Stage
 from executor.core.telemetry.message_update import apply_message
@@ -50,7 +50,7 @@ def first_failure_s(judge: object, history: Iterator[tuple[float, BatteryState]]
     assert callable(judge)
     for now_s, state in history:
         known = with_facts(vehicle(FLEET, stage=Stage.FLYING), battery=state)
-        if judge(WatchView(FLEET.context, FLEET.context.vehicles["uav1"], known, False, now_s)).verdict is Verdict.FAIL:
+        if judge(WatchView(FLEET.context, FLEET.context.vehicles["uav1"], known, False, now_s)):
             return now_s
     return None
 

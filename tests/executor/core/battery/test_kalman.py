@@ -10,7 +10,8 @@ import pytest
 from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, add_usage, is_drain
 from executor.core.battery.kalman import BatteryEstimate, Prior, Projection
-from executor.core.battery.load_voltage import VoltageReport, VoltageState, VoltageThresholds, apply_voltage_report
+from executor.core.battery.load_voltage import VoltageReport, VoltageState, apply_voltage_report
+from executor.core.limits import Limits
 
 RATE = 0.04
 
@@ -91,7 +92,7 @@ def test_two_jumps_running_are_one_fall() -> None:
     assert is_drain(falls, 2.0, 80.0)
 
 
-LIMITS = VoltageThresholds(step=0.05, low_v=3.1, spread_v=0.2)
+LIMITS = Limits(voltage_step=0.05, voltage_step_blind=0.05, cell_low_v=3.1, cell_spread_v=0.2)
 
 
 def volts(*reports: tuple[float, float | None], flying: bool = True) -> VoltageState:

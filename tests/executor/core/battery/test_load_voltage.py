@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
 from executor.core.battery import load_voltage
-from executor.core.battery.load_voltage import VoltageReport, VoltageState, VoltageThresholds
+from executor.core.battery.load_voltage import VoltageReport, VoltageState
 from executor.core.battery.voltage_sag import SagEstimate, update_sag
+from executor.core.limits import Limits
 from tests.executor.core.steps import rounded
+
+LIMITS = Limits(voltage_step=0.05, voltage_step_blind=0.05, cell_low_v=3.1, cell_spread_v=0.2)
 
 
 def volted(
@@ -20,7 +24,7 @@ def volted(
     for elapsed_s, volts_v, current_a in reports:
         now_s += elapsed_s
         state = load_voltage.apply_voltage_report(
-            state, VoltageReport(volts_v, current_a, cells_v), VoltageThresholds(0.05, 3.5, 0.2), now_s, flying=flying
+            state, VoltageReport(volts_v, current_a, cells_v), replace(LIMITS, cell_low_v=3.5), now_s, flying=flying
         )
     return state
 
@@ -181,9 +185,7 @@ def flown(
         current_a = load_a if flies else 0.5
         rest_v = 16.4 - 0.001 * second - lost_v
         report = VoltageReport(rest_v - ohm * current_a, current_a)
-        state = load_voltage.apply_voltage_report(
-            state, report, VoltageThresholds(0.05, 3.1, 0.2), float(second), flying=flies, sag=known
-        )
+        state = load_voltage.apply_voltage_report(state, report, LIMITS, float(second), flying=flies, sag=known)
         known = update_sag(known, report.voltage_v, current_a, float(second))
     return state, known
 

@@ -10,7 +10,7 @@ from typing import cast
 import pytest
 
 from executor.core.interface.messages import ParamValue, Version
-from executor.core.preflight import failsafe_parameters, pack_checks, shutter_checks, terrain_checks, vehicle_checks
+from executor.core.preflight import failsafe_parameters, pack_checks, vehicle_checks
 from executor.core.preflight.parameter_proposals import Answers, propose_return_changes
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
@@ -54,7 +54,7 @@ READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Vehicle
         lambda facts, known: vehicle_checks.check_battery_failsafe_settings(facts, known, 40.0),
     ),
     ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), vehicle_checks.flight_times),
-    ("the ground", terrain_checks.list_terrain_parameters, terrain_checks.check_terrain_following),
+    ("the ground", vehicle_checks.list_terrain_parameters, vehicle_checks.check_terrain_following),
 ]
 
 
@@ -92,9 +92,9 @@ def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
 def test_a_camera_of_which_nobody_knows_is_a_reason_not_to_fly_where_pictures_are_asked_for() -> None:
     capture = SimpleNamespace(trigger=Trigger.DISTANCE)
     asked = cast("FlightPath", SimpleNamespace(waypoints=[SimpleNamespace(captures=[capture])]))
-    [check] = shutter_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
+    [check] = vehicle_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, asked)
     assert check.severity is Severity.STOP
-    assert shutter_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
+    assert vehicle_checks.check_shutter(unread(said(), "CAM1_TYPE"), ARDUPILOT, PATH) == [], "it is asked for none"
 
 
 def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() -> None:
@@ -152,7 +152,7 @@ def test_a_breach_of_which_nobody_here_knows_the_end_is_a_warning(facts: Vehicle
 
 @pytest.mark.parametrize(("dialect", "name"), [(ARDUPILOT, "RTL_ALT_TYPE"), (PX4, "MPC_ALT_MODE")])
 def test_a_way_to_follow_the_ground_that_nobody_here_knows_is_a_warning(dialect: Dialect, name: str) -> None:
-    [check] = terrain_checks.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
+    [check] = vehicle_checks.check_terrain_following(said(dialect, **{name: 9.0}), dialect)
     assert (check.severity, check.text) == (
         Severity.WARNING,
         f"may follow the ground by itself: {name} 9 is unknown",

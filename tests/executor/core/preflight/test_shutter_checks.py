@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight import shutter_checks
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.vehicle_checks import Severity
 from missions import ARDUPILOT, PX4, Dialect, FlightPath, Inspection, build_flight_path, plan_flight_setup
 from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
@@ -39,16 +39,16 @@ def test_the_crew_is_told_before_a_flight_that_would_see_nothing(
     dialect: Dialect, value: float | None, severity: Severity, text: str
 ) -> None:
     facts = said(dialect, **({} if value is None else {dialect.shutter.parameter: value}))
-    (found,) = shutter_checks.check_shutter(facts, dialect, path_with(Trigger.DISTANCE))
+    (found,) = vehicle_checks.check_shutter(facts, dialect, path_with(Trigger.DISTANCE))
     assert (found.severity, found.text, found.code) == (severity, text, CheckCode.CAMERA)
 
 
 @pytest.mark.parametrize("trigger", [None, Trigger.INTERVAL, Trigger.VIDEO])
 def test_nothing_is_said_of_what_px4_passes_on_to_the_camera(trigger: Trigger | None) -> None:
-    assert shutter_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, path_with(trigger)) == []
-    assert shutter_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, None) == []
+    assert vehicle_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, path_with(trigger)) == []
+    assert vehicle_checks.check_shutter(said(PX4, TRIG_MODE=0.0), PX4, None) == []
 
 
 def test_the_parameter_is_asked_for() -> None:
-    assert shutter_checks.list_shutter_parameters(PX4) == ("TRIG_MODE",)
-    assert shutter_checks.list_shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)
+    assert vehicle_checks.list_shutter_parameters(PX4) == ("TRIG_MODE",)
+    assert vehicle_checks.list_shutter_parameters(ARDUPILOT) == ("CAM1_TYPE",)

@@ -10,7 +10,7 @@ from typing import cast
 import pytest
 
 from executor.core.context import Context
-from executor.core.preflight import terrain_checks
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.vehicle_checks import Severity
 from missions import ARDUPILOT, PX4, Pad
 from tests.executor.core.preflight.test_vehicle_checks import said
@@ -31,17 +31,17 @@ def test_the_crew_is_told_where_an_autopilot_follows_the_ground_by_itself(
     dialect: object, changes: dict[str, float], severity: Severity, text: str
 ) -> None:
     known = ARDUPILOT if dialect is ARDUPILOT else PX4
-    (found,) = terrain_checks.check_terrain_following(said(known, **changes), known)
+    (found,) = vehicle_checks.check_terrain_following(said(known, **changes), known)
     assert (found.severity, found.text) == (severity, text)
 
 
 def test_each_of_its_parameters_is_asked_for() -> None:
-    assert set(terrain_checks.list_terrain_parameters(ARDUPILOT)) >= {
+    assert set(vehicle_checks.list_terrain_parameters(ARDUPILOT)) >= {
         "RTL_ALT_TYPE",
         "TERRAIN_ENABLE",
         "WPNAV_RFND_USE",
     }
-    assert terrain_checks.list_terrain_parameters(PX4) == ("MPC_ALT_MODE",)
+    assert vehicle_checks.list_terrain_parameters(PX4) == ("MPC_ALT_MODE",)
 
 
 def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_a_gps_that_is_too_high_flies_low_over_the_ground(tmp_path: Path) -> Non
         east_m, north_m = setup.tracks_m[0, 0].tolist()
         pads = (Pad(first.vehicle, east_m, north_m, ground_m + by_m), *others)
         context = cast("Context", SimpleNamespace(setup=SimpleNamespace(terrain=known, pad_of=lambda _: pads[0])))
-        checks = terrain_checks.check_pad_ground(context, replace(said(), name=first.vehicle))
+        checks = vehicle_checks.check_pad_ground(context, replace(said(), name=first.vehicle))
         return [(check.severity, check.text) for check in checks]
 
     assert found(2.0) == []

@@ -13,6 +13,7 @@ from executor.core.resume import inferred_coverage
 from executor.core.resume.inferred_coverage import InferredCoverage
 from executor.core.state import inspection_run
 from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
+from executor.core.state.landing_projection import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack
@@ -106,7 +107,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how much of a leg is left",
         lambda: [
-            inferred_coverage._remaining_leg_share(board, waypoint, fix)
+            remaining_leg_share(board, waypoint, fix)
             for board, waypoint, fix in (
                 (BOARD, 0, over_pad(6.0)),
                 (BOARD, 0, over_pad(30.0)),

@@ -10,7 +10,7 @@ from executor.core import fleet_step
 from executor.core.context import Context, FenceRules
 from executor.core.inflight.custody.mode_causes import determine_mode_cause
 from executor.core.inflight.faults import watchpoints
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.interface.commands import Upload
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import Found, Heard, MissionsWanted, NewRoute, Resumed, UploadEnded
@@ -23,6 +23,7 @@ from executor.core.state.vehicle_parts import ModeCause
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from missions import build_flight_path
 from missions.fences import Fence
+from tests.executor.core.inflight.faults.watch_views import Verdict, verdict_of
 from tests.executor.core.steps import SECOND, beat, flight_of, new_mission, offer_of, plan_of
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
@@ -135,13 +136,9 @@ def test_a_flight_taken_up_between_the_two_sends_the_fence_again_before_the_miss
     assert [command.fence for command in again] == [WIDE]
 
 
-def judged(one: VehicleState) -> watchpoints.Judgement:
-    return watchpoints.judge_watchpoints(CONTEXT, CONTEXT.vehicles["uav1"], one, NOW_S)
-
-
 def breached(one: VehicleState) -> tuple[Verdict, str]:
     found = watchpoints.check_fence_breach(WatchView(CONTEXT, CONTEXT.vehicles["uav1"], one, False, NOW_S))
-    return found.verdict, found.evidence
+    return verdict_of(found), found or ""
 
 
 def test_a_breach_is_a_fault_of_its_own_by_any_of_its_signs() -> None:

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.interface.messages import Heartbeat
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
-from tests.executor.core.inflight.faults.watch_views import point, verdict
+from tests.executor.core.inflight.faults.watch_views import Verdict, point, verdict
 from tests.executor.core.vehicles import AUTO, CONTEXT, DISARMED, LOW_TEXT, NOW_S, SETUP, at, flying, pack, says, volts
 
 
@@ -162,8 +162,8 @@ def test_neither_heartbeat_nor_position_for_a_minute_is_a_lost_link() -> None:
 @pytest.mark.parametrize(("bits", "words"), FAULTS)
 def test_the_faults_of_a_battery_in_words(bits: int, words: str) -> None:
     finding = point("battery-critical").judge(WatchView(CONTEXT, SETUP, flying(battery_faults=bits), False, NOW_S))
-    assert finding.evidence == f"its battery reports {words}"
+    assert finding == f"its battery reports {words}"
     states = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
     for number, name in states.items():
         view = WatchView(CONTEXT, SETUP, flying(battery=pack(20.0, charge_state=number)), False, NOW_S)
-        assert point("battery-critical").judge(view).evidence == f"the autopilot reports its battery {name}"
+        assert point("battery-critical").judge(view) == f"the autopilot reports its battery {name}"

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.inflight.faults.watchpoint_types import Verdict, WatchView
+from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.interface.messages import Actor, Attitude, Heartbeat, ModeChange, OrderSeen, OwnFailsafe
 from executor.core.state.vehicle_parts import SwitchMove
-from tests.executor.core.inflight.faults.watch_views import point
+from tests.executor.core.inflight.faults.watch_views import Verdict, point, verdict_of
 from tests.executor.core.vehicles import CONTEXT, DISARMED, LOW_TEXT, NOW_S, RTL, SETUP, at, flying, pack, says
 
 UNPLANNED = replace(SETUP, planned=False)
@@ -19,7 +19,7 @@ LOITER, LAND = 5, 9
 def unplanned(name: str, **changes: object) -> Verdict:
     """Look at a vehicle of which nobody knows the plan, as a recorded one."""
     state = flying(**({"flew_mission": True, "mode_since_s": NOW_S - 60.0} | changes))
-    return point(name).judge(WatchView(CONTEXT, UNPLANNED, state, False, NOW_S)).verdict
+    return verdict_of(point(name).judge(WatchView(CONTEXT, UNPLANNED, state, False, NOW_S)))
 
 
 def rtl(**changes: object) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executor.core.preflight.distance_checks import check_inspection_distances, describe_inspection_distances
+from executor.core.preflight.mission_checks import check_inspection_distances, describe_inspection_distances
 from executor.core.preflight.vehicle_checks import Severity
 from missions import Inspection, build_flight_path, plan_flight_setup
 from missions.inspection_height import build_first_paths

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executor.core.inflight.homing import unexpected_landing
+from executor.core.inflight.homing import landing
 from executor.core.interface.messages import Attitude
 from executor.core.state.vehicle_state import Stage
 from tests.executor.core.steps import HOMEWARD, STILL, Changes, beat, over_pad, rounded
@@ -19,7 +19,7 @@ CONTEXT = FLEET.context
 
 def down_words(**given: Any) -> str:
     told: Changes = {**HOMEWARD, "fix": at(up_m=1.0), "anchor": at(up_m=1.0, age_s=30.0)}
-    return unexpected_landing.describe_unexpected_landing(CONTEXT, flying(**told | given), NOW_S)
+    return landing.describe_unexpected_landing(CONTEXT, flying(**told | given), NOW_S)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -115,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who flies again",
         lambda: [
-            unexpected_landing.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
+            landing.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
             for given in (
                 {},
                 {"fix": replace(STILL, alt_rel_m=5.0)},

@@ -1,0 +1,197 @@
+"""What the checklist, and the report, say of the missions: their heights, distances to the line, and areas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from executor.core.formatting import format_count, join_first_names
+from executor.core.interface.check_codes import CheckCode
+from executor.core.preflight.vehicle_checks import Check, Severity
+from missions import (
+    FlightPath,
+    FlightSetup,
+    check_ceiling,
+    check_clearance,
+    check_network_clearance,
+    find_height_extremes,
+    find_max_return_height,
+    min_height_over_tops_m,
+)
+from missions.area_check import check_areas, describe_crossing, find_return_crossings
+from missions.inspection_height import build_airway, check_inspection_airspace, segment_distances_m
+from missions.terrain import Terrain
+
+RAISED_M = 0.5
+"""Pylons that are passed higher than asked by less are not worth a word."""
+SHOWN = 3
+"""Findings of one kind; more of them say the same."""
+NAMED = 12
+"""Segments that a line names; of more it says how many, and `--json` names all."""
+OFF_PAD_M = 20.0
+"""A vehicle that stands farther from the pad that the site states for it stands somewhere else."""
+
+
+def check_flight_heights(
+    setup: FlightSetup, paths: Sequence[FlightPath], worth_a_look: Sequence[str] = ()
+) -> list[Check]:
+    """Return what the checklist says of the heights: by which they are flown, and every reason not to fly.
+
+    Args:
+        setup: Heights and pads.
+        paths: The missions.
+        worth_a_look: What was found about the network's heights when it was read.
+    """
+    found = [Check(Severity.OK, "heights", describe_heights(setup, paths), CheckCode.HEIGHTS)]
+    found += [Check(Severity.WARNING, "heights", text, CheckCode.HEIGHTS) for text in worth_a_look]
+    found += [Check(Severity.STOP, "heights", text, CheckCode.CLEARANCE) for text in find_low_places(setup, paths)]
+    found += [Check(Severity.STOP, "heights", text, CheckCode.CEILING) for text in check_ceiling(setup, paths)]
+    return found
+
+
+def find_low_places(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
+    """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
+    everywhere = check_network_clearance(setup)
+    more = [f"{len(everywhere) - SHOWN} more places like these"] if len(everywhere) > SHOWN else []
+    return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
+
+
+def describe_heights(setup: FlightSetup, paths: Sequence[FlightPath]) -> str:
+    """Return by which heights is flown: "over the pylon tops, by 14.6 m or more; 41 to 82 m over the ground"."""
+    text = f"over {setup.layers.reference.value}"
+    if setup.network.flat:
+        text += ", taken to be flat" if not setup.network.has_heights else ", on ground that is taken to be flat"
+    least_m = min_height_over_tops_m(setup, paths)
+    if least_m is not None:
+        text += f", by {least_m:.1f} m or more"
+    heights = find_height_extremes(setup, paths)
+    if heights is not None:
+        low, high = heights
+        text += f"; {low.height_m:.0f} to {high.height_m:.0f} m over the ground"
+        if setup.terrain is not None:
+            known = setup.terrain.elevation
+            text += (
+                f", lowest {low.height_m:.0f} m, {low.vehicle} near {low.near}; ground +-{known.uncertainty_m:g} m by "
+                f"{known.source}, and {setup.terrain.margin_m:g} m over that are kept"
+            )
+    raised = setup.layers.raised_m > RAISED_M
+    if raised.any():
+        most_m = float(setup.layers.raised_m.max())
+        text += f"; {int(raised.sum())} of {len(raised)} pylons are passed up to {most_m:.0f} m higher than asked"
+        text += ", for the ground beside them"
+    own_m = find_max_return_height(setup).height_m
+    return f"{text}, RTL up to {own_m:.0f} m; ceiling {setup.inspection.ceiling_m:g} m"
+
+
+def build_heights_document(setup: FlightSetup, paths: Sequence[FlightPath]) -> dict[str, object]:
+    """Return the same as plain data, in metres."""
+    heights = find_height_extremes(setup, paths)
+    least_m = min_height_over_tops_m(setup, paths)
+    return {
+        "over": setup.layers.reference.value,
+        "flat": setup.network.flat,
+        "least_over_tops_m": None if least_m is None else round(least_m, 1),
+        "least_over_ground_m": None if heights is None else round(heights[0].height_m, 1),
+        "most_over_ground_m": None if heights is None else round(heights[1].height_m, 1),
+        "return_over_ground_m": round(find_max_return_height(setup).height_m, 1),
+        "ceiling_m": setup.inspection.ceiling_m,
+        **({} if setup.terrain is None else {"terrain": _build_terrain_document(setup, setup.terrain)}),
+    }
+
+
+def _build_terrain_document(setup: FlightSetup, terrain: Terrain) -> dict[str, object]:
+    known = terrain.elevation
+    return {
+        "source": known.source,
+        "digest": known.digest,
+        "vertical": known.vertical,
+        "uncertainty_m": known.uncertainty_m,
+        "margin_m": terrain.margin_m,
+        "most_raised_m": round(float(setup.layers.raised_m.max(initial=0.0)), 1),
+    }
+
+
+def describe_inspection_distances(asked_m: float, inspected: Iterable[tuple[str, str, float]]) -> str:
+    """Return who inspects what at another distance than asked.
+
+    Args:
+        asked_m: The distance that was asked for.
+        inspected: Of each segment its name, by whom it is inspected and at what distance.
+    """
+    rows = list(inspected)
+    high = sorted((row for row in rows if row[2] > asked_m), key=lambda row: (row[2], row[1]))
+    text = f"{len(rows) - len(high)} of {len(rows)} segments are inspected at the asked {asked_m:g} m"
+    if not high:
+        return text
+    named = join_first_names([f"{name} at {at_m:.0f} m by {vehicle}" for name, vehicle, at_m in high], NAMED)
+    unless = "unless the others have left by then (flown again afterwards, as budgets allow)"
+    return f"{text}; from their own layers, {unless}: {named}"
+
+
+def check_inspection_distances(
+    setup: FlightSetup, paths: Sequence[FlightPath], visits: Mapping[str, Sequence[int]]
+) -> list[Check]:
+    """Return at which distance is inspected, and who comes too near to the air in which another goes to the line.
+
+    Nothing where everybody inspects in its layer anyway.
+
+    Args:
+        setup: Heights and pads.
+        paths: The missions.
+        visits: Of each of them, by the vehicle's name.
+    """
+    if not setup.inspection.same_distance:
+        return []
+    rows = [
+        (setup.network.segment_name(segment), path.vehicle, at_m)
+        for path in paths
+        for segment, at_m in segment_distances_m(setup, path, visits[path.vehicle]).items()
+    ]
+    words = describe_inspection_distances(setup.inspection.height_m, rows)
+    near = check_inspection_airspace(setup, [build_airway(setup, path) for path in paths])
+    return [
+        Check(Severity.OK, "distance", words, CheckCode.SEPARATION),
+        *(Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near),
+    ]
+
+
+def check_missions_and_areas(
+    setup: FlightSetup,
+    paths: Sequence[FlightPath],
+    routes: Mapping[str, Sequence[int]],
+    stated_m: Mapping[str, tuple[float, float]],
+) -> list[Check]:
+    """Return what the checklist says of areas and named places; nothing of a site without any.
+
+    Args:
+        setup: Areas, heights, and pads as the vehicles really stand.
+        paths: The missions.
+        routes: Each vehicle's visits, by its name.
+        stated_m: East and north of the pads that the site states, by the vehicle's name.
+    """
+    found = []
+    for name, place_m in stated_m.items():
+        pad = setup.pad_of(name)
+        off_m = math.dist(place_m, (pad.east_m, pad.north_m))
+        if off_m > OFF_PAD_M:
+            text = f"it stands {off_m:.0f} m from the pad that the site states for it; it lands where it stands"
+            found.append(Check(Severity.WARNING, name, text, CheckCode.AREAS))
+    if setup.alternates:
+        text = f"alternates: {', '.join(setup.alternates)}"
+        found.append(Check(Severity.OK, "areas", text, CheckCode.AREAS))
+    if not setup.areas:
+        return found
+    wrong = check_areas(setup, paths)
+    found += [Check(Severity.STOP, "areas", text, CheckCode.AREAS) for text in wrong]
+    if not wrong:
+        text = f"{format_count(len(setup.areas), 'area')}; every leg keeps out of them"
+        found.append(Check(Severity.OK, "areas", text, CheckCode.AREAS))
+    lines = describe_returns_through_areas(setup, paths, routes)
+    return found + [Check(Severity.WARNING, "areas", text, CheckCode.AREAS) for text in lines]
+
+
+def describe_returns_through_areas(
+    setup: FlightSetup, paths: Sequence[FlightPath], routes: Mapping[str, Sequence[int]]
+) -> list[str]:  # fmt: skip
+    """Return in words where a vehicle's own return would lead through an area."""
+    return [describe_crossing(setup, one) for one in find_return_crossings(setup, paths, routes)]
