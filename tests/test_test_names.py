@@ -18,7 +18,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
-    "tests/executor/virtual/test_areas.py": ("executor/core/preflight/area_checks.py", "missions/area_check.py"),
+    "tests/benchmarks/virtual/test_areas.py": ("executor/core/preflight/area_checks.py", "missions/area_check.py"),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_areas.py",
         "executor/site/tables/area_tables.py",
@@ -91,7 +91,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/window_figure.py",
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
-    "tests/executor/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
+    "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
         "benchmarks/markdown.py",
@@ -261,11 +261,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/report.py",
         "benchmarks/separation.py",
     ),
+    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "benchmarks/warm_sorties.py"),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
     "tests/benchmarks/test_sorties.py": (
         "benchmarks/sortiespage.py",
         "benchmarks/pad_crew.py",
-        "benchmarks/virtual_day.py",
     ),
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
@@ -281,9 +281,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/flight_commands.py",
     ),
     "tests/benchmarks/test_virtual_flight.py": (
-        "executor/virtual/memory_flight.py",
-        "executor/virtual/radio.py",
-        "executor/virtual/in_process_solver.py",
+        "benchmarks/virtual/memory_flight.py",
+        "benchmarks/virtual/radio.py",
+        "benchmarks/virtual/in_process_solver.py",
     ),
     "tests/benchmarks/test_tuning.py": (
         "benchmarks/few_lines_detector.py",
@@ -450,7 +450,7 @@ def imported(path: Path) -> frozenset[Path]:
     found = frozenset(file for file in files if file.is_file())
     if path == COMMANDS:  # it imports a command once that is called
         text = path.read_text(encoding="utf-8")
-        named = re.findall(r'"((?:executor|benchmarks)(?:\.\w+)+)"', text)
+        named = re.findall(r'"((?:executor|benchmarks)(?:\.\w+)+)[:"]', text)
         found |= {ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in named}
     # The flights' tests start the program itself.
     return found | {ROOT / "executor" / "__main__.py"} if path.parent == ROOT / "tests" / "e2e" else found

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from executor.core.fleet_step import PHASES
-from executor.core.state.stage_flags import EVERYWHERE, FLAGS, FlagRule
 from executor.core.state.vehicle_state import TRANSITIONS, Stage
+from scripts.pages.stage_flags import EVERYWHERE, FLAGS, FlagRule
 
 PAGE, PICTURE = "reference/states.md", "reference/states.svg"
 MEANINGS: dict[Stage, str] = {
@@ -38,10 +38,9 @@ def states_page(made: str) -> str:
     """
     lines = [
         made, "", "# The states of a vehicle", "",
-        "At any moment a vehicle is in one stage, and may have flags beside it. Both tables are those that the program",
-        "itself goes by (`vehicle_state.py` and `stage_flags.py` in `executor/core/state`): a change of",
-        "stage that is not in the first is refused, and every step of the tests' flights is held",
-        "to the second.", "",
+        "At any moment a vehicle is in one stage, and may have flags beside it. The program itself goes by the first",
+        "table (`executor/core/state/vehicle_state.py`): a change of stage that is not in it is refused. Every step of",
+        "the tests' flights is held to both; the second is in `scripts/pages/stage_flags.py`.", "",
         "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",

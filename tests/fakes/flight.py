@@ -57,10 +57,10 @@ from executor.core.interface.messages import Battery, FlightMessage, Heartbeat, 
 from executor.core.interface.ports import EventSink
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.stage_flags import find_flag_breaches
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightPath, Phase, encode
+from scripts.pages.stage_flags import find_flag_breaches
 from tests.fakes.solver import Answer, share_out
 from tests.missions.builders import arrival_seq
 

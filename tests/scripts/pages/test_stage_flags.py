@@ -15,9 +15,9 @@ import executor.core
 from executor.core.interface.commands import Start
 from executor.core.interface.intents import FOR_ALL, Action, Outcome
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.stage_flags import EVERYWHERE, FLAGS, find_flag_breaches
 from executor.core.state.vehicle_parts import HomingOrder, LinkState, Takeover
 from executor.core.state.vehicle_state import TRANSITIONS, Stage, VehicleState, change_stage
+from scripts.pages.stage_flags import EVERYWHERE, FLAGS, find_flag_breaches
 from tests.executor.builders import THREE, fleet_of, with_facts
 from tests.executor.core.steps import BATTERY_FAULT
 from tests.executor.core.stories import FLEET, story
