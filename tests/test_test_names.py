@@ -261,7 +261,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/report.py",
         "benchmarks/separation.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "benchmarks/warm_sorties.py"),
     "tests/benchmarks/test_pictures.py": ("benchmarks/picturespage.py",),
     "tests/benchmarks/test_sorties.py": (
         "benchmarks/sortiespage.py",
@@ -270,6 +269,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
         "benchmarks/failurespage.py",
+        "benchmarks/warm_sorties.py",
         "benchmarks/least.py",
         "benchmarks/scenario.py",
         "benchmarks/failures_command.py",
@@ -391,7 +391,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": ("planner/sorties/sortie_model.py",),
+    "tests/benchmarks/test_exact_sorties.py": (
+        "benchmarks/row_matrix.py",
+        "planner/sorties/sortie_model.py",
+    ),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
