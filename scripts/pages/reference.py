@@ -52,11 +52,7 @@ UNITS = (
 
 def pages() -> dict[str, str]:
     """Return each page, and each schema, by its place from `docs`."""
-    states = states_page(
-        MADE.format(
-            what="tables (vehicle_state.py and fleet_step.py in executor/core, stage_flags.py in scripts/pages)"
-        )
-    )
+    states = states_page(MADE.format(what="tables (executor/core/state/vehicle_state.py, flags.py and fleet.py)"))
     return {
         COMMANDS: commands_page(),
         SITE_FILE: site_page(),

@@ -1,6 +1,6 @@
 """What stands beside a vehicle's stage: in which stages each may be so, what brings it and what ends it.
 
-With `TRANSITIONS` this is the whole machine of a vehicle. `docs/reference/states.md` shows both; whatever flight is
+With `TRANSITIONS` this is the whole machine of a vehicle. `docs/explanations/states.md` shows both; whatever flight is
 simulated in the tests is held to them at every step.
 """
 

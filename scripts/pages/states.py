@@ -38,9 +38,9 @@ def states_page(made: str) -> str:
     """
     lines = [
         made, "", "# The states of a vehicle", "",
-        "At any moment a vehicle is in one stage, and may have flags beside it. The program itself goes by the first",
-        "table (`executor/core/state/vehicle_state.py`): a change of stage that is not in it is refused. Every step of",
-        "the tests' flights is held to both; the second is in `scripts/pages/stage_flags.py`.", "",
+        "At any moment a vehicle is in one stage, and may have flags beside it. The first table is that by which the",
+        "program itself goes (`executor/core/state/vehicle_state.py`): a change of stage that is not in it is refused.",
+        "To the second (`scripts/pages/stage_flags.py`) every step of the tests' flights is held.", "",
         "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
