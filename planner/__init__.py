@@ -25,7 +25,6 @@ from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
 from planner.evaluate import (
     Evaluation,
     completion_times_s,
-    cost_value,
     energy_use_pct,
     evaluate,
     route_duration_s,
