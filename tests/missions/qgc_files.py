@@ -19,10 +19,11 @@ def _read_item(seq: int, item: dict[str, Any]) -> MissionItem:
     assert item["type"] == "SimpleItem"
     assert item["doJumpId"] == seq + 1
     values = item["params"]
-    params = [math.nan if value is None else float(value) for value in values[:4]]
+    param1, param2, param3, param4 = (math.nan if value is None else float(value) for value in values[:4])
     lat_deg, lon_deg, z = values[4:]
     return MissionItem(
-        seq, item["frame"], item["command"], *params, x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=z,
+        seq, item["frame"], item["command"], param1, param2, param3, param4,
+        x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=z,
         autocontinue=item["autoContinue"],
     )  # fmt: skip
 
@@ -37,8 +38,9 @@ def read_waypoints(text: str) -> tuple[MissionItem, ...]:
 def _read_line(number: int, line: str) -> MissionItem:
     seq, current, frame, command, *figures, autocontinue = line.split("\t")
     assert int(seq) == number
-    *params, lat_deg, lon_deg, z = map(float, figures)
+    param1, param2, param3, param4, lat_deg, lon_deg, z = map(float, figures)
     return MissionItem(
-        number, int(frame), int(command), *params, x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=z,
+        number, int(frame), int(command), param1, param2, param3, param4,
+        x=round(lat_deg * 1e7), y=round(lon_deg * 1e7), z=z,
         current=current == "1", autocontinue=autocontinue == "1",
     )  # fmt: skip
