@@ -269,10 +269,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_prediction.py": ("benchmarks/predictionpage.py",),
     "tests/benchmarks/test_failures.py": (
         "benchmarks/failurespage.py",
-        "benchmarks/warm_sorties.py",
         "benchmarks/least.py",
         "benchmarks/scenario.py",
         "benchmarks/failures_command.py",
+        "benchmarks/warm_sorties.py",
     ),
     "tests/benchmarks/test_window.py": (
         "benchmarks/branches.py",
@@ -391,10 +391,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": (
-        "benchmarks/row_matrix.py",
-        "planner/sorties/sortie_model.py",
-    ),
+    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "planner/sorties/sortie_model.py"),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
@@ -453,7 +450,7 @@ def imported(path: Path) -> frozenset[Path]:
     found = frozenset(file for file in files if file.is_file())
     if path == COMMANDS:  # it imports a command once that is called
         text = path.read_text(encoding="utf-8")
-        named = re.findall(r'"((?:executor|benchmarks)(?:\.\w+)+)[:"]', text)
+        named = re.findall(r'"((?:executor|benchmarks)(?:\.\w+)+)(?::\w+)?"', text)
         found |= {ROOT.joinpath(*name.split(".")).with_suffix(".py") for name in named}
     # The flights' tests start the program itself.
     return found | {ROOT / "executor" / "__main__.py"} if path.parent == ROOT / "tests" / "e2e" else found
