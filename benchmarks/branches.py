@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
 
+from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.errors import FlightNotFlown
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 from simulator.faults import parse_fault

@@ -14,18 +14,16 @@ from benchmarks.options import RESULTS, DataOption
 from benchmarks.parts.names import PartName
 from executor.adapters.extras import Extra, require_extra
 from executor.cli.options import (
-    MINMAX_COST,
-    CostName,
     FaultOption,
     JsonOption,
     SecondsOption,
     SeedOption,
-    SolverName,
     require_finite,
 )
 from executor.cli.replay import LogsArgument, find_logs
 from executor.replay.log_replay import rules_of
 from executor.site.site_file import read_site
+from executor.site.site_planning import PlanSolver
 from missions.files import json_text
 from planner import Cost
 
@@ -79,13 +77,13 @@ def solvers(
     ] = False,
     vehicles: Annotated[int, typer.Option(min=1, help="Number of vehicles.")] = 4,
     cost: Annotated[
-        CostName,
+        Cost,
         typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
-    ] = MINMAX_COST,
+    ] = Cost.MINMAX,
     budget: BudgetOption = None,
     seconds: SecondsOption = 10.0,
     seed: SeedOption = 1,
-    solver: Annotated[SolverName, typer.Option(help="The solver.")] = SolverName.SEARCH,
+    solver: Annotated[PlanSolver, typer.Option(help="The solver.")] = PlanSolver.SEARCH,
     starts: Annotated[int | None, typer.Option(min=1, help="Parallel searches; by default one per core.")] = None,
     as_json: JsonOption = False,
     part: Annotated[
@@ -108,12 +106,9 @@ def solvers(
     from benchmarks.machine import cores
     from benchmarks.problems import read_problem
     from benchmarks.single import solve_single
-    from executor.site.site_planning import PlanSolver
 
     problem = read_problem(instance, radius_m=radius, vehicles=vehicles, budget=budget, dynamics=dynamics)
-    result = solve_single(
-        problem, PlanSolver(solver.value), cost=Cost(cost.value), seconds=seconds, seed=seed, starts=starts or cores()
-    )
+    result = solve_single(problem, solver, cost=cost, seconds=seconds, seed=seed, starts=starts or cores())
     if as_json:
         print(json_text(result))
         return

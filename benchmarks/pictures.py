@@ -40,7 +40,6 @@ from missions.geo import LocalFrame
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, solve
 from simulator.camera import CapturedImage
-from simulator.config import SimVehicle
 from simulator.vehicle import SimulatedVehicle
 
 VEHICLES = (2, 4)
@@ -167,17 +166,13 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
         len(ground.setup.looks.spans) + len(ground.setup.looks.pylons),
     )  # fmt: skip
 
-    def craft(vehicle: SimVehicle) -> SimVehicle:
-        cameras = tuple(replace(one, clock_s=ahead_s[vehicle.name]) for one in vehicle.cameras)
-        return replace(vehicle, cameras=cameras)
-
     with tempfile.TemporaryDirectory(prefix="faultline-cards-") as folder:
         cards = SimulatedCards(Path(folder), ground.network, BEGAN_UNIX_S, ahead_s, places=bool(rng.random() < 0.5))
         taken = _Taken(cards)
         try:
             flight = fly_virtual(
                 ground, plan_with(ground, routes), faults=(*faults, f"all:loss={LOST_SHARE:g}@0s"), seed=case.number,
-                craft=craft, onlookers=FlightObservers(lived=taken.look),
+                onlookers=FlightObservers(lived=taken.look),
             )  # fmt: skip
         except ExecutorError as error:
             return replace(empty, not_flown=str(error))

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.pad_crew import Packs, PadCrew
+from benchmarks.virtual.memory_flight import run_until
 from benchmarks.virtual_flight import STEP_S, VirtualRun
 from executor.core.context import Context
 from executor.core.interface.events import Reopened
 from executor.core.state.fleet_state import FleetState
 from executor.flight.checkpoint_files import round_trip_state
 from executor.runtime.flight_loop import Flight
-from executor.virtual.memory_flight import run_until
 from missions import DayPlanFile
 from simulator.faults import parse_fault
 

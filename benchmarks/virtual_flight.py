@@ -14,6 +14,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
+from benchmarks.errors import FlightNotFlown
+from benchmarks.virtual.in_process_solver import InProcessSolver
+from benchmarks.virtual.loop import run_virtual
+from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
+from benchmarks.virtual.radio import MemoryRadio
 from executor.analysis.documents import FlightReport
 from executor.analysis.report import PreflightRecord, build_report
 from executor.core import fleet_step
@@ -25,7 +30,6 @@ from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.errors import FlightNotFlown
 from executor.flight.fencing import build_wanted_lists
 from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import read_changes
@@ -37,10 +41,6 @@ from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_flight, site_model
 from executor.site.site_model import SiteModel
-from executor.virtual.in_process_solver import InProcessSolver
-from executor.virtual.loop import run_virtual
-from executor.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
-from executor.virtual.radio import MemoryRadio
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle

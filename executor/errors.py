@@ -36,7 +36,3 @@ class VehicleRefused(PreflightFailed):
 
 class LogError(ExecutorError):
     """The event log cannot be written or read."""
-
-
-class FlightNotFlown(ExecutorError):
-    """A flight in virtual time did not begin, or came to no end."""

@@ -55,8 +55,8 @@ from missions.plan_file import (
     make_plan_file,
 )
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
-from missions.pricing import Pricing, build_priced_instance, build_priced_sorties
-from missions.qgc import format_qgc_plan, format_qgc_waypoints, parse_qgc_plan, parse_qgc_waypoints
+from missions.pricing import Pricing, build_priced_instance
+from missions.qgc import format_qgc_plan, format_qgc_waypoints
 from missions.readers import (
     SNAP_M,
     MendingLimits,

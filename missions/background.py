@@ -44,9 +44,9 @@ class PictureArea:
     high_m: Corner
     most_pixels: float
 
-    def sample_places_deg(self, count: int = 33) -> FloatArray:
+    def sample_places_deg(self) -> FloatArray:
         """Return (n, 2) latitude and longitude of places all over the area, its edges included."""
-        easts, norths = (np.linspace(low, high, count) for low, high in zip(self.low_m, self.high_m, strict=True))
+        easts, norths = (np.linspace(low, high, 33) for low, high in zip(self.low_m, self.high_m, strict=True))
         return self.frame.many_to_wgs84_deg(np.stack(np.meshgrid(easts, norths), axis=-1).reshape(-1, 2))
 
 

@@ -9,23 +9,19 @@
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
-from planner.bounds import explain_infeasibility, explain_infeasibility_fully
-from planner.cost import BUDGET_TOLERANCE_PCT, K_C, Cost, CostFunction
+from planner.bounds import explain_infeasibility
+from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
     PRESETS,
     Drone,
     pct_per_s,
     power_w,
-    range_speed_m_s,
     top_speed_m_s,
-    usable_wh,
 )
 from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
 from planner.evaluate import (
-    Evaluation,
     completion_times_s,
-    cost_value,
     energy_use_pct,
     evaluate,
     route_duration_s,
@@ -34,7 +30,7 @@ from planner.evaluate import (
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
 from planner.grasp import solve_grasp
 from planner.instance import build_instance
-from planner.loss_row import LossRow, RepairStatus
+from planner.loss_row import RepairStatus
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
 from planner.moves import (
     Dynamics,
@@ -58,15 +54,13 @@ from planner.onboard_plan import (
 )
 from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
 from planner.pareto_front import ParetoPlan, find_pareto_front
-from planner.replan import FreeVehicle, RemainingProblem, build_remaining_problem, replan, warm_start
+from planner.replan import RemainingProblem, build_remaining_problem, replan, warm_start
 from planner.result import Result
 from planner.risk import (
-    ChunkTally,
     FlightChunk,
     ProbabilityEstimate,
     RiskCampaign,
     RiskEstimate,
-    WorstLoss,
     build_risk_campaign,
     estimate_probability,
     estimate_risks,
@@ -83,7 +77,6 @@ from planner.stop_rules import (
     Progress,
     Seconds,
     StopRule,
-    StopVerdict,
     Stopwatch,
     combine_stop_rules,
 )
@@ -91,114 +84,8 @@ from planner.window import (
     CriticalLoss,
     LossRepair,
     ReplanWindow,
-    WindowResult,
     build_loss_table,
     find_repairs_at,
     replan_window,
 )
 from planner.window_search import solve_window
-
-__all__ = [
-    "BUDGET_TOLERANCE_PCT",
-    "CLIMB_SHARE_PER_M_S",
-    "DEFAULT_PARAMS",
-    "EXACT_SEGMENTS",
-    "K_C",
-    "OPTIMAL_SEGMENTS",
-    "PRESETS",
-    "AnnealingParams",
-    "AnyOf",
-    "Cancelled",
-    "ChunkTally",
-    "Cost",
-    "CostFunction",
-    "CriticalLoss",
-    "Drone",
-    "Dynamics",
-    "Evaluation",
-    "ExactParams",
-    "FirstFeasible",
-    "FlightChunk",
-    "FreeVehicle",
-    "Instance",
-    "InstanceError",
-    "Iterations",
-    "LargeParams",
-    "LossRepair",
-    "LossRow",
-    "MoveGeometry",
-    "MoveTables",
-    "Moves",
-    "NoImprovement",
-    "OnboardPlan",
-    "ParamsError",
-    "ParetoPlan",
-    "Plan",
-    "PlanError",
-    "PlanRating",
-    "PlannerError",
-    "ProbabilityEstimate",
-    "Progress",
-    "RemainingProblem",
-    "RepairStatus",
-    "ReplanWindow",
-    "Result",
-    "RiskCampaign",
-    "RiskEstimate",
-    "Route",
-    "SearchParams",
-    "Seconds",
-    "SteadyWind",
-    "StopRule",
-    "StopVerdict",
-    "Stopwatch",
-    "Travel",
-    "Vehicle",
-    "Visits",
-    "WindowResult",
-    "WindowSearchParams",
-    "WorstLoss",
-    "build_instance",
-    "build_loss_table",
-    "build_onboard_plan",
-    "build_remaining_problem",
-    "build_risk_campaign",
-    "build_steady_wind",
-    "combine_stop_rules",
-    "completion_times_s",
-    "cost_value",
-    "energy_use_pct",
-    "estimate_probability",
-    "estimate_risks",
-    "evaluate",
-    "explain_infeasibility",
-    "explain_infeasibility_fully",
-    "find_covering_plan",
-    "find_pareto_front",
-    "find_repairs_at",
-    "grant_onboard_budgets",
-    "is_better_rating",
-    "is_reversed",
-    "pct_per_s",
-    "power_w",
-    "range_speed_m_s",
-    "rate_plan",
-    "replan",
-    "replan_window",
-    "route_duration_s",
-    "route_energy_pct",
-    "segment_of",
-    "select_best_plan",
-    "simulate_chunk",
-    "solve",
-    "solve_exact",
-    "solve_grasp",
-    "solve_window",
-    "split_flights",
-    "top_speed_m_s",
-    "travel_for",
-    "usable_wh",
-    "visit_of",
-    "warm_start",
-    "warm_up",
-]

@@ -78,15 +78,6 @@ def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
     return sum(moves_pct.tolist(), start=float(instance.start_pct[route.vehicle, flown[0]]))
 
 
-def cost_value(instance: Instance, plan: Plan, cost: Cost) -> float:
-    """Return the paper's cost of a plan, in percent; what it leaves uncovered is no part of it.
-
-    Raises:
-        PlanError: a vehicle or a visit is not in the instance.
-    """
-    return cost_of(instance, [route_energy_pct(instance, route) for route in plan.routes], cost)
-
-
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
     """Return the paper's cost of routes that use ``energies_pct``, one for each vehicle."""
     return cost.function.value(energies_pct, [vehicle.budget_pct for vehicle in instance.vehicles])

@@ -120,7 +120,6 @@ def travel_for(
     drone: Drone,
     transit_speed_m_s: float,
     inspection_speed_m_s: float,
-    dynamics: Dynamics | None = None,
     wind_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> Travel:
     """Return the travel of a drone at the two speeds, with its energy from the pen-and-paper model.
@@ -129,7 +128,6 @@ def travel_for(
         drone: Whose power is modelled.
         transit_speed_m_s: Over ground.
         inspection_speed_m_s: Over ground.
-        dynamics: As ``Travel`` has it.
         wind_m_s: Where the air moves to, east and north.
 
     Raises:
@@ -140,8 +138,9 @@ def travel_for(
         inspection_speed_m_s,
         pct_per_s(drone, transit_speed_m_s),
         pct_per_s(drone, inspection_speed_m_s),
-        dynamics,
-        build_steady_wind(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s) if any(wind_m_s) else None,
+        wind=build_steady_wind(drone, max(transit_speed_m_s, inspection_speed_m_s), wind_m_s)
+        if any(wind_m_s)
+        else None,
     )
 
 

@@ -131,7 +131,7 @@ def replan_window(
 
 
 def build_loss_table(
-    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, fly_again: bool = True
 ) -> tuple[LossRow, ...]:
     """Return all losses of a plan, those at the end first: each interval with each vehicle flying in it.
 
@@ -139,13 +139,12 @@ def build_loss_table(
         instance: of the plan.
         plan: to be flown as it is until a vehicle is lost; what it leaves uncovered is open in every loss.
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
-        seed: of all randomness.
         fly_again: whether vehicles on the ground or on their way home may fly (again).
 
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    return tuple(_iterate_rows(instance, plan, effort, seed, fly_again=fly_again))
+    return tuple(_iterate_rows(instance, plan, effort, 0, fly_again=fly_again))
 
 
 def find_repairs_at(

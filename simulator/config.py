@@ -80,8 +80,6 @@ class SimCamera:
     """Where it looks without a gimbal."""
     triggered: bool = True
     """Whether the autopilot's trigger reaches it."""
-    clock_s: float = 0.0
-    """By how much its own clock is ahead."""
 
 
 @dataclass(frozen=True, slots=True)

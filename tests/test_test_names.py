@@ -18,7 +18,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
-    "tests/executor/virtual/test_areas.py": ("missions/area_check.py",),
+    "tests/benchmarks/virtual/test_areas.py": ("missions/area_check.py",),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_areas.py",
         "executor/site/tables/area_tables.py",
@@ -91,7 +91,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/window_figure.py",
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
-    "tests/executor/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
+    "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
         "benchmarks/markdown.py",
@@ -278,9 +278,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/flight_commands.py",
     ),
     "tests/benchmarks/test_virtual_flight.py": (
-        "executor/virtual/memory_flight.py",
-        "executor/virtual/radio.py",
-        "executor/virtual/in_process_solver.py",
+        "benchmarks/virtual/memory_flight.py",
+        "benchmarks/virtual/radio.py",
+        "benchmarks/virtual/in_process_solver.py",
     ),
     "tests/benchmarks/test_tuning.py": (
         "benchmarks/few_lines_detector.py",

@@ -81,17 +81,12 @@ def _is_ready() -> bool:
     return _worker is not None
 
 
-def _solve_in_worker(problem: Solve, pricing: Pricing) -> SolveEnded:
+def _solve_in_worker(problem: Solve, pricing: Pricing, *, judging: bool = False) -> SolveEnded:
     if _worker is None:
         raise RuntimeError("the worker was not prepared")
-    setup, cancelled, _ = _worker
-    return solve_for_survivors(setup, problem, pricing, lambda: cancelled.value >= problem.revision)
-
-
-def _judge_in_worker(problem: Solve, pricing: Pricing) -> SolveEnded:
-    if _worker is None:
-        raise RuntimeError("the worker was not prepared")
-    setup, _, wanted = _worker
+    setup, cancelled, wanted = _worker
+    if not judging:
+        return solve_for_survivors(setup, problem, pricing, lambda: cancelled.value >= problem.revision)
     return solve_for_survivors(
         setup, problem, pricing, lambda: wanted.value > 0, limit_s=JUDGE_S, settled=JUDGE_SETTLED
     )
@@ -279,7 +274,7 @@ class SolverProcess:
             return None
         try:
             async with asyncio.timeout(JUDGE_S + GIVE_UP_S):
-                ended = await asyncio.wrap_future(self._submit(_judge_in_worker, problem, pricing))
+                ended = await asyncio.wrap_future(self._submit(_solve_in_worker, problem, pricing, judging=True))
         except (BrokenProcessPool, TimeoutError):
             return None  # the next re-plan finds out, and makes the worker anew
         return None if ended.routes is None else ended.uncovered

@@ -36,7 +36,6 @@ from executor.cli.options import (
     SecondsOption,
     SeedOption,
     SiteArgument,
-    SolverName,
     SolverOption,
     StartsOption,
     StretchOption,
@@ -77,7 +76,7 @@ from executor.site.day_summary import describe_day
 from executor.site.ground_files import read_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import check_site, read_signing_key, read_site
-from executor.site.site_planning import DEFAULT
+from executor.site.site_planning import DEFAULT, PlanSolver
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
 from planner.sorties import Objective
@@ -200,7 +199,7 @@ def fly(
     after: AfterOption = None,
     learned: LearnedOption = None,
     cost: PlanCostOption = None,
-    solver: SolverOption = SolverName.SEARCH,
+    solver: SolverOption = PlanSolver.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,
     seconds: SecondsOption = DEFAULT.seconds,
@@ -305,7 +304,7 @@ def preflight(
     after: AfterOption = None,
     learned: LearnedOption = None,
     cost: PlanCostOption = None,
-    solver: SolverOption = SolverName.SEARCH,
+    solver: SolverOption = PlanSolver.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,
     seconds: SecondsOption = DEFAULT.seconds,

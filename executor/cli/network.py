@@ -117,9 +117,13 @@ def build_line_rows(understood: NetworkImport) -> list[LineRow]:
         lengths_m = network.lengths_m[own].tolist()
         ends = {end for span in own for end in (network.segments[span].a, network.segments[span].b)}
         poles = [network.pylons[end] for end in ends]
-        rows.append(LineRow(name, len(own), sum(lengths_m), min(lengths_m), max(lengths_m), len(poles),
-            _count_known(poles, "elevation_m"), _count_known(poles, "height_m")))  # fmt: skip
+        rows.append(_build_line_row(name, lengths_m, poles))
     return rows
+
+
+def _build_line_row(name: str, lengths_m: Sequence[float], poles: Sequence[Pylon]) -> LineRow:
+    return LineRow(name, len(lengths_m), sum(lengths_m), min(lengths_m), max(lengths_m), len(poles),
+        _count_known(poles, "elevation_m"), _count_known(poles, "height_m"))  # fmt: skip
 
 
 def _count_known(poles: Iterable[Pylon], key: str) -> int:
@@ -158,10 +162,7 @@ def _show(understood: NetworkImport) -> None:
         table.add_row(*_build_cells(row))
     if len(rows) > MOST_LINES:
         table.add_row(f"{len(rows) - MOST_LINES} more")
-    total = LineRow("all", len(network.segments), float(network.lengths_m.sum()), float(network.lengths_m.min()),
-        float(network.lengths_m.max()), len(network.pylons), _count_known(network.pylons, "elevation_m"),
-        _count_known(network.pylons, "height_m"))  # fmt: skip
-    table.add_row(*_build_cells(total))
+    table.add_row(*_build_cells(_build_line_row("all", network.lengths_m.tolist(), network.pylons)))
     Console(highlight=False, width=None if console.is_terminal else WIDTH).print(table)
     lat_deg, lon_deg, alt_m = network.depot
     depot = (

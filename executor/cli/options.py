@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from executor.site.site_planning import DEFAULT, WINDOW_UP_TO
+from executor.site.site_planning import DEFAULT, WINDOW_UP_TO, PlanSolver
 from missions import AUTOPILOTS
 from planner import Cost
 
@@ -21,14 +21,6 @@ def require_finite(value: float | None) -> float | None:
     return value
 
 
-class CostName(StrEnum):
-    """What a re-plan is chosen by."""
-
-    _ignore_ = "known"
-    for known in Cost:
-        vars()[known.name] = known.value
-
-
 class PlanCostName(StrEnum):
     """What a first plan is chosen by."""
 
@@ -36,14 +28,6 @@ class PlanCostName(StrEnum):
     for known in Cost:
         vars()[known.name] = known.value
     WINDOW = "window"
-
-
-class SolverName(StrEnum):
-    """Who plans."""
-
-    SEARCH = "search"
-    GRASP = "grasp"
-    EXACT = "exact"
 
 
 class FormatName(StrEnum):
@@ -73,7 +57,7 @@ PlanArgument = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file,
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print only the result, and questions that need an answer.")]
 CostOption = Annotated[
-    CostName,
+    Cost,
     typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
 ]
 SecondsOption = Annotated[
@@ -92,7 +76,7 @@ PlanCostOption = Annotated[
     ),
 ]
 SolverOption = Annotated[
-    SolverName,
+    PlanSolver,
     typer.Option(
         help="search, faultline's own; grasp, the paper's, as a baseline; exact, proven optima up to 18 segments."
     ),
@@ -112,8 +96,7 @@ EverybodyOption = Annotated[
     bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
 ]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
-MINMAX_COST = CostName(Cost.MINMAX.value)
-DEFAULT_REPLAN_COST = MINMAX_COST if DEFAULT.cost is None else CostName(DEFAULT.cost.value)
+DEFAULT_REPLAN_COST = DEFAULT.cost or Cost.MINMAX
 DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 AutopilotOption = Annotated[AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")]
 NetworkOption = Annotated[

@@ -13,7 +13,7 @@ from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned_document import describe_learned, read_learned
 from executor.cli.console import TerminalConsole
-from executor.cli.options import PlanCostName, SolverName
+from executor.cli.options import PlanCostName
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_flight import read_segments_left
@@ -26,7 +26,7 @@ from planner import Cost, Progress
 
 def parse_plan_request(
     cost: PlanCostName | None,
-    solver: SolverName,
+    solver: PlanSolver,
     stretch_pct: float,
     all_vehicles: bool,
     seconds: float,
@@ -42,7 +42,7 @@ def parse_plan_request(
         plan_request_for(cost),
         seconds=seconds,
         seed=seed,
-        solver=PlanSolver(solver.value),
+        solver=solver,
         all_vehicles=all_vehicles,
         stretch=stretch_pct / 100,
         starts=starts,

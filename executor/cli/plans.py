@@ -39,7 +39,6 @@ from executor.cli.options import (
     SecondsOption,
     SeedOption,
     SiteArgument,
-    SolverName,
     SolverOption,
     StartsOption,
     StretchOption,
@@ -72,7 +71,7 @@ from executor.site.plan_summary import (
 )
 from executor.site.planned_heights import PlannedHeights, compute_planned_heights
 from executor.site.site_file import read_site
-from executor.site.site_planning import DEFAULT, PlanRequest
+from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
 from missions import (
     DayPlanFile,
     PlanFile,
@@ -84,7 +83,7 @@ from missions import (
     write_plan,
 )
 from missions.files import json_text
-from planner import Cost, ReplanWindow, SearchParams, find_repairs_at, replan_window
+from planner import ReplanWindow, SearchParams, find_repairs_at, replan_window
 from planner.sorties import Objective
 
 if TYPE_CHECKING:
@@ -116,7 +115,7 @@ def plan(
     asked: typer.Context,
     site: SiteArgument,
     cost: PlanCostOption = None,
-    solver: SolverOption = SolverName.SEARCH,
+    solver: SolverOption = PlanSolver.SEARCH,
     stretch: StretchOption = DEFAULT_STRETCH_PCT,
     all_vehicles: EverybodyOption = False,
     seconds: SecondsOption = DEFAULT.seconds,
@@ -374,7 +373,7 @@ def replan(
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     check_can_write(output)
-    result = site_planning.preview_loss(read_plan(plan), lost, at, cost=Cost(cost.value), seconds=seconds, seed=seed)
+    result = site_planning.preview_loss(read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
     if output is not None:
         write_named_file(output, lambda: write_plan(output, result.plan))
     _print_plan(result.plan, as_json=as_json)

@@ -22,7 +22,6 @@ KINDS: Mapping[str, FaultKind] = {
 """What a truth calls them; any other kind is no fault."""
 _ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b|\bback\b", re.IGNORECASE)
 """Events of every flight, and ends of what was injected."""
-_ENDS = re.compile(r"\bover\b|\bback\b", re.IGNORECASE)
 
 
 def read_recorded_truths(folder: Path) -> dict[str, RecordedTruth]:
@@ -56,18 +55,11 @@ def _parse_truth(row: Mapping[str, Any], *, on_board: bool) -> RecordedTruth:
     )  # fmt: skip
     kind = KINDS.get(row["kind"])
     if kind is FaultKind.LINK and row.get("vehicle_silent") and not on_board:
-        silent = row["vehicle_silent"][0]
-        return RecordedTruth(kind, silent["from_usec"], silent["to_usec"], events)
+        return RecordedTruth(kind, row["vehicle_silent"][0]["from_usec"], events)
     injected = [event for event in events if not _ROUTINE.search(event.what.split("(")[0])]
-    over = [event for event in events if _ENDS.search(event.what.split("(")[0])]
     if on_board and kind is FaultKind.LINK:
         kind = None  # the vehicle's own log knows nothing of it
-    return RecordedTruth(
-        kind,
-        injected[0].t_usec if injected and kind is not None else None,
-        over[0].t_usec if over else None,
-        events,
-    )
+    return RecordedTruth(kind, injected[0].t_usec if injected and kind is not None else None, events)
 
 
 def _parse_time_usec(event: Mapping[str, Any], *, on_board: bool) -> int:

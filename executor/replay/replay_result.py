@@ -126,6 +126,4 @@ class RecordedTruth:
     """Of the fault that was injected; None for a healthy flight."""
     fault_usec: int | None
     """When it became visible in the data, on the log's own clock."""
-    until_usec: int | None
-    """When it was over; None if it lasts."""
     events: tuple[TrueEvent, ...]

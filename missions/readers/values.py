@@ -116,10 +116,10 @@ def decimal_mark_of(texts: Iterable[str]) -> str | None:
     return shown.pop() if len(shown) == 1 else None
 
 
-def number_of(value: object, mark: str | None = None) -> float | None:
+def number_of(value: object) -> float | None:
     """Return a cell's or a tag's number; None where it says none."""
     if isinstance(value, str):
-        return figure_of(value, mark)
+        return figure_of(value)
     return float(value) if is_number(value) else None
 
 

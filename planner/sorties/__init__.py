@@ -11,13 +11,11 @@ cheap; the first plan loads the compiled kernels.
 
 from planner.sorties.sortie_evaluation import (
     SortieEvaluation,
-    SortieResult,
     count_packs_needed,
     evaluate_sorties,
     sortie_duration_s,
-    sortie_energy_pct,
 )
-from planner.sorties.sortie_losses import LossWindow, SortiesAfterLoss, build_sorties_after_loss, find_loss_windows
+from planner.sorties.sortie_losses import LossWindow, build_sorties_after_loss, find_loss_windows
 from planner.sorties.sortie_model import (
     Objective,
     Sortie,
@@ -37,31 +35,3 @@ from planner.sorties.survival import (
     split_samples,
     summarise_samples,
 )
-
-__all__ = [
-    "LossWindow",
-    "Objective",
-    "Sortie",
-    "SortieBase",
-    "SortieEvaluation",
-    "SortieInstance",
-    "SortiePlan",
-    "SortieResult",
-    "SortieVehicle",
-    "SortiesAfterLoss",
-    "SparesEstimate",
-    "SurvivalCampaign",
-    "SurvivalEstimate",
-    "add_spares",
-    "build_sorties_after_loss",
-    "count_packs_needed",
-    "evaluate_sorties",
-    "find_loss_windows",
-    "simulate_days",
-    "solve_sorties",
-    "sortie_duration_s",
-    "sortie_energy_pct",
-    "split_samples",
-    "subtract_quiet_times",
-    "summarise_samples",
-]

@@ -148,8 +148,6 @@ def find_loss_windows(
     plan: SortiePlan,
     *,
     seed: int = 0,
-    iterations: int = ENOUGH,
-    table: MoveTable | None = None,
     told: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> tuple[LossWindow, ...]:
     """Return each vehicle's window over the days.
@@ -161,7 +159,7 @@ def find_loss_windows(
     # Only here: it loads the kernels.
     from planner.sorties.sortie_state import build_move_table
 
-    table = build_move_table(instance) if table is None else table
+    table = build_move_table(instance)
     total, done = sum(map(len, plan.sorties)), 0
     found = []
     for vehicle, own in enumerate(plan.sorties):
@@ -170,19 +168,13 @@ def find_loss_windows(
             lands_s = own[number].start_s + sortie_duration_s(instance, vehicle, own[number])
             done += 1
             told(done, total)
-            if not can_finish(
-                build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s), seed, iterations, table
-            ):
+            left = build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s)
+            if replan_sorties(left, seed, ENOUGH, table).uncovered:
                 from_s, breaks = lands_s, number
                 done += number
                 break
         found.append(LossWindow(vehicle, from_s, breaks))
     return tuple(found)
-
-
-def can_finish(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> bool:
-    """Return whether a plan for what is left is found that inspects everything."""
-    return not replan_sorties(left, seed, iterations, table).uncovered
 
 
 def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> SortiePlan:

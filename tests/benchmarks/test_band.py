@@ -11,7 +11,7 @@ from benchmarks import band
 from benchmarks.band import TENTHS, BandFlight, BandRoute, Sight, band_cases, band_held, fly_band
 from benchmarks.predictionpage import join_content, report_prediction
 from benchmarks.predictionpage import prediction_document as document
-from tests.executor.virtual.short_line import write_line
+from tests.benchmarks.virtual.short_line import write_line
 
 NOTHING = document([], "faultline bench prediction", seed=1)
 

@@ -18,8 +18,8 @@ from benchmarks.predictionpage import keep_prediction, prediction_document, repo
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site
 from executor.analysis.documents import LegRow, RouteRow
 from simulator.truth import Truth
+from tests.benchmarks.virtual.short_line import write_line
 from tests.executor.flights import write_run
-from tests.executor.virtual.short_line import write_line
 
 
 def route_of(time_s: float, energy_pct: float | None, autopilot: str = "px4") -> FlownRoute:

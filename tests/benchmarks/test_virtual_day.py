@@ -21,7 +21,7 @@ from executor.site.day_problem import build_day_problem, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
 from simulator.vehicle import SimulatedVehicle
-from tests.executor.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
+from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
 
 QUARRY = ((90.0, 90.0), (170.0, 90.0), (170.0, 170.0), (90.0, 170.0))

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.core.interface.events import Heard, LaunchOrdered
-from executor.errors import FlightNotFlown
 from executor.site.tables.fence_table import FenceTable
 from simulator.errors import FaultSpecError
-from tests.executor.virtual.short_line import shared, short_ground
+from tests.benchmarks.virtual.short_line import shared, short_ground
 from tests.stories.world import Sink
 
 

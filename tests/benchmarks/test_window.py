@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from benchmarks.branches import Branch, fly_branches
 from benchmarks.commands import cli
+from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import VirtualFlight
 from benchmarks.virtual_site import dearest_route_pct, size_batteries
 from benchmarks.window import (
@@ -27,8 +28,7 @@ from benchmarks.window import (
     results,
 )
 from benchmarks.windowpage import report_window, window_document
-from executor.errors import FlightNotFlown
-from tests.executor.virtual.short_line import shared, short_ground, write_line
+from tests.benchmarks.virtual.short_line import shared, short_ground, write_line
 
 CRASH = RandomLoss(0, "uav2", "crash", 40.0)
 

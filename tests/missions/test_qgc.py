@@ -1,4 +1,4 @@
-"""QGroundControl's formats: as they are written, and every reason to refuse one."""
+"""QGroundControl's formats: as they are written, and every reason to refuse to."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
@@ -20,10 +19,9 @@ from missions import (
     find_mission_differences,
     format_qgc_plan,
     format_qgc_waypoints,
-    parse_qgc_plan,
-    parse_qgc_waypoints,
 )
 from missions.fences import build_fence, build_fence_items, build_rally_items
+from tests.missions.qgc_files import read_qgc_plan, read_waypoints
 from tests.missions.test_encode import PATH
 
 HOME = (49.6, 15.6, 450.0)
@@ -68,10 +66,10 @@ def test_a_waypoints_file_is_as_mission_planner_writes_it() -> None:
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
 def test_both_formats_are_read_again(dialect: Dialect) -> None:
     items = tuple(replace(item, param4=90.0) for item in encode(PATH, dialect).items)
-    plan = parse_qgc_plan(format_qgc_plan(items, dialect, HOME))
-    assert plan.home == HOME
-    assert len(plan.items) == 10
-    lines = parse_qgc_waypoints(format_qgc_waypoints(items, dialect, HOME))
+    flown, home = read_qgc_plan(format_qgc_plan(items, dialect, HOME))
+    assert home == HOME
+    assert len(flown) == 10
+    lines = read_waypoints(format_qgc_waypoints(items, dialect, HOME))
     assert find_mission_differences(items, lines, dialect) == ()
 
 
@@ -104,77 +102,3 @@ def test_a_fence_and_rally_points_are_as_qgroundcontrol_writes_them() -> None:
         ],
     }
     assert document["rallyPoints"] == {"version": 2, "points": [[49.6, 15.6, 0.0]]}
-
-
-def test_the_items_of_a_survey_are_taken_as_generated() -> None:
-    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
-    simple = document["mission"]["items"]
-    survey = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": simple[3:6]}}
-    document["mission"]["items"] = [*simple[:3], survey, *simple[6:]]
-    whole = parse_qgc_plan(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
-    assert repr(parse_qgc_plan(json.dumps(document))) == repr(whole)
-
-
-def test_null_is_nan_and_a_missing_place_is_zero() -> None:
-    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
-    document["mission"]["items"][1]["params"] = [1, 5, None, None, None, None, None]
-    item = parse_qgc_plan(json.dumps(document)).items[1]
-    assert math.isnan(item.param3)
-    assert (item.x, item.y, item.z) == (0, 0, 0.0)
-
-
-def _set(*keys: Any, value: object) -> Callable[[Any], None]:
-    def change(document: Any) -> None:
-        for key in keys[:-1]:
-            document = document[key]
-        document[keys[-1]] = value
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("change", "reason"),
-    [
-        (_set("fileType", value="Fence"), "fileType: expected 'Plan'"),
-        (_set("mission", value=None), r"mission\.items: expected a list"),
-        (
-            _set("mission", "plannedHomePosition", value=[1.0, 2.0]),
-            r"mission\.plannedHomePosition: expected \[latitude",
-        ),
-        (_set("mission", "items", 2, value="x"), r"mission\.items\[2\]: expected an object"),
-        (_set("mission", "items", 2, "type", value="ComplexItem"), r"mission\.items\[2\]\.type: expected a SimpleItem"),
-        (_set("mission", "items", 2, "params", value=[1.0]), r"mission\.items\[2\]\.params: expected seven numbers"),
-        (
-            _set("mission", "items", 2, "command", value="16"),
-            r"mission\.items\[2\]\.command: expected a number, got '16'",
-        ),
-        (_set("mission", "items", 2, "frame", value=True), r"mission\.items\[2\]\.frame: expected a number, got True"),
-    ],
-)
-def test_a_broken_plan_is_named(change: Callable[[Any], None], reason: str) -> None:
-    document = json.loads(format_qgc_plan(encode(PATH, PX4).items, PX4, HOME))
-    change(document)
-    with pytest.raises(MissionFileError, match=f"^uav1.plan: {reason}") as caught:
-        parse_qgc_plan(json.dumps(document), source="uav1.plan")
-    assert "\n" not in str(caught.value)
-
-
-def test_a_plan_that_is_no_json_is_named() -> None:
-    with pytest.raises(MissionFileError, match=r"^uav1\.plan: line 1: expected JSON"):
-        parse_qgc_plan("QGC WPL 110", source="uav1.plan")
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("", "line 1: expected 'QGC WPL 110'"),
-        ("QGC WPL 120\n", "line 1: expected 'QGC WPL 110'"),
-        ("QGC WPL 110\n0\t0\t3\n", "line 2: expected 12 columns, got 3"),
-        ("QGC WPL 110\n0 0 3 16 0 0 0 x 49 15 30 1\n", "line 2: expected numbers in all columns"),
-        ("QGC WPL 110\n0 0 3 16 0 0 0 0 nan 15 30 1\n", "line 2: expected finite latitude, longitude and height"),
-        ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 49 15 30 1\n", "line 3: index: expected 0, got 1"),
-    ],
-)
-def test_a_broken_waypoints_file_is_named(text: str, reason: str) -> None:
-    with pytest.raises(MissionFileError, match=f"^w.txt: {reason}"):
-        parse_qgc_waypoints(text, source="w.txt")

@@ -10,7 +10,6 @@ from planner import (
     PlanError,
     Route,
     completion_times_s,
-    cost_value,
     energy_use_pct,
     evaluate,
     route_duration_s,
@@ -44,7 +43,7 @@ def test_a_route_without_a_visit_takes_nothing_on_the_ground() -> None:
     ],
 )
 def test_the_papers_cost_functions(cost: Cost, value: float) -> None:
-    assert cost_value(INSTANCE, PLAN, cost) == value
+    assert evaluate(INSTANCE, PLAN, cost).value == value
 
 
 def test_all_figures_of_a_plan() -> None:

@@ -24,9 +24,8 @@ from missions import (
     find_mission_differences,
     format_qgc_plan,
     format_qgc_waypoints,
-    parse_qgc_plan,
-    parse_qgc_waypoints,
 )
+from tests.missions.qgc_files import read_qgc_plan, read_waypoints
 
 HOME = (49.6, 15.6, 450.0)
 
@@ -55,12 +54,12 @@ both = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4])
 @given(data=st.data())
 def test_items_survive_a_plan_file(dialect: Dialect, data: st.DataObject) -> None:
     items = data.draw(missions_of(dialect)).items
-    plan = parse_qgc_plan(format_qgc_plan(items, dialect, HOME))
+    written, home = read_qgc_plan(format_qgc_plan(items, dialect, HOME))
     flown = items[1:] if dialect.home_item else items
     renumbered = [replace(item, seq=seq) for seq, item in enumerate(flown)]
     # Exactly, but for the frame's second number and the flag, which a .plan does not have.
-    assert find_mission_differences(renumbered, plan.items, PX4) == ()
-    assert plan.home == HOME
+    assert find_mission_differences(renumbered, written, PX4) == ()
+    assert home == HOME
 
 
 HEADINGS = st.integers(0, 359).map(float)
@@ -72,7 +71,7 @@ HEADINGS = st.integers(0, 359).map(float)
 def test_items_survive_a_waypoints_file(dialect: Dialect, data: st.DataObject) -> None:
     # Headings that are left open have no word in this format, which PX4 leaves everywhere.
     items = tuple(replace(item, param4=data.draw(HEADINGS)) for item in data.draw(missions_of(dialect)).items)
-    again = parse_qgc_waypoints(format_qgc_waypoints(items, dialect, HOME))
+    again = read_waypoints(format_qgc_waypoints(items, dialect, HOME))
     assert find_mission_differences(items, again, dialect) == ()
     assert [item.current for item in again] == [item.current for item in items]
 

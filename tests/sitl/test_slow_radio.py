@@ -23,7 +23,7 @@ from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from missions import dialect_for
-from tests.executor.virtual.short_line import shared, write_line
+from tests.benchmarks.virtual.short_line import shared, write_line
 from tests.sitl.flights import Story, WatchfulConsole
 from tests.sitl.radio import Radio
 from tests.sitl.real import BOTH, PX4, RELAYED, START_REAL_S, Autopilot, RealVehicle, Wanted, running

@@ -13,6 +13,9 @@ from collections.abc import Coroutine, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from benchmarks.virtual.in_process_solver import InProcessSolver
+from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
+from benchmarks.virtual.radio import MemoryRadio
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -28,9 +31,6 @@ from executor.core.state.vehicle_state import build_onboard_mission
 from executor.runtime import vehicle_preflight
 from executor.runtime.flight_loop import Flight
 from executor.site import site_model
-from executor.virtual.in_process_solver import InProcessSolver
-from executor.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
-from executor.virtual.radio import MemoryRadio
 from missions import Network, dialect_for, encode
 from planner import PRESETS
 from simulator.config import AutopilotKind, SimVehicle

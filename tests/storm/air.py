@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from benchmarks.virtual.radio import MemoryRadio
 from executor.adapters.mavlink.codec import DecodedFrame
 from executor.adapters.mavlink.link import discard_frame
 from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
-from executor.virtual.radio import MemoryRadio
 from simulator.messages import (
     ItemReceived,
     MissionCount,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 
+from benchmarks.virtual.in_process_solver import InProcessSolver
 from executor.adapters.eventlog import DISK_S
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import Event, SolveEnded
 from executor.site.site_model import SiteModel
-from executor.virtual.in_process_solver import InProcessSolver
 from missions import Pricing
 from tests.stories.world import Sink
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from benchmarks.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
@@ -19,7 +20,6 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ConnectionFailed
 from executor.runtime.flight_loop import Flight
-from executor.virtual.loop import VirtualLoop, run_virtual
 from missions import Network
 from simulator.config import SimVehicle
 from simulator.vehicle import SimulatedVehicle

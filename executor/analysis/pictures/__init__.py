@@ -21,20 +21,6 @@ from executor.analysis.pictures.style import DPI
 from executor.analysis.pictures.window_figure import draw_window_figure
 from missions.files import write_whole
 
-__all__ = [
-    "FrontPoint",
-    "draw_battery_figure",
-    "draw_flight_figure",
-    "draw_front_figure",
-    "draw_gantt_figure",
-    "draw_network_figure",
-    "draw_plan_figure",
-    "draw_profile_figure",
-    "draw_risk_figure",
-    "draw_window_figure",
-    "save_figure",
-]
-
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a picture, whole or not at all.

@@ -150,7 +150,7 @@ from tests.executor.adapters import test_solver as tests
 from executor.adapters import solver
 
 async def main():
-    solver._work, solver._judge = tests.stubborn, tests.stubborn
+    solver._solve_in_worker = tests.stubborn
     solver.GIVE_UP_S, solver.JUDGE_S = {give_up_s}, 0.1
     async with solver.SolverProcess(tests.SETUP, lambda text: print("told:", text, flush=True)) as process:
         print(*(one.pid for one in multiprocessing.active_children()), flush=True)

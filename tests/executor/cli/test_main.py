@@ -21,9 +21,10 @@ from executor.core.battery.kalman import Prior
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.flight.board_record import write_kept_parameters
-from missions import Pace, parse_qgc_plan, read_plan
+from missions import Pace, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report
+from tests.missions.qgc_files import read_qgc_plan
 from tests.ports import free_ports
 
 DEPOT = (49.6, 15.6)
@@ -246,7 +247,7 @@ def test_an_export_is_read_again(place: Place, autopilot: str) -> None:
     names = [Path(line).name for line in out.splitlines()]
     assert names
     for name in names:
-        assert parse_qgc_plan(Path(place.path("out"), name).read_text(encoding="utf-8")).items
+        assert read_qgc_plan(Path(place.path("out"), name).read_text(encoding="utf-8"))[0]
     code, out, _ = place.run("export", plan, "-o", place.path("out"), "--format", "waypoints")
     assert code == 0
     assert all(Path(line).read_text(encoding="utf-8").startswith("QGC WPL 110") for line in out.splitlines())

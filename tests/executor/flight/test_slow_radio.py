@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.virtual.loop import run_virtual
+from benchmarks.virtual.radio import MemoryRadio
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
@@ -23,14 +25,12 @@ from executor.flight.parameter_changes import apply_changes, read_changes
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
-from executor.virtual.loop import run_virtual
-from executor.virtual.radio import MemoryRadio
 from missions import dialect_for
 from simulator.channel import Channel, LinkCondition
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.params import defaults_for
 from simulator.vehicle import SimulatedVehicle
-from tests.executor.virtual.short_line import shared, short_ground
+from tests.benchmarks.virtual.short_line import shared, short_ground
 
 STEP_S = 0.05
 MISSION_ITEM_INT = 73

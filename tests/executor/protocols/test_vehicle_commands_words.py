@@ -58,12 +58,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             vehicle_commands.MISSION_CURRENT,
             vehicle_commands.BATTERY_STATUS,
             vehicle_commands.AUTOPILOT_VERSION,
-            vehicle_commands.FENCE_STATUS,
-            vehicle_commands.WIND,
-            vehicle_commands.WIND_COV,
             vehicle_commands.EXTENDED_SYS_STATE,
         ],
-        [24, 30, 0, 33, 1, 42, 147, 148, 162, 168, 231, 245],
+        [24, 30, 0, 33, 1, 42, 147, 148, 245],
     ),
 ]
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from benchmarks.pad_crew import PadCrew
+from benchmarks.virtual.in_process_solver import InProcessSolver
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core import fleet_step
 from executor.core.battery.pack_history import PackHistory
@@ -18,7 +19,6 @@ from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission, PlannedSortie
 from executor.runtime.flight_loop import Flight
-from executor.virtual.in_process_solver import InProcessSolver
 from missions import Network
 from simulator.config import SimVehicle
 from tests.missions.builders import line_east

@@ -17,7 +17,7 @@ from planner.sorties import (
     solve_sorties,
     sortie_duration_s,
 )
-from planner.sorties.sortie_losses import can_finish
+from planner.sorties.sortie_losses import replan_sorties
 from tests.planner.sorties.builders import short_day
 
 
@@ -74,9 +74,8 @@ def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() 
         for number, sortie in enumerate(own):
             at_s = lands_s(instance, one.vehicle, sortie)
             if number >= one.breaks:
-                assert can_finish(
-                    build_sorties_after_loss(instance, plan, {one.vehicle: at_s}, at_s), 0, 3_000, None
-                ) == (number > one.breaks)
+                left = build_sorties_after_loss(instance, plan, {one.vehicle: at_s}, at_s)
+                assert (not replan_sorties(left, 0, 3_000, None).uncovered) == (number > one.breaks)
 
 
 def test_on_a_long_day_any_vehicle_may_be_lost_at_any_time() -> None:

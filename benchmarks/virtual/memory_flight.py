@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 
+from benchmarks.virtual.radio import MemoryRadio, run_radios
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink.link import VehicleLink
 from executor.core.context import Context
@@ -14,7 +15,6 @@ from executor.core.interface.events import Event, Reopened
 from executor.core.interface.ports import EventSink, Solver
 from executor.core.state.fleet_state import FleetState
 from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
-from executor.virtual.radio import MemoryRadio, run_radios
 from simulator.autopilot import STEP_S
 from simulator.truth import Truth
 

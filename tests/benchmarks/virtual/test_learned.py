@@ -19,7 +19,7 @@ from executor.errors import LogError
 from executor.site.site_model import SiteModel
 from missions import PlanFile, check_plan, read_plan, write_plan
 from simulator.config import SimVehicle
-from tests.executor.virtual.short_line import short_ground
+from tests.benchmarks.virtual.short_line import short_ground
 
 
 def planned(ground: SiteModel) -> PlanFile:

@@ -21,7 +21,7 @@ from executor.site.site_planning import PlanRequest, plan_site
 from missions import PlanFile
 from missions.area_check import check_areas
 from simulator.vehicle import SimulatedVehicle
-from tests.executor.virtual.short_line import write_line
+from tests.benchmarks.virtual.short_line import write_line
 from tests.missions.builders import FRAME
 
 CUT_M = 2.5
