@@ -81,6 +81,15 @@ def test_a_radio_that_is_gone_for_long_ends_no_flight(autopilot: str) -> None:
 
 
 @DIALECTS
+def test_who_lost_charge_while_nobody_was_heard_is_said_to_have_landed_with_what_is_left(autopilot: str) -> None:
+    silent, emptied = Happening("silent", "uav1", 10.0, 63.6), Happening("emergency", "uav1", 13.2, word="RTL")
+    stormed = fly(Plot(1, autopilot, "apart", {"uav1": (3, 1)}, (silent, emptied)))
+    assert findings(stormed) == []
+    [line] = [line.text for _, line in stormed.flown.said if line.text.startswith("uav1: landed")]
+    assert line in {"uav1: landed with 7 %", "uav1: landed with 4 %"}
+
+
+@DIALECTS
 def test_a_solver_that_hangs_is_done_without(autopilot: str) -> None:
     hangs = Happening("solver", GROUND, 10.0, 60.0, word="hangs")
     stormed = flown(autopilot, hangs, Happening("silent", "uav2", AT_S))

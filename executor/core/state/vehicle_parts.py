@@ -345,8 +345,9 @@ class PowerState:
 
     @property
     def landed_pct(self) -> float | None:
-        """What it landed with; what it holds now, if it was not heard in the air."""
-        return self.battery.remaining_pct if self.aloft_pct is None else self.aloft_pct
+        """What it landed with; what it holds now, if it was not heard in the air or lost charge unheard since."""
+        reported = (self.aloft_pct, self.battery.remaining_pct)
+        return min((pct for pct in reported if pct is not None), default=None)
 
 
 @dataclass(frozen=True, slots=True)
