@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from executor.core.context import Context
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import FlownSortie
+from executor.core.state.vehicle_parts import FlownSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState
 
 REFILLED_PCT = 10.0
@@ -30,8 +31,8 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
     return replace(vehicle, turn=replace(turn, sorties=(*before, sortie)))
 
 
-def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle that has landed."""
+def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle that has landed; what its pack held before a silence is not what it ended with."""
     turn = vehicle.turn
     if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:
         return vehicle
@@ -41,8 +42,13 @@ def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
     last = replace(
         turn.sorties[-1],
         ended_s=now_s,
-        ended_pct=power.landed_pct,
+        ended_pct=power.landed_pct if is_charge_fresh(context, power, now_s) else None,
         end_v=None if refilled else power.volts.voltage_v if sag is None else sag.recovered_v,
         cells=power.volts.cells if power.volts.voltage_v is not None else None,
     )
     return replace(vehicle, turn=replace(turn, sorties=(*turn.sorties[:-1], last)))
+
+
+def is_charge_fresh(context: Context, power: PowerState, now_s: float) -> bool:
+    """Return whether its percentage was reported just now."""
+    return now_s - power.battery.reported_s <= context.limits.battery_stale_s
