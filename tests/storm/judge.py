@@ -134,7 +134,11 @@ class StormJudge(Judge):
         """
         mission = MISSION[self.flown.autopilot]["mission"]
         for span in super()._acting(name):
-            back = [one.t_s for one in self.happened(name, f"mode {mission}") if one.t_s > span.from_s]
+            # A start that was on its way may end it in the same moment: the record has them in their order.
+            began = next(
+                at for at, one in enumerate(self._events[name]) if (one.t_s, one.what) == (span.from_s, span.what)
+            )
+            back = [one.t_s for one in self._events[name][began:] if one.what == f"mode {mission}"]
             if self.armed(name, span.from_s):
                 yield replace(span, to_s=min([span.to_s, *back]))
 

@@ -112,3 +112,10 @@ def test_a_ground_station_that_is_killed_as_the_flight_ends_finds_it_over() -> N
     stormed = fly(Plot(8766, "ardupilot", "apart", {"uav1": (2,)}, (late, wreck, killed)))
     assert findings(stormed) == []
     assert stormed.flown.ended_s is not None
+
+
+def test_who_lost_charge_while_nobody_heard_it_landed_with_what_is_left() -> None:
+    silent, emptied = Happening("silent", "uav1", 10.0, 63.6), Happening("emergency", "uav1", 13.2, word="RTL")
+    stormed = fly(Plot(1, "ardupilot", "apart", {"uav1": (3, 1)}, (silent, emptied)))
+    assert findings(stormed) == []
+    assert "uav1: landed with 7 %" in [line.text for _, line in stormed.flown.said]

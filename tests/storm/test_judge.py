@@ -232,3 +232,10 @@ def test_whom_the_crew_excludes_as_its_fence_acts_is_out_by_their_word(who: str,
 def test_what_its_battery_held_is_what_was_reported_last(kind: str, found: set[str]) -> None:
     told = stormed(began=(Happening(kind, "uav1", 315.0, 10.0),))
     assert rules(said(told, 323.0, "uav1: landed with 12 %")) & {"line"} == found
+
+
+@pytest.mark.parametrize(("last", "found"), [("mode AUTO", set()), ("failsafe fence", {"emergency"})])
+def test_a_failsafe_that_a_start_ended_in_the_same_moment_does_not_act(last: str, found: set[str]) -> None:
+    same = ("failsafe fence", "mode RTL") if last == "mode AUTO" else ("mode AUTO",)
+    happened = (*(("uav1", 11.5, what) for what in (*same, last)), ("uav1", 14.0, "order command 21"))
+    assert rules(stormed(*happened)) == found

@@ -144,7 +144,7 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
     fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
     place = "" if is_over_pad(context, vehicle) and not fell else f", {describe_down_place(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
-    vehicle = vehicle if place else leg_times.end_sortie(vehicle, vehicle.link.heard_s or 0.0)
+    vehicle = vehicle if place else leg_times.end_sortie(context, vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
         change_stage(vehicle, stage)
         .with_custody(taken=None)

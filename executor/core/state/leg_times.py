@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core import vehicle_learning
+from executor.core.context import Context
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import FlownLeg, FlownSortie, LegBoundary
+from executor.core.state.vehicle_parts import FlownLeg, FlownSortie, LegBoundary, PowerState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Phase
@@ -133,8 +134,8 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
     return replace(vehicle, turn=replace(turn, sorties=(*before, sortie)))
 
 
-def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
-    """Return a vehicle that has landed."""
+def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:
+    """Return a vehicle that has landed; a charge reported before a link gap is not the charge at the landing."""
     turn = vehicle.turn
     if not turn.sorties or turn.sorties[-1].ended_s is not None or not vehicle.sortie.took_off:
         return vehicle
@@ -144,8 +145,13 @@ def end_sortie(vehicle: VehicleState, now_s: float) -> VehicleState:
     last = replace(
         turn.sorties[-1],
         ended_s=now_s,
-        ended_pct=power.landed_pct,
+        ended_pct=power.landed_pct if is_charge_fresh(context, power, now_s) else None,
         end_v=None if refilled else power.volts.voltage_v if sag is None else sag.recovered_v,
         cells=power.volts.cells if power.volts.voltage_v is not None else None,
     )
     return replace(vehicle, turn=replace(turn, sorties=(*turn.sorties[:-1], last)))
+
+
+def is_charge_fresh(context: Context, power: PowerState, now_s: float) -> bool:
+    """Return whether the percentage was reported within `battery_stale_s`."""
+    return now_s - power.battery.reported_s <= context.limits.battery_stale_s

@@ -332,6 +332,10 @@ class OwnMission:
     """When it said so."""
 
 
+TOUCHDOWN_PCT = 1.0
+"""What a report on the ground may be below the last one in the air of a landing that was heard."""
+
+
 @dataclass(frozen=True, slots=True)
 class PowerState:
     """What its batteries say, and what is made of it."""
@@ -355,8 +359,11 @@ class PowerState:
 
     @property
     def landed_pct(self) -> float | None:
-        """What it landed with; what it holds now, if it was not heard in the air."""
-        return self.battery.remaining_pct if self.aloft_pct is None else self.aloft_pct
+        """What it landed with; what it holds now, if it was not heard in the air or lost charge unheard since."""
+        aloft_pct, now_pct = self.aloft_pct, self.battery.remaining_pct
+        if aloft_pct is None or (now_pct is not None and now_pct < aloft_pct - TOUCHDOWN_PCT):
+            return now_pct
+        return aloft_pct
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,7 +79,7 @@ def apply_touchdown(
         lies = lies.with_motion(anchor=vehicle.motion.fix).with_sortie(place_told=False)
         return state.put(lies), (Say(Level.FAULT, text),)
     vehicle = leg_times.end_sortie(
-        leg_times.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
+        context, leg_times.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
     )
     vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
     state = state.put(vehicle)
@@ -115,7 +115,7 @@ def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:
     """Return what its pack holds, or what it reports where its voltage before the take-off told otherwise."""
     battery, held_pct = vehicle.power.battery, vehicle.power.landed_pct
-    if held_pct is None or now_s - battery.reported_s > context.limits.battery_stale_s:
+    if held_pct is None or not leg_times.is_charge_fresh(context, vehicle.power, now_s):
         return ""
     last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
     blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)

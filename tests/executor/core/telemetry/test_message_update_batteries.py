@@ -347,3 +347,13 @@ def test_what_it_held_in_the_air_stays_when_its_pack_is_full_again() -> None:
     assert (filled.power.battery.remaining_pct, filled.power.landed_pct) == (58.0, 24.9)
     another = with_facts(filled, aloft_pct=None)
     assert another.power.landed_pct == 58.0, "a pack that was changed is what it is"
+
+
+def test_who_lost_charge_while_nobody_heard_it_landed_with_what_is_left() -> None:
+    """What it held before the silence is not what it landed with."""
+    flies = message_update.apply_message(
+        CONTEXT, flying(battery=pack(70.0)), Battery(0, 69.0, None, None, None, 1, 0), NOW_S
+    ).state
+    stands = with_facts(flies, on_ground=True, fix=at(up_m=0.0))
+    heard = message_update.apply_message(CONTEXT, stands, Battery(0, 7.0, None, None, None, 3, 0), NOW_S + 60.0).state
+    assert heard.power.landed_pct == 7.0
