@@ -143,9 +143,10 @@ def find_occupied_airways(
         offer = kept.get(vehicle.name)
         if offer is not None and vehicle.fault is None and vehicle.stage in _ON_ITS_WAY:
             if offer.airborne:
-                first = min(vehicle.assignment.waypoint, offer.kept)
-                begun = FlightPath(vehicle.name, board.path.waypoints[: offer.kept])
-                found.append(build_airway(context.setup, begun, first))
+                # Who turns back on its way home ends the leg that it is on: a climb from the line to its end.
+                waypoint = vehicle.assignment.waypoint
+                begun = FlightPath(vehicle.name, board.path.waypoints[: max(offer.kept, waypoint + 1)])
+                found.append(build_airway(context.setup, begun, waypoint))
         elif _is_down_by_now(context, vehicle, now_s):
             continue
         elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _is_leaving_line(context, vehicle, now_s):

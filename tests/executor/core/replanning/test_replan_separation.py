@@ -193,6 +193,38 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
             nobody_meets(chosen, state, new)
 
 
+def flying_by(chosen: Context, routes: dict[str, tuple[int, ...]], waypoints: dict[str, int]) -> FleetState:
+    """Return a fleet in flight by routes, each just set out for a waypoint."""
+    paths = build_first_paths(chosen.setup, routes)
+    boards = {
+        name: build_onboard_mission(chosen, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in NAMES
+    }
+    state = fleet_step.build_initial_state(boards)
+    for name, waypoint in waypoints.items():
+        state = state.put(flying_to(state.vehicles[name], waypoint))
+    return replace(state, progress=replace(state.progress, launched_s=0.0))
+
+
+@pytest.mark.parametrize("rises", [False, True])
+def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(rises: bool) -> None:
+    """Its climb is under way, and not replaced by its new mission: that climbs there too."""
+    chosen = CONTEXTS[rises]
+    routes = {"uav1": (2,), "uav2": (10,), "uav4": (8 * SPANS - 2,)}
+    state = flying_by(chosen, routes, {"uav1": 1, "uav2": 1, "uav4": 1})
+    board = state.vehicles["uav4"].assignment.board
+    assert board is not None
+    climbs = 1 + max(number for number, point in enumerate(board.path.waypoints) if point.below_m > 0)
+    state = state.put(flying_to(state.vehicles["uav4"], climbs))
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    assert 4 * SPANS - 1 in {offer.vehicle: offer.barred for offer in solve.survivors}["uav1"]
+    given = SolveEnded(solve.revision, (NewRoute("uav4", (10,)), NewRoute("uav1", (8 * SPANS - 1,))), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    assert [upload.vehicle for upload in uploads(commands)] == ["uav4"]
+    nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
+
+
 def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
     chosen = CONTEXTS[False]
     state, lost = with_somebody_low(chosen)
