@@ -213,7 +213,7 @@ def choose_low_segments(
             taken.append(replace(tail, for_now=True))
             if board.path.waypoints[offer.kept - 1].below_m > 0:
                 begins_m[offer.vehicle] = board.places_m[offer.kept - 1]
-            taken.append(_add_approach_leg(setup, vehicle, build_airway(setup, path, offer.kept)))
+            taken.append(_add_turning_legs(setup, vehicle, offer.kept, build_airway(setup, path, offer.kept)))
         else:
             taken.append(build_airway(setup, path))
     return select_low_segments(setup, routes, taken, find_layer_bound_vehicles(context.vehicles), begins_m)
@@ -229,15 +229,21 @@ def build_path_in_layer(
     return continue_path(setup, board.path, offer.kept, visits)
 
 
-def _add_approach_leg(setup: FlightSetup, vehicle: VehicleState, new: Airway) -> Airway:
-    """Return new legs with the one on which it flies there, where a leg of its way home is cut short."""
-    fix = vehicle.motion.fix
-    if fix is None or not len(new.legs_m):
+def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:
+    """Return new legs with those that lead to them straight from anywhere on a way home that they cut short.
+
+    They spread out no farther than a layer, so that nothing fits in between from which another has to keep away.
+    """
+    board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
+    if board is None or fix is None or waypoint != kept or not len(new.legs_m):
         return new
     here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
-    first = np.stack((here_m, new.legs_m[0, 1]))[np.newaxis]
-    level = np.zeros((1, 2))
-    return replace(new, legs_m=np.concatenate((new.legs_m, first)), below_m=np.concatenate((new.below_m, level)))
+    home_m = build_airway(setup, board.path, waypoint).legs_m[0, 1] - here_m
+    spread = math.ceil(float(np.linalg.norm(home_m)) / setup.inspection.layer_m) + 1
+    begins_m = here_m + np.linspace(0.0, 1.0, spread)[:, np.newaxis] * home_m
+    turns_m = np.stack((begins_m, np.broadcast_to(new.legs_m[0, 1], begins_m.shape)), axis=1)
+    legs_m, below_m = np.concatenate((new.legs_m, turns_m)), np.concatenate((new.below_m, np.zeros((spread, 2))))
+    return replace(new, legs_m=legs_m, below_m=below_m)
 
 
 def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:
@@ -262,8 +268,10 @@ def find_mission_conflicts(
         now_s: The time.
     """
     offers = plan.solve.survivors
-    kept = next((offer.kept for offer in offers if offer.vehicle == name), 0)
-    new = build_airway(context.setup, path, kept)
+    offer = next((offer for offer in offers if offer.vehicle == name), None)
+    new = build_airway(context.setup, path, 0 if offer is None else offer.kept)
+    if offer is not None and offer.airborne:
+        new = _add_turning_legs(context.setup, state.vehicles[name], offer.kept, new)
     waits = set()
     for other in plan.pending - {name}:
         left = _find_remaining_airway(context, state.vehicles[other])

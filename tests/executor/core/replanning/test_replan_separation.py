@@ -7,6 +7,7 @@ import random
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
@@ -22,9 +23,17 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
-from missions import FlightPath
+from missions import FlightPath, Network
+from missions import Phase as LegPhase
 from missions.geometry import leg_distances_m
-from missions.inspection_height import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
+from missions.inspection_height import (
+    Airway,
+    build_airway,
+    build_first_paths,
+    check_inspection_airspace,
+    segment_distances_m,
+)
+from missions.setup import FlightSetup
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.executor.core.vehicles import AUTO, RTL, pack
 from tests.missions.builders import network_of
@@ -42,8 +51,13 @@ def context(*, rises: bool) -> Context:
     first = [(SPANS + 1) * way for way in range(len(ways))]
     pairs = [(begin + span, begin + span + 1) for begin in first for span in range(SPANS)]
     heights = [(450.0 + 1.5 * (number % 5), 20.0) for number in range(len(places))] if rises else None
+    return context_over(network_of(places, pairs, heights))
+
+
+def context_over(network: Network) -> Context:
+    """Return four vehicles over a network, that all return in silence."""
     site = site_of(NAMES, "ardupilot", inspection={"same_distance": True, "ceiling_m": 400.0})
-    ground = ground_for(site, network_of(places, pairs, heights))
+    ground = ground_for(site, network)
     own = {name: LinkFailsafe(True, 5.0, "", returns=True) for name in NAMES}
     return site_model.build_context(
         ground, site_model.build_flight_setup(ground), site_model.build_first_task(ground), own
@@ -63,15 +77,18 @@ def dealt(rng: random.Random, segments: list[int]) -> dict[str, tuple[int, ...]]
     return dict(zip(NAMES, parts, strict=True))
 
 
-def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S) -> VehicleState:
-    """Return a vehicle that has just set out for a waypoint of its mission."""
+def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S, share: float = 0.0) -> VehicleState:
+    """Return a vehicle that has flown a share of its way to a waypoint of its mission."""
     board = vehicle.assignment.board
     assert board is not None
-    place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
+    ends_m = [
+        np.array([*board.places_m[end], board.path.waypoints[end].alt_rel_m]) for end in (waypoint - 1, waypoint)
+    ]
+    *place, alt_m = (ends_m[0] + share * (ends_m[1] - ends_m[0])).tolist()
     facts = {
         "stage": Stage.FLYING, "heard_s": now_s, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": now_s,
         "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": waypoint,
-        "fix": PositionFix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
+        "fix": PositionFix(now_s, now_s, (place[0], place[1]), alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
     }  # fmt: skip
     return with_facts(vehicle, **facts)
 
@@ -88,7 +105,8 @@ def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     for name, board in boards.items():
         if board is None:
             continue
-        state = state.put(flying_to(state.vehicles[name], rng.randrange(1, len(board.path.waypoints) - 1)))
+        waypoint = rng.randrange(1, len(board.path.waypoints) - 1)
+        state = state.put(flying_to(state.vehicles[name], waypoint, share=rng.random()))
     return replace(state, progress=replace(state.progress, launched_s=0.0))
 
 
@@ -149,9 +167,22 @@ def uploads(commands: tuple[Command, ...]) -> list[Upload]:
     return [command for command in commands if isinstance(command, Upload)]
 
 
+def turning_back(setup: FlightSetup, vehicle: VehicleState, path: FlightPath) -> Airway:
+    """Return the ways to where a path leads next, from anywhere on the leg under way."""
+    board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
+    assert board is not None and fix is not None
+    if path.waypoints[:waypoint] != board.path.waypoints[:waypoint]:
+        return Airway(vehicle.name, np.zeros((0, 2, 3)), np.zeros((0, 2)))
+    here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
+    end_m, goal_m = (build_airway(setup, one, waypoint).legs_m[0, 1] for one in (board.path, path))
+    begins_m = here_m + np.linspace(0.0, 1.0, 100)[:, np.newaxis] * (end_m - here_m)
+    legs_m = np.stack((begins_m, np.broadcast_to(goal_m, begins_m.shape)), axis=1)
+    return Airway(vehicle.name, legs_m, np.zeros((len(legs_m), 2)))
+
+
 def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath]) -> None:
     """Hold what anybody may fly now, new missions that are on their way among it, against each other."""
-    setup, taken = chosen.setup, []
+    setup, taken, turns = chosen.setup, [], []
     for name, vehicle in state.vehicles.items():
         board = vehicle.assignment.board
         if board is None:
@@ -160,7 +191,10 @@ def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath])
         taken.append(rest.to_layer() if vehicle.stage is Stage.LOST else rest)
         if name in new:
             taken.append(build_airway(setup, new[name], vehicle.assignment.waypoint))
-    assert check_inspection_airspace(setup, taken) == []
+            turns.append(turning_back(setup, vehicle, new[name]))
+        if vehicle.stage is Stage.FLYING:
+            turns.append(turning_back(setup, vehicle, board.path))
+    assert check_inspection_airspace(setup, [*taken, *turns]) == []
     for one, other in itertools.combinations(taken, 2):
         if one.vehicle != other.vehicle and len(one.legs_m) and len(other.legs_m):
             assert leg_distances_m(one.legs_m, other.legs_m).min() >= LAYER_M - 1e-3
@@ -223,6 +257,32 @@ def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(ris
     state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
     assert [upload.vehicle for upload in uploads(commands)] == ["uav4"]
     nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
+
+
+def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_the_line() -> None:
+    """No leg of its new mission comes near, nor does its way home; but it is on that, and flies straight to the next.
+
+    It comes home from one line and is sent to another; between the two one above it inspects a third. Returns are
+    stacked above a hill far away: else its straight way home from its new mission would be held against the third.
+    """
+    places = [(800.0, 200.0), (400.0, 200.0), (0.0, 200.0), (0.0, 300.0), (150.0, 125.0), (150.0, 165.0),
+              (0.0, -100.0), (0.0, -200.0)]  # fmt: skip
+    heights = [(450.0, 20.0)] * 7 + [(480.0, 20.0)]
+    chosen = context_over(network_of(places, [(0, 1), (2, 3), (4, 5), (6, 7)], heights))
+    state = flying_by(chosen, {"uav1": (0,), "uav4": (4,), "uav2": (6,)}, {"uav2": 1})
+    uav1, uav4 = state.vehicles["uav1"].assignment.board, state.vehicles["uav4"].assignment.board
+    assert uav1 is not None and uav4 is not None
+    home = next(number for number, point in enumerate(uav1.path.waypoints) if point.phase is LegPhase.RETURN)
+    inspects = next(number for number, point in enumerate(uav4.path.waypoints) if point.phase is LegPhase.INSPECT)
+    state = state.put(flying_to(state.vehicles["uav1"], home, share=0.5))
+    state = state.put(flying_to(state.vehicles["uav4"], inspects))
+    assert is_low(chosen, state, "uav4")
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    given = SolveEnded(solve.revision, (NewRoute("uav1", (2,)),), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
+    assert not [upload for upload in uploads(commands) if upload.vehicle == "uav1"]
 
 
 def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
