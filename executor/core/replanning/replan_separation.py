@@ -18,7 +18,7 @@ from executor.core.context import Context, VehicleSetup
 from executor.core.interface.commands import Survivor
 from executor.core.state.fleet_state import FleetState, Replan
 from executor.core.state.vehicle_state import Stage, VehicleState
-from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path
+from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path, estimate
 from missions.autopilots.modes import is_home_mode
 from missions.inspection_height import (
     Airway,
@@ -96,6 +96,9 @@ def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bo
     away_m, up_m = math.dist(fix.place_m, (pad.east_m, pad.north_m)), context.return_height_m(vehicle.name)
     home_s = sum(model.performance.return_s(away_m, up_m, up_m))
     rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
+    if vehicle.assignment.sent_path is not None:
+        legs = estimate(vehicle.assignment.sent_path, model).legs
+        rest_s = max(rest_s, sum(leg.duration_s for leg in legs[vehicle.assignment.waypoint :]))
     return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MORE_S
 
 
@@ -123,11 +126,12 @@ def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Air
 
 
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
-    """Return what a vehicle may fly of what it has on board; None for one on the ground."""
-    board = vehicle.assignment.board
+    """Return what a vehicle may fly of what it has, or may have, on board; None for one on the ground."""
+    board, sent_path, waypoint = vehicle.assignment.board, vehicle.assignment.sent_path, vehicle.assignment.waypoint
     if board is None or vehicle.stage in _AWAY:
         return None
-    return build_airway(context.setup, board.path, vehicle.assignment.waypoint)
+    left = build_airway(context.setup, board.path, waypoint)
+    return left if sent_path is None else _join_airways(left, build_airway(context.setup, sent_path, waypoint))
 
 
 def find_occupied_airways(
@@ -242,8 +246,13 @@ def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new:
     spread = math.ceil(float(np.linalg.norm(home_m)) / setup.inspection.layer_m) + 1
     begins_m = here_m + np.linspace(0.0, 1.0, spread)[:, np.newaxis] * home_m
     turns_m = np.stack((begins_m, np.broadcast_to(new.legs_m[0, 1], begins_m.shape)), axis=1)
-    legs_m, below_m = np.concatenate((new.legs_m, turns_m)), np.concatenate((new.below_m, np.zeros((spread, 2))))
-    return replace(new, legs_m=legs_m, below_m=below_m)
+    return _join_airways(new, Airway(vehicle.name, turns_m, np.zeros((spread, 2))))
+
+
+def _join_airways(one: Airway, other: Airway) -> Airway:
+    """Return all legs of two airways of one vehicle."""
+    legs_m, below_m = np.concatenate((one.legs_m, other.legs_m)), np.concatenate((one.below_m, other.below_m))
+    return replace(one, legs_m=legs_m, below_m=below_m)
 
 
 def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:

@@ -372,6 +372,8 @@ class Assignment:
     """The fence on board, of those that were put there from here: while a wider one is being uploaded, the narrower."""
     pending: int | None = None
     """The revision whose mission is being put on board."""
+    sent_path: FlightPath | None = None
+    """What it may fly instead of its mission on board: a new one that was sent, until it is known that it was not taken."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
     declined: DeclinedMission | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,10 +16,11 @@ from hypothesis import strategies as st
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Command, Solve, Upload
+from executor.core.interface.endings import Ending
 from executor.core.interface.events import NewRoute, SolveEnded, UploadEnded
 from executor.core.interface.messages import Heartbeat
 from executor.core.preflight.failsafe_parameters import LinkFailsafe
-from executor.core.replanning import replan_cycle, replan_separation
+from executor.core.replanning import replan_cycle, replan_separation, withdrawal
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, build_onboard_mission
@@ -81,9 +83,7 @@ def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S, share:
     """Return a vehicle that has flown a share of its way to a waypoint of its mission."""
     board = vehicle.assignment.board
     assert board is not None
-    ends_m = [
-        np.array([*board.places_m[end], board.path.waypoints[end].alt_rel_m]) for end in (waypoint - 1, waypoint)
-    ]
+    ends_m = [np.array([*board.places_m[end], board.path.waypoints[end].alt_rel_m]) for end in (waypoint - 1, waypoint)]
     *place, alt_m = (ends_m[0] + share * (ends_m[1] - ends_m[0])).tolist()
     facts = {
         "stage": Stage.FLYING, "heard_s": now_s, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": now_s,
@@ -170,7 +170,8 @@ def uploads(commands: tuple[Command, ...]) -> list[Upload]:
 def turning_back(setup: FlightSetup, vehicle: VehicleState, path: FlightPath) -> Airway:
     """Return the ways to where a path leads next, from anywhere on the leg under way."""
     board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
-    assert board is not None and fix is not None
+    assert board is not None
+    assert fix is not None
     if path.waypoints[:waypoint] != board.path.waypoints[:waypoint]:
         return Airway(vehicle.name, np.zeros((0, 2, 3)), np.zeros((0, 2)))
     here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
@@ -227,7 +228,7 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
             nobody_meets(chosen, state, new)
 
 
-def flying_by(chosen: Context, routes: dict[str, tuple[int, ...]], waypoints: dict[str, int]) -> FleetState:
+def flying_by(chosen: Context, routes: Mapping[str, tuple[int, ...]], waypoints: dict[str, int]) -> FleetState:
     """Return a fleet in flight by routes, each just set out for a waypoint."""
     paths = build_first_paths(chosen.setup, routes)
     boards = {
@@ -271,7 +272,8 @@ def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_
     chosen = context_over(network_of(places, [(0, 1), (2, 3), (4, 5), (6, 7)], heights))
     state = flying_by(chosen, {"uav1": (0,), "uav4": (4,), "uav2": (6,)}, {"uav2": 1})
     uav1, uav4 = state.vehicles["uav1"].assignment.board, state.vehicles["uav4"].assignment.board
-    assert uav1 is not None and uav4 is not None
+    assert uav1 is not None
+    assert uav4 is not None
     home = next(number for number, point in enumerate(uav1.path.waypoints) if point.phase is LegPhase.RETURN)
     inspects = next(number for number, point in enumerate(uav4.path.waypoints) if point.phase is LegPhase.INSPECT)
     state = state.put(flying_to(state.vehicles["uav1"], home, share=0.5))
@@ -283,6 +285,52 @@ def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_
     state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
     nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
     assert not [upload for upload in uploads(commands) if upload.vehicle == "uav1"]
+
+
+def given_a_low_part(chosen: Context) -> tuple[FleetState, int, float]:
+    """Return a fleet of which uav4 is sent a mission with a part on the line, that plan, and how far that reaches."""
+    state = flying_by(chosen, {"uav1": (2,), "uav4": (26,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
+    board = state.vehicles["uav4"].assignment.board
+    assert board is not None
+    state = state.put(flying_to(state.vehicles["uav4"], len(board.path.waypoints) - 2))
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    given = SolveEnded(solve.revision, (NewRoute("uav4", (8 * SPANS - 2,)),), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    assert [upload.vehicle for upload in uploads(commands)] == ["uav4"]
+    return state, solve.revision, float(chosen.setup.tracks_m[4 * SPANS - 1].min())
+
+
+def reach_of(chosen: Context, state: FleetState, name: str) -> float:
+    """Return how far south a vehicle's walls may reach by what it may fly."""
+    taken = replan_separation.find_occupied_airways(chosen, state, (), NOW_S)
+    walls_m = [one.over_ground_m[one.has_wall] for one in taken if one.vehicle == name]
+    return min(float(wall_m.min()) for wall_m in walls_m if len(wall_m))
+
+
+def test_what_was_sent_to_who_takes_no_part_any_more_stays_closed() -> None:
+    """Its upload may have ended well before it was lost, or before its pilot took it."""
+    chosen = CONTEXTS[False]
+    state, _, far_m = given_a_low_part(chosen)
+    fault = Fault(FaultKind.LINK, "silent", NOW_S, FaultCode.LINK_LOST)
+    state, _ = withdrawal.declare_fault(chosen, state, state.vehicles["uav4"], fault)
+    assert reach_of(chosen, state, "uav4") == pytest.approx(far_m)
+    assert replan_separation.is_line_occupied(chosen, state, NOW_S)
+
+
+@pytest.mark.parametrize(
+    ("code", "mixed", "stays"),
+    [(Ending.NO_ANSWER, False, True), (Ending.NO_ANSWER, True, True), (Ending.DENIED, False, False)],
+)
+def test_what_may_be_on_board_after_an_upload_that_failed_stays_closed(code: Ending, mixed: bool, stays: bool) -> None:
+    chosen = CONTEXTS[False]
+    state, revision, far_m = given_a_low_part(chosen)
+    ended = UploadEnded("uav4", revision, accepted=False, mixed=mixed, reason="it failed", code=code)
+    state, _ = fleet_step.step(chosen, state, ended, NOW_S)
+    sent_path = state.vehicles["uav4"].assignment.sent_path
+    assert (sent_path is not None) is stays
+    if stays and not mixed:  # with a mix of two it is brought home
+        assert reach_of(chosen, state, "uav4") == pytest.approx(far_m)
 
 
 def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
