@@ -373,7 +373,7 @@ class Assignment:
     pending: int | None = None
     """The revision whose mission is being put on board."""
     sent_path: FlightPath | None = None
-    """What it may fly instead of its mission on board: a new one that was sent, until it is known that it was not taken."""
+    """The new mission that it may fly instead, where vehicles leave their layers: sent, and not surely refused."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
     declined: DeclinedMission | None = None
