@@ -25,6 +25,9 @@ from executor.core.state.vehicle_state import (
     build_onboard_mission,
 )
 
+_MAY_BE_ON_BOARD = mission_retry.LATER | {Ending.READ_BACK_DIFFERS}
+"""Ends of an upload after which a vehicle may carry the new mission all the same."""
+
 
 def apply_upload_result(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
     """Take how the upload of a re-plan's mission, or of a sortie, came to its end."""
@@ -34,6 +37,8 @@ def apply_upload_result(context: Context, state: FleetState, event: UploadEnded,
         return state, ()
     mission = plan.missions[event.vehicle]
     vehicle = vehicle.with_assignment(pending=None)
+    if not (event.accepted or event.mixed or event.code in _MAY_BE_ON_BOARD):
+        vehicle = vehicle.with_assignment(sent_path=None)
     if event.fenced and mission.fence is not None:
         vehicle = vehicle.with_assignment(fence=mission.fence)
     plan = replace(plan, pending=plan.pending - {event.vehicle})

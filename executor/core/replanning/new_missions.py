@@ -65,6 +65,8 @@ def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: f
                 waiting.append(route)
                 continue
         plan = replace(plan, missions=MappingProxyType({**plan.missions, route.vehicle: mission}))
+        if plan.low and offer.airborne:
+            state = state.put(vehicle.with_assignment(sent_path=mission.path))
         commands.append(Upload(route.vehicle, plan.solve.revision, mission.path, offer.airborne, mission.fence))
         ways += (len(route.visits) + 1) * len(context.vehicles)
     plan = replace(plan, unmade=(*waiting, *unmade))

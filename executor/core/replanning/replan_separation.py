@@ -18,7 +18,7 @@ from executor.core.context import Context, VehicleSetup
 from executor.core.interface.commands import Survivor
 from executor.core.state.fleet_state import FleetState, Replan
 from executor.core.state.vehicle_state import Stage, VehicleState
-from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path
+from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path, estimate
 from missions.autopilots.modes import is_home_mode
 from missions.inspection_height import (
     Airway,
@@ -96,6 +96,9 @@ def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bo
     away_m, up_m = math.dist(fix.place_m, (pad.east_m, pad.north_m)), context.return_height_m(vehicle.name)
     home_s = sum(model.performance.return_s(away_m, up_m, up_m))
     rest_s = sum(leg.duration_s for leg in board.legs[vehicle.assignment.waypoint :])
+    if vehicle.assignment.sent_path is not None:
+        legs = estimate(vehicle.assignment.sent_path, model).legs
+        rest_s = max(rest_s, sum(leg.duration_s for leg in legs[vehicle.assignment.waypoint :]))
     return now_s - fault.detected_s >= DOWN_FACTOR * max(home_s, rest_s) + DOWN_MORE_S
 
 
@@ -123,11 +126,12 @@ def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Air
 
 
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
-    """Return what a vehicle may fly of what it has on board; None for one on the ground."""
-    board = vehicle.assignment.board
+    """Return what a vehicle may fly of what it has, or may have, on board; None for one on the ground."""
+    board, sent_path, waypoint = vehicle.assignment.board, vehicle.assignment.sent_path, vehicle.assignment.waypoint
     if board is None or vehicle.stage in _AWAY:
         return None
-    return build_airway(context.setup, board.path, vehicle.assignment.waypoint)
+    left = build_airway(context.setup, board.path, waypoint)
+    return left if sent_path is None else _join_airways(left, build_airway(context.setup, sent_path, waypoint))
 
 
 def find_occupied_airways(
@@ -143,9 +147,10 @@ def find_occupied_airways(
         offer = kept.get(vehicle.name)
         if offer is not None and vehicle.fault is None and vehicle.stage in _ON_ITS_WAY:
             if offer.airborne:
-                first = min(vehicle.assignment.waypoint, offer.kept)
-                begun = FlightPath(vehicle.name, board.path.waypoints[: offer.kept])
-                found.append(build_airway(context.setup, begun, first))
+                # Who turns back on its way home ends the leg that it is on: a climb from the line to its end.
+                waypoint = vehicle.assignment.waypoint
+                begun = FlightPath(vehicle.name, board.path.waypoints[: max(offer.kept, waypoint + 1)])
+                found.append(build_airway(context.setup, begun, waypoint))
         elif _is_down_by_now(context, vehicle, now_s):
             continue
         elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _is_leaving_line(context, vehicle, now_s):
@@ -212,7 +217,7 @@ def choose_low_segments(
             taken.append(replace(tail, for_now=True))
             if board.path.waypoints[offer.kept - 1].below_m > 0:
                 begins_m[offer.vehicle] = board.places_m[offer.kept - 1]
-            taken.append(_add_approach_leg(setup, vehicle, build_airway(setup, path, offer.kept)))
+            taken.append(_add_turning_legs(setup, vehicle, offer.kept, build_airway(setup, path, offer.kept)))
         else:
             taken.append(build_airway(setup, path))
     return select_low_segments(setup, routes, taken, find_layer_bound_vehicles(context.vehicles), begins_m)
@@ -228,15 +233,26 @@ def build_path_in_layer(
     return continue_path(setup, board.path, offer.kept, visits)
 
 
-def _add_approach_leg(setup: FlightSetup, vehicle: VehicleState, new: Airway) -> Airway:
-    """Return new legs with the one on which it flies there, where a leg of its way home is cut short."""
-    fix = vehicle.motion.fix
-    if fix is None or not len(new.legs_m):
+def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:
+    """Return new legs with those that lead to them straight from anywhere on a way home that they cut short.
+
+    They spread out no farther than a layer, so that nothing fits in between from which another has to keep away.
+    """
+    board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
+    if board is None or fix is None or waypoint != kept or not len(new.legs_m):
         return new
     here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
-    first = np.stack((here_m, new.legs_m[0, 1]))[np.newaxis]
-    level = np.zeros((1, 2))
-    return replace(new, legs_m=np.concatenate((new.legs_m, first)), below_m=np.concatenate((new.below_m, level)))
+    home_m = build_airway(setup, board.path, waypoint).legs_m[0, 1] - here_m
+    spread = math.ceil(float(np.linalg.norm(home_m)) / setup.inspection.layer_m) + 1
+    begins_m = here_m + np.linspace(0.0, 1.0, spread)[:, np.newaxis] * home_m
+    turns_m = np.stack((begins_m, np.broadcast_to(new.legs_m[0, 1], begins_m.shape)), axis=1)
+    return _join_airways(new, Airway(vehicle.name, turns_m, np.zeros((spread, 2))))
+
+
+def _join_airways(one: Airway, other: Airway) -> Airway:
+    """Return all legs of two airways of one vehicle."""
+    legs_m, below_m = np.concatenate((one.legs_m, other.legs_m)), np.concatenate((one.below_m, other.below_m))
+    return replace(one, legs_m=legs_m, below_m=below_m)
 
 
 def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[int]:
@@ -261,8 +277,10 @@ def find_mission_conflicts(
         now_s: The time.
     """
     offers = plan.solve.survivors
-    kept = next((offer.kept for offer in offers if offer.vehicle == name), 0)
-    new = build_airway(context.setup, path, kept)
+    offer = next((offer for offer in offers if offer.vehicle == name), None)
+    new = build_airway(context.setup, path, 0 if offer is None else offer.kept)
+    if offer is not None and offer.airborne:
+        new = _add_turning_legs(context.setup, state.vehicles[name], offer.kept, new)
     waits = set()
     for other in plan.pending - {name}:
         left = _find_remaining_airway(context, state.vehicles[other])

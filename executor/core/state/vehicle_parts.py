@@ -389,6 +389,8 @@ class Assignment:
     """The fence on board, of those that were put there from here: while a wider one is being uploaded, the narrower."""
     pending: int | None = None
     """The revision whose mission is being put on board."""
+    sent_path: FlightPath | None = None
+    """The new mission that it may fly instead, where vehicles leave their layers: sent, and not surely refused."""
     stubborn: bool = False
     """Whether it could not be given a new mission: it is planned around."""
     declined: DeclinedMission | None = None

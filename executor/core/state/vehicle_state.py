@@ -317,7 +317,7 @@ def apply_onboard_mission(vehicle: VehicleState, board: OnboardMission, now_s: f
     run, run_visit = (old.run, old.run_visit) if stays(old.run_visit) else (None, None)
     owed = old.owed if old.owed is not None and stays(old.owed[0]) else None
     assignment = replace(
-        old, pending=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
+        old, pending=None, sent_path=None, board=board, run=run, run_visit=run_visit, owed=owed, before=None,
         stubborn=False, declined=None, carried=MissionOwnership(ours_s=now_s),
     )  # fmt: skip
     return replace(vehicle, assignment=assignment)

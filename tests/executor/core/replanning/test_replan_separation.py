@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import random
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
@@ -14,17 +16,26 @@ from hypothesis import strategies as st
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Command, Solve, Upload
+from executor.core.interface.endings import Ending
 from executor.core.interface.events import NewRoute, SolveEnded, UploadEnded
 from executor.core.interface.messages import Heartbeat
 from executor.core.preflight.failsafe_parameters import LinkFailsafe
-from executor.core.replanning import replan_cycle, replan_separation
+from executor.core.replanning import replan_cycle, replan_separation, withdrawal
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
-from missions import FlightPath
+from missions import FlightPath, Network
+from missions import Phase as LegPhase
 from missions.geometry import leg_distances_m
-from missions.inspection_height import build_airway, build_first_paths, check_inspection_airspace, segment_distances_m
+from missions.inspection_height import (
+    Airway,
+    build_airway,
+    build_first_paths,
+    check_inspection_airspace,
+    segment_distances_m,
+)
+from missions.setup import FlightSetup
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.executor.core.vehicles import AUTO, RTL, pack
 from tests.missions.builders import network_of
@@ -42,8 +53,13 @@ def context(*, rises: bool) -> Context:
     first = [(SPANS + 1) * way for way in range(len(ways))]
     pairs = [(begin + span, begin + span + 1) for begin in first for span in range(SPANS)]
     heights = [(450.0 + 1.5 * (number % 5), 20.0) for number in range(len(places))] if rises else None
+    return context_over(network_of(places, pairs, heights))
+
+
+def context_over(network: Network) -> Context:
+    """Return four vehicles over a network, that all return in silence."""
     site = site_of(NAMES, "ardupilot", inspection={"same_distance": True, "ceiling_m": 400.0})
-    ground = ground_for(site, network_of(places, pairs, heights))
+    ground = ground_for(site, network)
     own = {name: LinkFailsafe(True, 5.0, "", returns=True) for name in NAMES}
     return site_model.build_context(
         ground, site_model.build_flight_setup(ground), site_model.build_first_task(ground), own
@@ -63,15 +79,16 @@ def dealt(rng: random.Random, segments: list[int]) -> dict[str, tuple[int, ...]]
     return dict(zip(NAMES, parts, strict=True))
 
 
-def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S) -> VehicleState:
-    """Return a vehicle that has just set out for a waypoint of its mission."""
+def flying_to(vehicle: VehicleState, waypoint: int, now_s: float = NOW_S, share: float = 0.0) -> VehicleState:
+    """Return a vehicle that has flown a share of its way to a waypoint of its mission."""
     board = vehicle.assignment.board
     assert board is not None
-    place, alt_m = board.places_m[waypoint - 1], board.path.waypoints[waypoint - 1].alt_rel_m
+    ends_m = [np.array([*board.places_m[end], board.path.waypoints[end].alt_rel_m]) for end in (waypoint - 1, waypoint)]
+    *place, alt_m = (ends_m[0] + share * (ends_m[1] - ends_m[0])).tolist()
     facts = {
         "stage": Stage.FLYING, "heard_s": now_s, "heartbeat": Heartbeat(3, AUTO, True, 4), "heartbeat_s": now_s,
         "armed_once": True, "took_off": True, "battery": pack(90.0, 90.0), "waypoint": waypoint,
-        "fix": PositionFix(now_s, now_s, place, alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
+        "fix": PositionFix(now_s, now_s, (place[0], place[1]), alt_m, 450.0 + alt_m, (0.0, 0.0, 0.0)),
     }  # fmt: skip
     return with_facts(vehicle, **facts)
 
@@ -88,7 +105,8 @@ def in_flight(chosen: Context, rng: random.Random) -> FleetState:
     for name, board in boards.items():
         if board is None:
             continue
-        state = state.put(flying_to(state.vehicles[name], rng.randrange(1, len(board.path.waypoints) - 1)))
+        waypoint = rng.randrange(1, len(board.path.waypoints) - 1)
+        state = state.put(flying_to(state.vehicles[name], waypoint, share=rng.random()))
     return replace(state, progress=replace(state.progress, launched_s=0.0))
 
 
@@ -149,9 +167,23 @@ def uploads(commands: tuple[Command, ...]) -> list[Upload]:
     return [command for command in commands if isinstance(command, Upload)]
 
 
+def turning_back(setup: FlightSetup, vehicle: VehicleState, path: FlightPath) -> Airway:
+    """Return the ways to where a path leads next, from anywhere on the leg under way."""
+    board, fix, waypoint = vehicle.assignment.board, vehicle.motion.fix, vehicle.assignment.waypoint
+    assert board is not None
+    assert fix is not None
+    if path.waypoints[:waypoint] != board.path.waypoints[:waypoint]:
+        return Airway(vehicle.name, np.zeros((0, 2, 3)), np.zeros((0, 2)))
+    here_m = np.array([*fix.place_m, setup.up_m(vehicle.name, fix.alt_rel_m)])
+    end_m, goal_m = (build_airway(setup, one, waypoint).legs_m[0, 1] for one in (board.path, path))
+    begins_m = here_m + np.linspace(0.0, 1.0, 100)[:, np.newaxis] * (end_m - here_m)
+    legs_m = np.stack((begins_m, np.broadcast_to(goal_m, begins_m.shape)), axis=1)
+    return Airway(vehicle.name, legs_m, np.zeros((len(legs_m), 2)))
+
+
 def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath]) -> None:
     """Hold what anybody may fly now, new missions that are on their way among it, against each other."""
-    setup, taken = chosen.setup, []
+    setup, taken, turns = chosen.setup, [], []
     for name, vehicle in state.vehicles.items():
         board = vehicle.assignment.board
         if board is None:
@@ -160,7 +192,10 @@ def nobody_meets(chosen: Context, state: FleetState, new: dict[str, FlightPath])
         taken.append(rest.to_layer() if vehicle.stage is Stage.LOST else rest)
         if name in new:
             taken.append(build_airway(setup, new[name], vehicle.assignment.waypoint))
-    assert check_inspection_airspace(setup, taken) == []
+            turns.append(turning_back(setup, vehicle, new[name]))
+        if vehicle.stage is Stage.FLYING:
+            turns.append(turning_back(setup, vehicle, board.path))
+    assert check_inspection_airspace(setup, [*taken, *turns]) == []
     for one, other in itertools.combinations(taken, 2):
         if one.vehicle != other.vehicle and len(one.legs_m) and len(other.legs_m):
             assert leg_distances_m(one.legs_m, other.legs_m).min() >= LAYER_M - 1e-3
@@ -191,6 +226,111 @@ def test_whatever_is_dealt_out_after_a_loss_nobody_meets(seed: int, rises: bool)
             state, commands = replan_cycle.begin_replan(chosen, state, NOW_S)
             new |= {upload.vehicle: upload.path for upload in uploads(commands)}
             nobody_meets(chosen, state, new)
+
+
+def flying_by(chosen: Context, routes: Mapping[str, tuple[int, ...]], waypoints: dict[str, int]) -> FleetState:
+    """Return a fleet in flight by routes, each just set out for a waypoint."""
+    paths = build_first_paths(chosen.setup, routes)
+    boards = {
+        name: build_onboard_mission(chosen, name, 0, paths[name], routes[name]) if name in paths else None
+        for name in NAMES
+    }
+    state = fleet_step.build_initial_state(boards)
+    for name, waypoint in waypoints.items():
+        state = state.put(flying_to(state.vehicles[name], waypoint))
+    return replace(state, progress=replace(state.progress, launched_s=0.0))
+
+
+@pytest.mark.parametrize("rises", [False, True])
+def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(rises: bool) -> None:
+    """Its climb is under way, and not replaced by its new mission: that climbs there too."""
+    chosen = CONTEXTS[rises]
+    routes = {"uav1": (2,), "uav2": (10,), "uav4": (8 * SPANS - 2,)}
+    state = flying_by(chosen, routes, {"uav1": 1, "uav2": 1, "uav4": 1})
+    board = state.vehicles["uav4"].assignment.board
+    assert board is not None
+    climbs = 1 + max(number for number, point in enumerate(board.path.waypoints) if point.below_m > 0)
+    state = state.put(flying_to(state.vehicles["uav4"], climbs))
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    assert 4 * SPANS - 1 in {offer.vehicle: offer.barred for offer in solve.survivors}["uav1"]
+    given = SolveEnded(solve.revision, (NewRoute("uav4", (10,)), NewRoute("uav1", (8 * SPANS - 1,))), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    assert [upload.vehicle for upload in uploads(commands)] == ["uav4"]
+    nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
+
+
+def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_the_line() -> None:
+    """No leg of its new mission comes near, nor does its way home; but it is on that, and flies straight to the next.
+
+    It comes home from one line and is sent to another; between the two one above it inspects a third. Returns are
+    stacked above a hill far away: else its straight way home from its new mission would be held against the third.
+    """
+    places = [(800.0, 200.0), (400.0, 200.0), (0.0, 200.0), (0.0, 300.0), (150.0, 125.0), (150.0, 165.0),
+              (0.0, -100.0), (0.0, -200.0)]  # fmt: skip
+    heights = [(450.0, 20.0)] * 7 + [(480.0, 20.0)]
+    chosen = context_over(network_of(places, [(0, 1), (2, 3), (4, 5), (6, 7)], heights))
+    state = flying_by(chosen, {"uav1": (0,), "uav4": (4,), "uav2": (6,)}, {"uav2": 1})
+    uav1, uav4 = state.vehicles["uav1"].assignment.board, state.vehicles["uav4"].assignment.board
+    assert uav1 is not None
+    assert uav4 is not None
+    home = next(number for number, point in enumerate(uav1.path.waypoints) if point.phase is LegPhase.RETURN)
+    inspects = next(number for number, point in enumerate(uav4.path.waypoints) if point.phase is LegPhase.INSPECT)
+    state = state.put(flying_to(state.vehicles["uav1"], home, share=0.5))
+    state = state.put(flying_to(state.vehicles["uav4"], inspects))
+    assert is_low(chosen, state, "uav4")
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    given = SolveEnded(solve.revision, (NewRoute("uav1", (2,)),), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
+    assert not [upload for upload in uploads(commands) if upload.vehicle == "uav1"]
+
+
+def given_a_low_part(chosen: Context) -> tuple[FleetState, int, float]:
+    """Return a fleet of which uav4 is sent a mission with a part on the line, that plan, and how far that reaches."""
+    state = flying_by(chosen, {"uav1": (2,), "uav4": (26,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
+    board = state.vehicles["uav4"].assignment.board
+    assert board is not None
+    state = state.put(flying_to(state.vehicles["uav4"], len(board.path.waypoints) - 2))
+    state, commands = replan_cycle.begin_replan(chosen, lose(state, "uav2"), NOW_S)
+    [solve] = [command for command in commands if isinstance(command, Solve)]
+    given = SolveEnded(solve.revision, (NewRoute("uav4", (8 * SPANS - 2,)),), (), 0.1, "")
+    state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
+    assert [upload.vehicle for upload in uploads(commands)] == ["uav4"]
+    return state, solve.revision, float(chosen.setup.tracks_m[4 * SPANS - 1].min())
+
+
+def reach_of(chosen: Context, state: FleetState, name: str) -> float:
+    """Return how far south a vehicle's walls may reach by what it may fly."""
+    taken = replan_separation.find_occupied_airways(chosen, state, (), NOW_S)
+    walls_m = [one.over_ground_m[one.has_wall] for one in taken if one.vehicle == name]
+    return min(float(wall_m.min()) for wall_m in walls_m if len(wall_m))
+
+
+def test_what_was_sent_to_who_takes_no_part_any_more_stays_closed() -> None:
+    """Its upload may have ended well before it was lost, or before its pilot took it."""
+    chosen = CONTEXTS[False]
+    state, _, far_m = given_a_low_part(chosen)
+    fault = Fault(FaultKind.LINK, "silent", NOW_S, FaultCode.LINK_LOST)
+    state, _ = withdrawal.declare_fault(chosen, state, state.vehicles["uav4"], fault)
+    assert reach_of(chosen, state, "uav4") == pytest.approx(far_m)
+    assert replan_separation.is_line_occupied(chosen, state, NOW_S)
+
+
+@pytest.mark.parametrize(
+    ("code", "mixed", "stays"),
+    [(Ending.NO_ANSWER, False, True), (Ending.NO_ANSWER, True, True), (Ending.DENIED, False, False)],
+)
+def test_what_may_be_on_board_after_an_upload_that_failed_stays_closed(code: Ending, mixed: bool, stays: bool) -> None:
+    chosen = CONTEXTS[False]
+    state, revision, far_m = given_a_low_part(chosen)
+    ended = UploadEnded("uav4", revision, accepted=False, mixed=mixed, reason="it failed", code=code)
+    state, _ = fleet_step.step(chosen, state, ended, NOW_S)
+    sent_path = state.vehicles["uav4"].assignment.sent_path
+    assert (sent_path is not None) is stays
+    if stays and not mixed:  # with a mix of two it is brought home
+        assert reach_of(chosen, state, "uav4") == pytest.approx(far_m)
 
 
 def test_nothing_is_given_away_while_the_lost_one_may_be_on_the_line() -> None:
