@@ -76,6 +76,12 @@ def seen(understood: NetworkImport) -> Seen:
     return spans, places, sorted(set(understood.lines.values()))
 
 
+def drop_elevations(all_seen: Seen) -> Seen:
+    """Return what is seen of a map from which GDAL has dropped every `ele`, as its default osmconf.ini has it."""
+    spans, places, lines = all_seen
+    return spans, {name: (*place[:2], None, place[3]) for name, place in places.items()}, lines
+
+
 def left(understood: NetworkImport) -> dict[str, int]:
     """Return how many of each kind were left out."""
     words = ", ".join(one.text for one in understood.found if one.matter is RemarkTopic.LEFT_OUT)
@@ -91,7 +97,7 @@ def test_a_map_means_the_same_in_every_format(extract: Extract) -> None:
         with tempfile.TemporaryDirectory() as folder:
             understood = import_network(write(extract, Path(folder)), wanted, anywhere=True)
         expected = expected or seen(understood)
-        assert seen(understood) == expected, name
+        assert seen(understood) == (drop_elevations(expected) if name == "ogr2ogr" else expected), name
         counts = {what: count for what, count in left(understood).items() if what != "generator"}
         kinds = kinds or counts
         assert counts == kinds, name
