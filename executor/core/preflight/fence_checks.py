@@ -143,9 +143,8 @@ def _check_onboard_fence(
     if not lists.fence or lists.fence == ours.fence:
         return []
     what = f"a fence of {format_count(len(lists.fence), 'item')} that is not ours is on board"
-    if unread := facts.check_parameters_read(
-        fence_names(dialect), f"{what}; whether it is switched on is", CheckCode.GEOFENCE
-    ):
+    asked = f"{what}; whether it is switched on is"
+    if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
     if not _is_polygon_fence_enabled(dialect, facts.parameters):
         return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]
@@ -167,8 +166,8 @@ def _check_onboard_fence(
 
 def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
     name, rule = facts.name, context.fencing
+    given = rule is not None and rule.enabled and rule.rally != "keep"
     if lists.rally is None:
-        given = rule is not None and rule.enabled and rule.rally != "keep"
         severity = Severity.STOP if given else Severity.WARNING
         return [Check(severity, name, "its rally points cannot be read", CheckCode.GEOFENCE)]
     if lists.rally == ours.rally:
@@ -176,11 +175,10 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
     pad_m = context.vehicles[name].pad_m
     away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in lists.rally]
     far = [one for one in away_m if one > NEAR_M]
-    if not far or (rule is not None and rule.enabled and rule.rally != "keep"):
+    if not far or given:
         return []
-    text = (
-        f"{format_count(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad: its RTL may end there"
-    )
+    text = f"{format_count(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad"
+    text += ": its RTL may end there"
     return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
 
 

@@ -109,9 +109,8 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
     if known is None:
         return ""
     if known.capacity_ah is None and known.ohm is None:
-        what = (
-            "no flight of it is known" if not known.flights else f"{format_count(known.flights, 'flight')} did not say"
-        )
+        silent = f"{format_count(known.flights, 'flight')} did not say"
+        what = silent if known.flights else "no flight of it is known"
         return f": {what}; the plan reckons with {planned_ah:g} Ah"
     parts = []
     if known.capacity_ah is not None:

@@ -201,15 +201,12 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
-    found: list[Check] = []
-    ours = GROUND_STATION[0]
-    names = dialect.ground_station_failsafe.station_sysid
-    found += facts.check_parameters_read(
-        names, "whose HEARTBEATs its GCS failsafe watches is", CheckCode.WATCHED_STATION
-    )
+    ours, names = GROUND_STATION[0], dialect.ground_station_failsafe.station_sysid
+    what = "whose HEARTBEATs its GCS failsafe watches is"
+    found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
-        text = f"whose HEARTBEATs its GCS failsafe watches is not known: it has no {' or '.join(names)}"
+        text = f"{what} not known: it has no {' or '.join(names)}"
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
     if counted is not None and counted[1] != ours:
         name, value = counted
@@ -225,9 +222,8 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
-    if unread := facts.check_parameters_read(
-        failsafe_parameters.battery_names(dialect), "battery failsafe", CheckCode.BATTERY_FAILSAFE
-    ):
+    names = failsafe_parameters.battery_names(dialect)
+    if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
     rule = failsafe_parameters.read_battery_rule(dialect, facts.parameters)
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
@@ -247,9 +243,8 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
         found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
     for action in rule.actions:
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
-            text = (
-                f"battery failsafe: {action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
-            )
+            early = f"{action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
+            text = f"battery failsafe: {early}"
             found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
     return found
 
@@ -257,9 +252,8 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
     """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
     setup = context.vehicles[facts.name]
-    if unread := facts.check_parameters_read(
-        failsafe_parameters.fence_names(setup.dialect), "its geofence is", CheckCode.GEOFENCE
-    ):
+    names = failsafe_parameters.fence_names(setup.dialect)
+    if unread := facts.check_parameters_read(names, "its geofence is", CheckCode.GEOFENCE):
         return unread
     cylinder = failsafe_parameters.read_geofence(setup.dialect, facts.parameters)
     if cylinder is None:
@@ -282,9 +276,8 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
         if limit_m is not None and needed_m > limit_m:
             text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
             found.append(Check(Severity.STOP if stops else Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
-    return found or [
-        Check(Severity.OK, facts.name, "its flight fits into the cylinder of its own geofence", CheckCode.GEOFENCE)
-    ]
+    text = "its flight fits into the cylinder of its own geofence"
+    return found or [Check(Severity.OK, facts.name, text, CheckCode.GEOFENCE)]
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -306,9 +299,8 @@ def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
 
 def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     """Say what a vehicle follows by itself: a warning where its flight is another for it than was planned."""
-    if unread := facts.check_parameters_read(
-        list_terrain_parameters(dialect), "whether it follows the ground is", CheckCode.TERRAIN
-    ):
+    names = list_terrain_parameters(dialect)
+    if unread := facts.check_parameters_read(names, "whether it follows the ground is", CheckCode.TERRAIN):
         return unread
     set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
     on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
@@ -333,9 +325,8 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
     asked = {capture.trigger for point in path.waypoints for capture in point.captures} if path is not None else set()
     if not asked & rule.triggers:
         return []
-    if unread := facts.check_parameters_read(
-        (rule.parameter,), "whether its autopilot takes pictures is", CheckCode.CAMERA
-    ):
+    what = "whether its autopilot takes pictures is"
+    if unread := facts.check_parameters_read((rule.parameter,), what, CheckCode.CAMERA):
         return unread
     value = facts.parameters.get(rule.parameter)
     if value:
@@ -409,10 +400,7 @@ def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: 
 
 def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
-    found = [
-        Check(Severity.STOP, "separation", text, CheckCode.SEPARATION)
-        for text in check_separation(paths, layer_m, home_alt_m=home_alt_m)
-    ]
-    return found or [
-        Check(Severity.OK, "separation", f"any two vehicles stay at least {layer_m:g} m apart", CheckCode.SEPARATION)
-    ]
+    if near := check_separation(paths, layer_m, home_alt_m=home_alt_m):
+        return [Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near]
+    text = f"any two vehicles stay at least {layer_m:g} m apart"
+    return [Check(Severity.OK, "separation", text, CheckCode.SEPARATION)]

@@ -41,9 +41,8 @@ def apply_battery_status(context: Scene, state: VehicleState, message: Battery, 
         aloft_pct=charge.remaining_pct if message.remaining_pct is not None and _aloft(state) else old.aloft_pct,
     )  # fmt: skip
     if message.voltage_v and single:
-        return _apply_voltage(
-            context, state, power, VoltageReport(message.voltage_v, message.current_a, message.cells_v), now_s
-        )
+        report = VoltageReport(message.voltage_v, message.current_a, message.cells_v)
+        return _apply_voltage(context, state, power, report, now_s)
     return replace(power, volts=volts)
 
 

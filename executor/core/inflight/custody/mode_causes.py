@@ -85,15 +85,11 @@ def review_mode_cause(
         itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
         cause = ModeCause.FAILSAFE if itself else ModeCause.PERSON
         return vehicle.with_custody(cause=cause, certain=not itself)
-    if (
-        vehicle.custody.cause is not ModeCause.PERSON
-        or vehicle.custody.certain
-        or now_s - vehicle.telemetry.mode_since_s > LATE_TEXT_S
-    ):
+    doubtful = vehicle.custody.cause is ModeCause.PERSON and not vehicle.custody.certain
+    if not doubtful or now_s - vehicle.telemetry.mode_since_s > LATE_TEXT_S:
         return vehicle
-    if not _is_explained_by_failsafe(context, absences, vehicle, now_s):
-        return vehicle
-    return vehicle.with_custody(cause=ModeCause.FAILSAFE)
+    itself = _is_explained_by_failsafe(context, absences, vehicle, now_s)
+    return vehicle.with_custody(cause=ModeCause.FAILSAFE) if itself else vehicle
 
 
 CALM_S = 2.5
@@ -183,9 +179,8 @@ def has_never_landed(context: Scene, vehicle: VehicleState) -> bool:
     fix = vehicle.motion.fix
     if vehicle.stage is not Stage.LANDED or not vehicle.armed or not vehicle.sortie.took_off or fix is None:
         return False
-    return (
-        fix.alt_rel_m > context.limits.off_pad_up_m and abs((vehicle.link.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
-    )
+    fresh = abs((vehicle.link.heartbeat_s or 0.0) - fix.at_s) < SURE_AFTER_S
+    return fresh and fix.alt_rel_m > context.limits.off_pad_up_m
 
 
 def may_arm_late(vehicle: VehicleState, now_s: float) -> bool:
@@ -330,14 +325,10 @@ def _is_hold_after_failsafe(
         return True
     failed = attribute_mode_change(setup, vehicle).failed
     what = "" if failed is None else failed.what
-    by_fence = vehicle.sensors.fence_breached or bool(
-        describe_fence_departure(vehicle, now_s, context.limits.link_stale_s)
-    )
-    by_link = (
-        _is_unseen_change(vehicle)
-        or is_gcs_absence_failsafe(context, absences, vehicle, now_s)
-        or what == "ground station"
-    )
+    off = describe_fence_departure(vehicle, now_s, context.limits.link_stale_s)
+    by_fence = vehicle.sensors.fence_breached or bool(off)
+    by_link = what == "ground station" or _is_unseen_change(vehicle)
+    by_link = by_link or is_gcs_absence_failsafe(context, absences, vehicle, now_s)
     return not by_fence and what != "fence" and (setup.returns or not by_link)
 
 
@@ -351,9 +342,8 @@ def _has_reported_takeover(context: Scene, vehicle: VehicleState) -> bool:
 
 def _is_unseen_change(vehicle: VehicleState) -> bool:
     """Return whether the mode changed in a silence of the vehicle's link, which is what failsafes are for."""
-    return (
-        vehicle.custody.unseen_until_s is not None and vehicle.telemetry.mode_since_s == vehicle.custody.unseen_until_s
-    )
+    until_s = vehicle.custody.unseen_until_s
+    return until_s is not None and vehicle.telemetry.mode_since_s == until_s
 
 
 def _may_follow_silence(context: Scene, vehicle: VehicleState) -> bool:
@@ -393,15 +383,11 @@ def is_gcs_absence_failsafe(
     dialect, mode_before = context.vehicles[vehicle.name].dialect, vehicle.telemetry.mode_before
     holds = dialect.ground_station_failsafe.pause is not None
     straight = not holds or (mode_before is not None and is_mission_mode(dialect, mode_before))
-    due_s = began_s + (failsafe_s or 0.0) + AT_ONCE_S
-    if (
-        straight
-        and not _is_unseen_change(vehicle)
-        and vehicle.telemetry.mode_since_s > max(due_s, away.until_s + COMES_LATE_S)
-    ):
+    due_s, since_s = began_s + (failsafe_s or 0.0) + AT_ONCE_S, vehicle.telemetry.mode_since_s
+    if straight and not _is_unseen_change(vehicle) and since_s > max(due_s, away.until_s + COMES_LATE_S):
         return False  # it was heard on its mission since: its failsafe would have acted, or held it first
     acted = failsafe_s is not None and away.pause_s >= failsafe_s - BEAT_S
-    return acted and vehicle.telemetry.mode_since_s >= began_s and now_s - away.until_s <= REACTS_S
+    return acted and since_s >= began_s and now_s - away.until_s <= REACTS_S
 
 
 def is_under_foreign_control(vehicle: VehicleState) -> bool:
@@ -416,8 +402,5 @@ def is_in_manual_mode(context: Scene, vehicle: VehicleState) -> bool:
 
 def is_taken_over(vehicle: VehicleState, now_s: float) -> bool:
     """Return whether it is certain that a person has taken it."""
-    return (
-        vehicle.armed
-        and vehicle.custody.cause is ModeCause.PERSON
-        and now_s - vehicle.telemetry.mode_since_s >= SURE_AFTER_S
-    )
+    sure = now_s - vehicle.telemetry.mode_since_s >= SURE_AFTER_S
+    return sure and vehicle.armed and vehicle.custody.cause is ModeCause.PERSON
