@@ -253,7 +253,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
     "tests/executor/runtime/test_turnaround.py": (
-        "executor/core/state/sortie_log.py",
         "executor/runtime/turnaround_check.py",
     ),
     "tests/benchmarks/test_distance.py": (
