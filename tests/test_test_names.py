@@ -252,9 +252,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
-    "tests/executor/runtime/test_turnaround.py": (
-        "executor/runtime/turnaround_check.py",
-    ),
+    "tests/executor/runtime/test_turnaround.py": ("executor/runtime/turnaround_check.py",),
     "tests/benchmarks/test_distance.py": (
         "benchmarks/distancepage.py",
         "benchmarks/report.py",
