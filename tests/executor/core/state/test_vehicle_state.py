@@ -145,6 +145,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "reopened": False,
             "doubted": None,
             "carried": MissionOwnership(),
+            "sent_path": None,
             "owed": None,
             "leg_began": None,
             "flown": (),
