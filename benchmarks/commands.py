@@ -21,7 +21,7 @@ from executor.cli.options import (
     require_finite,
 )
 from executor.cli.replay import LogsArgument, find_logs
-from executor.replay.log_replay import rules_of
+from executor.replay.log_replay import build_replay_rules
 from executor.site.site_file import read_site
 from executor.site.site_planning import PlanSolver
 from missions.files import json_text
@@ -385,5 +385,5 @@ def tune(
 
     if output is not None:
         require_extra(Extra.PICTURES, "--output")
-    rules = rules_of(None if site is None else read_site(site))
+    rules = build_replay_rules(None if site is None else read_site(site))
     print_tuning([path for given in logs for path in find_logs(given)], rules, output, as_json=as_json)

@@ -13,7 +13,7 @@ from benchmarks.store import Json
 from benchmarks.tuning import few_lines
 from executor.core.state.vehicle_state import FaultKind
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.log_replay import replay_log, rules_of
+from executor.replay.log_replay import build_replay_rules, replay_log
 from executor.replay.open_log import open_log
 
 NAMES = {"watchpoints": "watchpoints", "few_lines": "a few lines"}
@@ -46,7 +46,7 @@ def judge_recorded_flights(folder: Path) -> list[Json]:
         if truth is None:
             continue
         opened = open_log(path)
-        found = replay_log(opened.file, path, rules_of(None), on_board=opened.on_board)
+        found = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
         declared = [(one.t_usec, one.kind, one.reason) for vehicle in found.vehicles for one in vehicle.declarations]
         simple, _ = few_lines(path)
         rows.append(

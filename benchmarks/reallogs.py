@@ -27,7 +27,7 @@ from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import ExecutorError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.log_replay import LINK_TIMEOUT_S, replay_log, rules_of
+from executor.replay.log_replay import LINK_TIMEOUT_S, build_replay_rules, replay_log
 from executor.replay.open_log import open_log
 from executor.replay.replay_result import Declaration, LogReplay
 
@@ -66,7 +66,7 @@ def judge_log(path: Path, folder: Path) -> Json:
     row = _unread(path, folder)
     try:
         opened = open_log(path)
-        done = replay_log(opened.file, path, rules_of(None), on_board=opened.on_board)
+        done = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
         simple, _ = few_lines(path)
         told = read_log_evidence(path)
     except ExecutorError as error:

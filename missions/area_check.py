@@ -17,7 +17,7 @@ from missions.geo import FloatArray
 from missions.geometry import find_nearest_on_legs
 from missions.safety import legs_m
 from missions.setup import FlightSetup
-from missions.shortest_ways import graph_of, obstacle_of
+from missions.shortest_ways import build_obstacle, build_visibility_graph
 from missions.waypoints import FlightPath, Phase
 from planner import segment_of
 
@@ -129,7 +129,7 @@ def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatAr
     """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
     pad = setup.pad_of(vehicle)
     pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
-    bare = graph_of((replace(obstacle_of(area), keep_m=max(ROUNDING_M, area.width_m / 2)),))
+    bare = build_visibility_graph((replace(build_obstacle(area), keep_m=max(ROUNDING_M, area.width_m / 2)),))
     met = bare.is_blocked(places_m, pad_m) | bare.is_inside(places_m) | bare.is_inside(pad_m)
     if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
         return met

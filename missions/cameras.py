@@ -289,7 +289,7 @@ class CameraTasks:
 NO_LOOKS = CameraTasks()
 
 
-def proof_of(camera: Camera, autopilot: str) -> PictureProof:
+def choose_picture_proof(camera: Camera, autopilot: str) -> PictureProof:
     """Return which message proves a camera's pictures on a vehicle."""
     if camera.id >= FIRST_COMPONENT:
         return PictureProof.CAPTURED

@@ -16,7 +16,7 @@ import numpy as np
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import place_distances_m
 from missions.pads import way_around_m
-from missions.shortest_ways import Obstacle, column_of, graph_of
+from missions.shortest_ways import Obstacle, build_column, build_visibility_graph
 
 Place = tuple[float, float]
 """East and north."""
@@ -55,7 +55,7 @@ class DetourObstacles:
         Where no way leads around the areas, it is straight. Columns that the start or the goal is in are left out:
         there is no way around them.
         """
-        found = graph_of(self.areas).ways_m(starts_m, goals_m)
+        found = build_visibility_graph(self.areas).ways_m(starts_m, goals_m)
         ways = [np.zeros((0, 2)) if way_m is None else way_m for way_m in found]
         if not self.centres_m:
             return ways
@@ -94,12 +94,12 @@ class DetourObstacles:
             corners += [*way_around_m(begin_m, end_m, centres_m, self.radius_m), end_m] if through else [end_m]
         led_m = np.array(corners[:-1]).reshape(-1, 2)
         legs_m = np.stack((np.array([start_m, *corners[:-1]]), np.array(corners)), axis=1)
-        areas = graph_of(self.areas)
+        areas = build_visibility_graph(self.areas)
         apart_m = place_distances_m(legs_m, centres_m)
         if not areas.is_blocked(legs_m[:, 0], legs_m[:, 1]).any() and (apart_m >= self.radius_m - 1e-9).all():
             return led_m
-        columns = (column_of((float(east), float(north)), self.radius_m) for east, north in centres_m)
-        (around_m,) = graph_of((*self.areas, *columns)).ways_m(start_m[np.newaxis], goal_m[np.newaxis])
+        columns = (build_column((float(east), float(north)), self.radius_m) for east, north in centres_m)
+        (around_m,) = build_visibility_graph((*self.areas, *columns)).ways_m(start_m[np.newaxis], goal_m[np.newaxis])
         return way_m if around_m is None else around_m
 
     def find_obstructed(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
@@ -119,7 +119,7 @@ class DetourObstacles:
 
     def _is_in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
         """Return (n,) whether straight ways lead through an area, or begin in one."""
-        graph = graph_of(self.areas)
+        graph = build_visibility_graph(self.areas)
         return np.asarray(graph.is_blocked(starts_m, goals_m) | graph.is_inside(starts_m))
 
     def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:

@@ -166,7 +166,7 @@ class Elevation:
         return found
 
 
-def box_of(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def find_bounds(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the south-western and north-eastern corners of a box around (m, 2) places."""
     low, high = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))

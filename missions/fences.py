@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from missions.geo import LocalFrame
-from missions.geometry import build_convex_hull, locate_on_leg, twice_area
+from missions.geometry import build_convex_hull, locate_on_leg, parallelogram_area_m2
 from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
@@ -206,7 +206,8 @@ def _iterate_edges(corners: Sequence[Corner]) -> Iterable[tuple[Corner, Corner]]
 
 def _is_inside_convex(corners: Sequence[Corner], place: Corner, slack_m: float) -> bool:
     return all(
-        twice_area(one, other, place) >= -slack_m * math.dist(one, other) for one, other in _iterate_edges(corners)
+        parallelogram_area_m2(one, other, place) >= -slack_m * math.dist(one, other)
+        for one, other in _iterate_edges(corners)
     )
 
 
@@ -232,7 +233,7 @@ def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, in
         return None  # its neighbours meet on the other side, or nowhere
     share = ((after[0] - before[0]) * onward[1] - (after[1] - before[1]) * onward[0]) / turn
     corner = (before[0] + share * ahead[0], before[1] + share * ahead[1])
-    return abs(twice_area(one, corner, other)), index, corner
+    return abs(parallelogram_area_m2(one, corner, other)), index, corner
 
 
 def _to_e7(frame: LocalFrame, corner: Corner) -> tuple[int, int]:

@@ -134,7 +134,7 @@ def locate_on_leg(
     return along, math.hypot(de - nearest * east, dn - nearest * north)
 
 
-def twice_area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+def parallelogram_area_m2(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     """Return twice the area of a triangle; above 0 where it turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
@@ -152,7 +152,7 @@ def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0
 def _build_chain(ordered: Sequence[tuple[float, float]], least: float) -> list[tuple[float, float]]:
     chain: list[tuple[float, float]] = []
     for corner in ordered:
-        while len(chain) >= 2 and twice_area(chain[-2], chain[-1], corner) <= least:
+        while len(chain) >= 2 and parallelogram_area_m2(chain[-2], chain[-1], corner) <= least:
             chain.pop()
         chain.append(corner)
     return chain[:-1]

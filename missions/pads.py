@@ -14,7 +14,7 @@ from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import BoolArray, FloatArray
 from missions.geometry import place_distances_m
-from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
+from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
 
 COLUMN_MARGIN_M = 2.0
 """A column's radius is the layer height and this: GPS and corner cutting of a climbing and a passing vehicle."""
@@ -78,7 +78,9 @@ def place_pads(
     radius_m = column_radius_m(layer_m)
     spacing_m = max(pad_spacing_m, _SPACING_IN_RADII * radius_m)
     named = {pad.vehicle: pad for pad in stated}
-    closed = graph_of(tuple(obstacle_of(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT))
+    closed = build_visibility_graph(
+        tuple(build_obstacle(area) for area in areas if area.kind is not AreaKind.HEIGHT_LIMIT)
+    )
     stands: dict[tuple[float, float, float], list[str]] = {}
     for name in vehicles:
         base = bases.get(name, Pad(name, 0.0, 0.0, alt_m))

@@ -18,7 +18,7 @@ from missions.network import Network, Pylon, Segment
 from missions.pads import Pad
 from missions.pricing import DEPOT_M, Pricing, build_priced_instance
 from missions.setup import FlightSetup, Inspection, plan_flight_setup
-from missions.shortest_ways import graph_of, obstacle_of
+from missions.shortest_ways import build_obstacle, build_visibility_graph
 from missions.tasks import Task
 from missions.terrain import Terrain
 from missions.validation import Above0, Figure, Id, Known, Pair, Place, Text
@@ -414,7 +414,7 @@ def describe_area_conflicts(
     flown, pads = sorted({segment_of(visit) for visit in visits}), list(pads)
     tracks_m = pricing.tracks_m[flown, :, :2]
     for one in pricing.kept_out:
-        graph = graph_of((obstacle_of(one.area),))
+        graph = build_visibility_graph((build_obstacle(one.area),))
         begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
         within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
         for number in np.flatnonzero(within).tolist():

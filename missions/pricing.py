@@ -22,7 +22,7 @@ from missions.detours import DetourObstacles, price_detours
 from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.relief import FEW_PIECES, Relief, price_uneven_ways
-from missions.shortest_ways import Obstacle, obstacle_of
+from missions.shortest_ways import Obstacle, build_obstacle
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from missions.vertical_legs import NEVER, VerticalLegs
 from planner import Instance, Moves, MoveTables, Vehicle, Visits
@@ -202,7 +202,7 @@ class Pricing:
         ]
 
     def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
-        areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
         if not (around and self.column_m):
             return DetourObstacles(areas=areas)

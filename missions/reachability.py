@@ -17,7 +17,7 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.grids import is_inside_convex
 from missions.setup import FlightSetup
-from missions.shortest_ways import VisibilityGraph, graph_of, obstacle_of
+from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
 
 BEYOND_M = 500.0
 """How far around lines and pads the heights of flights are looked at."""
@@ -67,7 +67,7 @@ def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestrict
     if setup.layers.known is None:
         return
     corners_m = setup.layers.known.corners_m
-    nodes_m = graph_of(tuple(obstacle_of(one.area) for one in kept_out)).nodes_m
+    nodes_m = build_visibility_graph(tuple(build_obstacle(one.area) for one in kept_out)).nodes_m
     if is_inside_convex(corners_m, nodes_m).all():
         return
     (east, north), (far_east, far_north) = corners_m.min(axis=0) - OUTSIDE_M, corners_m.max(axis=0) + OUTSIDE_M
@@ -106,12 +106,12 @@ def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
     on_tracks = (setup.tracks_m[:, 0] + along * (setup.tracks_m[:, 1] - setup.tracks_m[:, 0])).reshape(-1, 2)
     places = np.concatenate((np.column_stack((east.ravel(), north.ravel())), corners, on_tracks))
     places = places[((places >= low) & (places <= high)).all(axis=1)]
-    return np.asarray(places[graph_of((obstacle_of(area),)).is_inside(places)])
+    return np.asarray(places[build_visibility_graph((build_obstacle(area),)).is_inside(places)])
 
 
 def _check_depot(kept_out: Sequence[AreaRestriction]) -> None:
     for one in kept_out:
-        if graph_of((obstacle_of(one.area),)).is_inside(np.zeros((1, 2)))[0]:
+        if build_visibility_graph((build_obstacle(one.area),)).is_inside(np.zeros((1, 2)))[0]:
             raise SafetyError(
                 f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
                 f"{describe_height_limit(one)}"
@@ -132,14 +132,16 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
     begins, ends = setup.tracks_m[:, 0], setup.tracks_m[:, 1]
     reasons: dict[int, str] = {}
     for one in setup.kept_out:
-        graph = graph_of((obstacle_of(one.area),))
+        graph = build_visibility_graph((build_obstacle(one.area),))
         margin = np.flatnonzero(graph.is_inside(begins) | graph.is_inside(ends) | graph.is_blocked(begins, ends))
-        bare = graph_of((replace(obstacle_of(one.area), keep_m=max(ROUNDING_M, one.area.width_m / 2)),))
+        bare = build_visibility_graph(
+            (replace(build_obstacle(one.area), keep_m=max(ROUNDING_M, one.area.width_m / 2)),)
+        )
         within = bare.is_inside(begins) | bare.is_inside(ends) | bare.is_blocked(begins, ends)
         for segment in margin.tolist():
             what = "lies in" if within[segment] else f"lies nearer than {one.area.margin_m:g} m to"
             reasons.setdefault(segment, f"{what} area {one.area.name!r}{describe_height_limit(one)}")
-    areas = graph_of(tuple(obstacle_of(one.area) for one in setup.kept_out))
+    areas = build_visibility_graph(tuple(build_obstacle(one.area) for one in setup.kept_out))
     others = [number for number in range(len(begins)) if number not in reasons]
     for number, away in zip(others, _find_cut_off(setup, areas, begins[others]), strict=True):
         if away:

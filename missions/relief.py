@@ -64,7 +64,7 @@ class Relief:
         )
 
 
-def relief_of(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief:
+def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief:
     """Return a surface on a grid between two (2,) corners."""
     step_m = max(STEP_M, math.sqrt(float((high_m - low_m).prod()) / MOST_NODES))
     counts = np.ceil((high_m - low_m) / step_m).astype(int) + 1

@@ -14,7 +14,7 @@ from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
 from missions.overland_surface import OverlandSurface, SurfaceRequirements, fit_overland_surface
-from missions.relief import Relief, relief_of
+from missions.relief import Relief, build_relief
 from missions.surface import FOLLOW_M, Surface, SurfaceFit, build_flat_surface, fit_surface
 from missions.terrain import KnownGround, Terrain, build_known_ground
 from missions.waypoints import FlightPath
@@ -174,7 +174,7 @@ def plan_layers(
     )
     if known is None:
         return layers
-    relief = relief_of(layers.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
+    relief = build_relief(layers.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
     return replace(layers, relief=relief, known=known, raised_m=found.pylon_m - asked_m)
 
 

@@ -20,7 +20,7 @@ from missions.line_heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
-from missions.shortest_ways import Obstacle, graph_of, obstacle_of
+from missions.shortest_ways import Obstacle, build_obstacle, build_visibility_graph
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
 from missions.validation import Flag
 
@@ -192,7 +192,7 @@ class FlightSetup:
             SafetyError: there are areas, and the fleet has no vehicle of this name.
         """
         others = tuple((pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle)
-        areas = tuple(obstacle_of(one.area) for one in self.kept_out if vehicle in one.vehicles)
+        areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
         return DetourObstacles(others, column_radius_m(self.layers.layer_m), areas)
 
@@ -202,7 +202,7 @@ class FlightSetup:
         return [
             one.area
             for one in self.kept_out
-            if vehicle in one.vehicles and graph_of((obstacle_of(one.area),)).is_inside(place)[0]
+            if vehicle in one.vehicles and build_visibility_graph((build_obstacle(one.area),)).is_inside(place)[0]
         ]
 
 
@@ -268,7 +268,7 @@ def _turning_places_m(
 ) -> FloatArray:
     """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
-    corners_m = graph_of(tuple(map(obstacle_of, areas))).nodes_m
+    corners_m = build_visibility_graph(tuple(map(build_obstacle, areas))).nodes_m
     near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
     stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
     around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})

@@ -46,18 +46,18 @@ class Obstacle:
     """Whether the rings are open lines or single places, with nothing inside."""
 
 
-def obstacle_of(area: Area) -> Obstacle:
+def build_obstacle(area: Area) -> Obstacle:
     """Return an area as what is flown around."""
     return Obstacle(area.rings_m, area.keep_m, area.is_line)
 
 
-def column_of(centre_m: Place, radius_m: float) -> Obstacle:
+def build_column(centre_m: Place, radius_m: float) -> Obstacle:
     """Return a column of air as what is flown around."""
     return Obstacle(((centre_m,),), radius_m, is_line=True)
 
 
 @lru_cache(maxsize=64)
-def graph_of(obstacles: tuple[Obstacle, ...]) -> VisibilityGraph:
+def build_visibility_graph(obstacles: tuple[Obstacle, ...]) -> VisibilityGraph:
     """Return the graph of ways around some obstacles; that of the same ones is made once."""
     return VisibilityGraph(obstacles)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions import grids
-from missions.elevation import Elevation, box_of
+from missions.elevation import Elevation, find_bounds
 from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
 from missions.grids import Grid
@@ -98,7 +98,7 @@ def reading_box_m(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the corners of what must be read of rasters for flights over a network and from bases, so far beside."""
     corners_m = flight_area_m(np.concatenate((network.positions_m, around_bases_m(bases_m))))
-    return box_of(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
+    return find_bounds(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
 
 
 def _node_step_m(corners_m: FloatArray) -> float:

@@ -18,7 +18,7 @@ NEAREST = 128
 """How many neighbours of a segment are listed for the removal of strings."""
 
 
-def problem_of(instance: Instance) -> Problem:
+def build_kernel_problem(instance: Instance) -> Problem:
     """Return the instance's energies as the kernels take them."""
     fleet, segments = len(instance.vehicles), instance.segments
     alone = (instance.start_pct + instance.home_pct).reshape(fleet, segments, 2)
@@ -121,7 +121,7 @@ def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
     return state
 
 
-def memory_of(problem: Problem) -> SearchWorkspace:
+def build_search_workspace(problem: Problem) -> SearchWorkspace:
     """Return the work space of an annealing that has not begun."""
     fleet, segments = len(problem.budget), len(problem.value)
     return SearchWorkspace(
@@ -137,7 +137,7 @@ def memory_of(problem: Problem) -> SearchWorkspace:
     )
 
 
-def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
+def build_kernel_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
     """Return the state of routes given as visits; routes over budget lose visits until they hold.
 
     What goes first is the visit that spares most energy for its value.
@@ -151,8 +151,8 @@ def state_of(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
 
 def build_first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]]) -> State:
     """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
-    problem = problem_of(instance)
-    state = state_of(problem, routes)
+    problem = build_kernel_problem(instance)
+    state = build_kernel_state(problem, routes)
     params = DEFAULT_PARAMS.annealing
     scale = float(problem.effort.max())
     weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=False, power=params.powers[0])
@@ -167,7 +167,7 @@ def insert_open_segments(problem: Problem, weights: Weights, state: State) -> No
     )
 
 
-def plan_of(state: State) -> Plan:
+def build_plan(state: State) -> Plan:
     """Return a state as a plan."""
     routes = tuple(
         Route(vehicle, tuple(int(visit) for visit in state.visits[vehicle, :length]))
@@ -176,7 +176,7 @@ def plan_of(state: State) -> Plan:
     return Plan(routes, tuple(int(segment) for segment in np.flatnonzero(state.route_of < 0)))
 
 
-def copy_of(state: State) -> State:
+def copy_state(state: State) -> State:
     """Return an independent copy."""
     return State._make(array.copy() for array in state)
 

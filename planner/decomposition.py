@@ -57,7 +57,7 @@ def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, every
     return routes
 
 
-def part_of(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]) -> Instance:
+def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]) -> Instance:
     """Return some vehicles and segments of an instance as an instance, numbered anew in the order given."""
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
     rows = np.ix_(vehicles, visits)

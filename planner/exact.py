@@ -134,13 +134,13 @@ def _find_first_plan(
     all_vehicles: bool,
 ) -> Result:
     """Return a good plan that covers as much value as any."""
-    from planner.construct import problem_of
+    from planner.construct import build_kernel_problem
 
     stop = Iterations(params.exact.search_iterations)
     found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, params=params)
     if not found.plan.uncovered:
         return found
-    plan = _build_plan(instance, subsets, find_most_valuable_sets(subsets, problem_of(instance).value))
+    plan = _build_plan(instance, subsets, find_most_valuable_sets(subsets, build_kernel_problem(instance).value))
     again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles, params=params)
     if _plan_value(instance, again.plan) >= _plan_value(instance, plan) * (1 - SAME):
         return again
@@ -158,9 +158,9 @@ def _prove(
     all_vehicles: bool,
 ) -> Result:
     """Return the best plan and what is proved of it, beginning with a plan of the value that a plan can have."""
-    from planner.construct import build_true_weights, problem_of
+    from planner.construct import build_kernel_problem, build_true_weights
 
-    numbers = problem_of(instance)
+    numbers = build_kernel_problem(instance)
     grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
     everybody = len(instance.vehicles)
 
@@ -195,9 +195,9 @@ def _is_same(one: float, other: float) -> bool:
 
 def _plan_value(instance: Instance, plan: Plan) -> float:
     """Return the value of what a plan inspects, as the search weighs it."""
-    from planner.construct import problem_of
+    from planner.construct import build_kernel_problem
 
-    value = problem_of(instance).value
+    value = build_kernel_problem(instance).value
     return float(value.sum() - value[list(plan.uncovered)].sum())
 
 

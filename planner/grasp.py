@@ -95,14 +95,14 @@ class _GraspRuns(Search):
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
         # Only here, as in solve.py: it loads numba.
-        from planner.construct import build_random_state, build_true_weights, problem_of
+        from planner.construct import build_kernel_problem, build_random_state, build_true_weights
         from planner.kernels import grasp_walk
 
         super().__init__(Stopwatch(), batch=BATCH, impossible=explain_infeasibility(instance))
         self._kernels = grasp_walk
         self._instance = instance
         self._cost = cost
-        self._problem = problem_of(instance)
+        self._problem = build_kernel_problem(instance)
         soft = cost.function.excess
         self._weights = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)._replace(excess=soft)
         self._rng = build_random_state(seed)
@@ -120,7 +120,7 @@ class _GraspRuns(Search):
 
     def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
-        from planner.construct import build_empty_state, copy_of
+        from planner.construct import build_empty_state, copy_state
 
         fleet, segments = len(self._problem.budget), len(self._problem.value)
         current = build_empty_state(self._problem)
@@ -128,8 +128,8 @@ class _GraspRuns(Search):
         tabu = max(1, segments // 4)
         walk = self._kernels.GraspWalk(
             current=current,
-            trial=copy_of(current),
-            best=copy_of(current),
+            trial=copy_state(current),
+            best=copy_state(current),
             cost=np.array([self._kernels.compute_plan_cost(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
@@ -150,17 +150,17 @@ class _GraspRuns(Search):
 
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
-        from planner.construct import copy_of, plan_of
+        from planner.construct import build_plan, copy_state
         from planner.kernels.tours import orient_visits
 
-        state = copy_of(self._walk.best)
+        state = copy_state(self._walk.best)
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
         for route in range(len(state.lengths)):
             orient_visits(self._problem, state, route, came_from)
         cost = self._kernels.compute_plan_cost(self._problem, self._weights, state)
         if cost < self._lowest:
             self._lowest = cost
-            self._plan = plan_of(state)
+            self._plan = build_plan(state)
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
             self._improved_at = self._iterations
 

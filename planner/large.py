@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from planner.bounds import explain_infeasibility
 from planner.cost import BUDGET_TOLERANCE_PCT, Cost
-from planner.decomposition import part_of, sort_along_curve, split_into_routes
+from planner.decomposition import build_part_instance, sort_along_curve, split_into_routes
 from planner.evaluate import cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.params import DEFAULT_PARAMS, SearchParams
@@ -108,7 +108,7 @@ class LargeSearch(Search):
         """Return better routes for a region's vehicles, or the same."""
         number = {segment: place for place, segment in enumerate(region.segments)}
         search = PlanSearch(
-            part_of(self._instance, region.vehicles, region.segments),
+            build_part_instance(self._instance, region.vehicles, region.segments),
             cost=region.cost,
             seed=seed,
             initial=Plan(tuple(Route(place, renumber_visits(visits, number)) for place, visits in enumerate(routes))),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from planner.bounds import explain_infeasibility_fully
-from planner.construct import build_random_state, build_state, copy_of, problem_of
+from planner.construct import build_kernel_problem, build_random_state, build_state, copy_state
 from planner.cost import BUDGET_TOLERANCE_PCT
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
 from planner.exact import find_covering_plan
@@ -36,7 +36,7 @@ class LossScan:
         self._events_s = events_s
         self._fly_again = fly_again
         self._rng = build_random_state(seed)
-        self._problem = problem_of(instance)
+        self._problem = build_kernel_problem(instance)
         self._timing = timing_of(instance)
         self._base = build_state(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
@@ -194,7 +194,7 @@ def workspace_of(base: State) -> RepairWorkspace:
     return RepairWorkspace(
         opened=rooms[0], missing=rooms[1], pending=rooms[2], keys=np.zeros(segments),
         touched=np.zeros(fleet, dtype=np.int64), came_from=np.zeros((segments, 2), dtype=np.int64), spare=rooms[3],
-        current=copy_of(base), trial=copy_of(base), other=copy_of(base),
+        current=copy_state(base), trial=copy_state(base), other=copy_state(base),
     )  # fmt: skip
 
 

@@ -12,14 +12,14 @@ import numpy as np
 from planner.bounds import explain_infeasibility
 from planner.construct import (
     build_guide_weights,
+    build_kernel_problem,
+    build_kernel_state,
+    build_plan,
     build_random_state,
+    build_search_workspace,
     build_true_weights,
-    copy_of,
+    copy_state,
     insert_open_segments,
-    memory_of,
-    plan_of,
-    problem_of,
-    state_of,
 )
 from planner.cost import Cost
 from planner.evaluate import Evaluation, evaluate
@@ -37,15 +37,15 @@ class PlanStart:
     """One walk of the annealing kernel: where it stands, the best that it found, its chance."""
 
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
-        self.best = copy_of(first)
+        self.best = copy_state(first)
         self.key = np.array([uncovered_value(problem, first)[0], compute_objective(problem, truth, first)])
         """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
         self.done = 0
         self._problem = problem
         self._truth = truth
-        self._current = copy_of(first)
-        self._trial = copy_of(first)
-        self._memory = memory_of(problem)
+        self._current = copy_state(first)
+        self._trial = copy_state(first)
+        self._memory = build_search_workspace(problem)
         self._temperature = np.zeros(1)
         self._rng = rng
 
@@ -93,7 +93,7 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         self._cost = cost
         self._all_vehicles = all_vehicles
         self._params = params.annealing
-        self._problem: Problem = problem_of(instance)
+        self._problem: Problem = build_kernel_problem(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)
         first = self._build_first_state(initial)
@@ -110,7 +110,7 @@ class PlanSearch(AnnealingSearch[PlanStart]):
 
     def _build_first_state(self, initial: Plan | None) -> State:
         routes = [route.visits for route in initial.routes] if initial is not None else []
-        state = state_of(self._problem, routes)
+        state = build_kernel_state(self._problem, routes)
         weights = self._build_weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
         insert_open_segments(self._problem, weights, state)
         return state
@@ -146,7 +146,7 @@ class PlanSearch(AnnealingSearch[PlanStart]):
 
     def _publish(self) -> None:
         super()._publish()
-        self._plan = plan_of(self._leader.best)
+        self._plan = build_plan(self._leader.best)
         self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
 
     def _rate_best(self) -> Standing:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cost import Cost
-from planner.decomposition import part_of
+from planner.decomposition import build_part_instance
 from planner.errors import PlanError
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
 from planner.model import Instance, Plan, Route, Vehicle, is_reversed, renumber_visits, segment_of, visit_of
@@ -123,9 +123,9 @@ def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
     if instance.segments == 0:
         return Plan(tuple(Route(vehicle, ()) for vehicle in range(len(tails))))
     # Only here, as in solve.py: it loads numba.
-    from planner.construct import build_first_state, plan_of
+    from planner.construct import build_first_state, build_plan
 
-    return plan_of(build_first_state(instance, Cost.MINSUM, tails))
+    return build_plan(build_first_state(instance, Cost.MINSUM, tails))
 
 
 def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: StopRule, seed: int = 0) -> Result:
@@ -179,7 +179,7 @@ def reduce_instance(
     """Return some vehicles and segments of an instance, each vehicle with a start of its own."""
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
     return replace(
-        part_of(instance, fleet, segments),
+        build_part_instance(instance, fleet, segments),
         vehicles=tuple(start.vehicle for start in starts),
         start_s=np.array([start.row_s[visits] for start in starts]),
         idle_s=np.array([start.idle_s for start in starts]),

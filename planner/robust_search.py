@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.construct import build_random_state, build_state, copy_of, plan_of, problem_of
+from planner.construct import build_kernel_problem, build_plan, build_random_state, build_state, copy_state
 from planner.cost import Cost
 from planner.evaluate import evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
@@ -105,7 +105,7 @@ class RobustSearch(Search):
         self._fly_again = fly_again
         self._plans_params = params
         self._params = params.window
-        self._problem = problem_of(instance)
+        self._problem = build_kernel_problem(instance)
         self._timing = timing_of(instance)
         self._cap_s = math.inf
         self._longest_s = 0.0
@@ -266,7 +266,7 @@ class RobustSearch(Search):
         fleet = len(self._instance.vehicles)
         base = build_state(self._problem, [()] * fleet)
         return Walker(
-            here=self._build_walk(base), there=self._build_walk(copy_of(base)), loss=loss_of(self._problem),
+            here=self._build_walk(base), there=self._build_walk(copy_state(base)), loss=loss_of(self._problem),
             desk=workspace_of(base), own=workspace_of(base), full=build_empty_repairs(self._problem, fleet),
             rng=build_random_state(seed), best=best, start=best, step=self._params.first_step,
             probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,
@@ -380,7 +380,7 @@ class RobustSearch(Search):
         """Look at the whole window of a plan whose losses at the probes can be repaired, and aim anew."""
         earliest_s, broken_s = self._find_window_begin(walker)
         if earliest_s < walker.best.earliest_s:
-            routes = tuple(route.visits for route in plan_of(walker.here.base).routes)
+            routes = tuple(route.visits for route in build_plan(walker.here.base).routes)
             walker.best = walker.start = FoundPlan(routes, earliest_s)
             walker.found.append(walker.best)
             walker.step = min(self._params.first_step, 1.5 * walker.step)

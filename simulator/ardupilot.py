@@ -14,7 +14,7 @@ from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.enums import MavCommand, MissionState, Result, Severity
-from simulator.fence import FenceShape, distance_outside_m, find_return_destination, is_inside, shapes_of
+from simulator.fence import FenceShape, build_fence_shapes, distance_outside_m, find_return_destination, is_inside
 from simulator.guidance import ThrottleDescent, find_stopping_place
 from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
@@ -259,7 +259,7 @@ class ArduPilot(Autopilot):
 
     def _on_mission_change(self, step: StoreStep) -> None:
         if step.fenced:
-            self._shapes = shapes_of(self.store.fence, self.home)
+            self._shapes = build_fence_shapes(self.store.fence, self.home)
         if step.truncated:
             self.mission.apply_truncation()
         if step.stored:

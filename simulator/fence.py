@@ -28,7 +28,7 @@ class FenceShape:
         return _is_within(self.corners, east_m, north_m) is not self.keeps_out
 
 
-def shapes_of(items: Sequence[MissionItem], home: Home) -> tuple[FenceShape, ...]:
+def build_fence_shapes(items: Sequence[MissionItem], home: Home) -> tuple[FenceShape, ...]:
     """Return what a fence on board means."""
     shapes, index = list[FenceShape](), 0
     while index < len(items):

@@ -147,7 +147,7 @@ class ArduPilotList:
         upload.items.append(_to_stored(item))
 
     def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
-        if self.kind == FENCE and not is_whole(upload.items):
+        if self.kind == FENCE and not is_complete_list(upload.items):
             return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
         return self._replace_items(tuple(upload.items), sender)
 
@@ -175,7 +175,7 @@ class ArduPilotList:
         return StoreStep((build_mission_ack(sender, result, self.kind),), texts)
 
 
-def is_whole(items: Sequence[MissionItem]) -> bool:
+def is_complete_list(items: Sequence[MissionItem]) -> bool:
     """Return whether every polygon has three corners or more, and as many as it says."""
     index = 0
     while index < len(items):

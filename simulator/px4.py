@@ -11,7 +11,7 @@ from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.enums import LandedState, MavCommand, Result, Severity
-from simulator.fence import FenceShape, find_return_destination, is_inside, shapes_of
+from simulator.fence import FenceShape, build_fence_shapes, find_return_destination, is_inside
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
 from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
@@ -346,7 +346,7 @@ class Px4(Autopilot):
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
         self._shapes = ()
         flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
-        for shape in shapes_of(self._store.fence, self.home):
+        for shape in build_fence_shapes(self._store.fence, self.home):
             if not is_inside([shape], Place(0.0, 0.0, 0.0)):
                 self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
             elif flies and not is_inside([shape], self.frame.body.place):

@@ -177,7 +177,7 @@ def _build_vehicles(
                 # It stands there until it takes off; whoever was never heard is shown at the depot.
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
                 budget_pct=site_model.budget_pct_of(packs.get(table.name), drone, table),
-                reserve_pct=table.reserve_pct + site_model.empty_pct_of(packs.get(table.name), drone, table),
+                reserve_pct=table.reserve_pct + site_model.find_empty_pct(packs.get(table.name), drone, table),
                 track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),

@@ -285,11 +285,11 @@ def _describe_last_place(vehicle: VehicleView) -> str:
     if at is None:
         return "position unknown"
     place = formatting.format_known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
-    reported = f"last at {place}, {at.relative_alt_m:.0f} m, {formatting.ago(at.age_s)}"
+    reported = f"last at {place}, {at.relative_alt_m:.0f} m, {formatting.format_age(at.age_s)}"
     if (fix := at.last_fix) is None:
         return reported
     gps = formatting.format_lat_lon(fix.lat_deg, fix.lon_deg, fix.accuracy_m)
-    return f"last GPS fix {gps}, {formatting.ago(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
+    return f"last GPS fix {gps}, {formatting.format_age(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
 
 
 def describe_other_control(vehicle: VehicleView) -> str:

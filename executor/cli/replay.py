@@ -20,7 +20,7 @@ from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
 from executor.replay.ground_truth import read_recorded_truths, truth_for
-from executor.replay.log_replay import ReplayRules, replay_log, rules_of
+from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
 from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.packs_file import format_pack_lines, merge_packs
 from executor.replay.replay_result import LogReplay, RecordedTruth, VehicleReplay
@@ -84,7 +84,7 @@ def replay_logs(
         return
     if output is not None:
         require_extra(Extra.PICTURES, "--output")
-    rules = rules_of(known)
+    rules = build_replay_rules(known)
     # Of many logs one that cannot be read must not cost the others.
     done = [_replay(path, rules) if len(paths) == 1 else _replay_or_report(path, rules) for path in paths]
     if output is not None:

@@ -109,7 +109,7 @@ def format_known_place(lat_deg: float, lon_deg: float, known: str, accuracy_m: f
     return f"{coordinates} (GPS, {accuracy_m or 0.0:.2g} m)" if known == "fix" else coordinates
 
 
-def ago(seconds: float) -> str:
+def format_age(seconds: float) -> str:
     """Return an age.
 
     >>> ago(4.2), ago(754.2)

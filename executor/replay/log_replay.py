@@ -99,7 +99,7 @@ class ReplayRules:
     site: Site | None = None
 
 
-def rules_of(site: Site | None) -> ReplayRules:
+def build_replay_rules(site: Site | None) -> ReplayRules:
     """Return the rules of a site, or those without one."""
     return ReplayRules() if site is None else ReplayRules(limits=site_model.build_limits(site), site=site)
 

@@ -24,7 +24,7 @@ from missions import Base, BasePlace, DayPlanFile, Pricing, SolverRecord, build_
 from missions.day_plan import Window
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
-from missions.shortest_ways import graph_of
+from missions.shortest_ways import build_visibility_graph
 from planner import Progress, top_speed_m_s
 from planner.sorties import (
     Objective,
@@ -139,7 +139,7 @@ def _check_landings(ground: SiteModel, vehicles: Sequence[SortieVehicle], pads: 
             for area in ground.setup.areas_at(own.name, pads[row][base].place_m[:2]):
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
-            if np.isinf(graph_of(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
+            if np.isinf(build_visibility_graph(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
                 raise SiteError(f"base {name}: expected a way from the pad of {own.name}, got none around the areas")
 
 

@@ -255,7 +255,7 @@ def budget_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable
     return known.budget_pct(vehicle.budget_pct, vehicle.reserve_pct, drone.capacity_ah)
 
 
-def empty_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
+def find_empty_pct(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
     """Return what a vehicle's autopilot reports when its pack is empty."""
     counts = not dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
     return 0.0 if known is None else known.empty_reading_pct(drone.capacity_ah, counts=counts)
@@ -265,7 +265,7 @@ def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, tab
     """Return a vehicle's setup with a pack of which this is known."""
     if known is None:
         return setup
-    empty_pct = empty_pct_of(known, drone, table)
+    empty_pct = find_empty_pct(known, drone, table)
     return replace(
         setup,
         budget_pct=budget_pct_of(known, drone, table),

@@ -69,7 +69,7 @@ def build_route_line(
         facts: What else is known of it.
         reference: What its heights are counted from, where somebody knows better than `reference_of`.
     """
-    pad, reference = setup.pad_of(path.vehicle), reference or reference_of(setup)
+    pad, reference = setup.pad_of(path.vehicle), reference or choose_height_reference(setup)
     base_m = pad.alt_m if reference is Reference.SEA else 0.0
     positions: list[Position] = [(point.lat_deg, point.lon_deg, point.alt_rel_m + base_m) for point in path.waypoints]
     if path.waypoints[0].phase is Phase.TAKEOFF:
@@ -89,7 +89,7 @@ def build_segment_lines(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fac
         ends = (network.pylons[segment.a], network.pylons[segment.b])
         heights_m = [_top_m(pylon, flat=network.flat) for pylon in ends]
         known = all(height_m is not None for height_m in heights_m)
-        reference = reference_of(setup) if known else Reference.NONE
+        reference = choose_height_reference(setup) if known else Reference.NONE
         positions = tuple(
             (pylon.lat_deg, pylon.lon_deg, height_m if known else None)
             for pylon, height_m in zip(ends, heights_m, strict=True)
@@ -101,10 +101,10 @@ def build_segment_lines(setup: FlightSetup, facts: Mapping[int, Mapping[str, Fac
 
 def build_pad_points(setup: FlightSetup, reference: Reference | None = None) -> Iterator[MapPoint]:
     """Yield the depot and every vehicle's pad."""
-    reference = reference or reference_of(setup)
+    reference = reference or choose_height_reference(setup)
     lat_deg, lon_deg, alt_m = setup.network.depot
     # A depot over flat ground may have no height above the sea that anybody gave.
-    over = reference_of(setup)
+    over = choose_height_reference(setup)
     yield MapPoint(MapFeatureKind.DEPOT, "depot", (lat_deg, lon_deg, alt_m if over is Reference.SEA else 0.0), over)
     for pad in setup.pads:
         yield MapPoint(
@@ -112,7 +112,7 @@ def build_pad_points(setup: FlightSetup, reference: Reference | None = None) -> 
         )
 
 
-def reference_of(setup: FlightSetup) -> Reference:
+def choose_height_reference(setup: FlightSetup) -> Reference:
     """Return what the heights of paths can be counted from: the sea only where the ground's heights are known."""
     return Reference.GROUND if setup.network.flat else Reference.SEA
 

@@ -19,7 +19,7 @@ from missions.readers.archives import Archive, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
 from missions.readers.raw_network import MOST_VERTICES, Vertex
 from missions.readers.read_options import Comparison, ReadOptions
-from missions.readers.xml_tree import iterate_children, line_of, root_of, tag_of, text_of
+from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -151,11 +151,13 @@ def _read_kml(
         if tag_of(root) not in {"kml", *kml.ROOTS}:
             raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
     for link in kml.links_of(roots, inside):
-        raise AreaError(f"{source}: NetworkLink {text_of(link, 'name')!r}: expected the areas themselves, got a link")
+        raise AreaError(
+            f"{source}: NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link"
+        )
     marks = list(kml.placemarks_of(roots, ""))
     wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
-        name = text_of(mark, "name")
+        name = read_child_text(mark, "name")
         attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
         if folder in wanted and choice.is_wanted(attributes):
             place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"

@@ -12,8 +12,8 @@ from missions.readers.crs import build_identity_transform
 from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions
-from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, figure_of
-from missions.readers.xml_tree import iterate_children, line_of, tag_of, text_of
+from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, parse_figure
+from missions.readers.xml_tree import iterate_children, line_of, read_child_text, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -35,7 +35,7 @@ def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetw
     for point in iterate_children(root, "wpt"):
         _add_pole(drawing, point, "")
     for line in iterate_children(root, "rte", "trk"):
-        name, tag = text_of(line, "name"), tag_of(line)
+        name, tag = read_child_text(line, "name"), tag_of(line)
         place = f"{tag} {name!r} ({line_of(line)})" if name else f"{tag} in {line_of(line)}"
         feature = Feature(place, GeometryKind.LINE, (), {**_read_attributes(line), "kind": tag})
         if not is_wanted_line(drawing, feature, choice):
@@ -44,7 +44,7 @@ def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetw
             points = list(iterate_children(line, "rtept"))
             parts: Sequence[Sequence[etree._Element]] = [points]
             for point in points:
-                if text_of(point, "name"):
+                if read_child_text(point, "name"):
                     _add_pole(drawing, point, name)
         else:
             parts = [list(iterate_children(segment, "trkpt")) for segment in iterate_children(line, "trkseg")]
@@ -70,7 +70,7 @@ def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
 
 def _read_attributes(element: etree._Element) -> dict[str, object]:
     """Return what is said of a point or a line, in its own words and in those of the program that wrote it."""
-    own = {key: text_of(element, key) for key in ("name", "type", "desc")}
+    own = {key: read_child_text(element, key) for key in ("name", "type", "desc")}
     extensions = (
         leaf for more in iterate_children(element, "extensions") for leaf in more.iterdescendants("*") if not len(leaf)
     )
@@ -82,4 +82,4 @@ def _read_position(point: etree._Element, source: str) -> Position:
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         got = f"{point.get('lat')!r} and {point.get('lon')!r}"
         raise NetworkError(f"{source}: {tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
-    return lon_deg, lat_deg, figure_of(text_of(point, "ele"))
+    return lon_deg, lat_deg, parse_figure(read_child_text(point, "ele"))

@@ -20,8 +20,8 @@ from missions.readers.crs import build_identity_transform
 from missions.readers.features import EMPTY, Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic, Vertex
 from missions.readers.read_options import ReadOptions, quote_names
-from missions.readers.values import figure_of
-from missions.readers.xml_tree import iterate_children, line_of, root_of, tag_of, text_of
+from missions.readers.values import parse_figure
+from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -97,10 +97,10 @@ def parse_kml(
             _add_placemark(drawing, mark, folder, choice, modes)
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
-        drawing.found.append(Remark(RemarkTopic.WHOLE, text_of(link, "name") or line_of(link), text))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, read_child_text(link, "name") or line_of(link), text))
     for root in roots:
         for overlay in root.iter(*(f"{{*}}{tag}" for tag in OVERLAYS)):
-            drawing.leave_out(tag_of(overlay), text_of(overlay, "name") or line_of(overlay))
+            drawing.leave_out(tag_of(overlay), read_child_text(overlay, "name") or line_of(overlay))
     for mode, count in modes.items():
         what = "position has an altitude" if count == 1 else "positions have an altitude"
         drawing.found.append(
@@ -116,13 +116,13 @@ def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[t
         if tag == "Placemark":
             yield child, folder
         elif tag in ROOTS:
-            yield from placemarks_of(child, text_of(child, "name") if tag == "Folder" else folder)
+            yield from placemarks_of(child, read_child_text(child, "name") if tag == "Folder" else folder)
 
 
 def _add_placemark(
     drawing: RawNetwork, mark: etree._Element, folder: str, choice: ReadOptions, modes: Counter[str]
 ) -> None:
-    name = text_of(mark, "name")
+    name = read_child_text(mark, "name")
     place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
     attributes = {**attributes_of(mark), "folder": folder}
     if name:
@@ -167,7 +167,7 @@ def attributes_of(mark: etree._Element) -> dict[str, object]:
     found: dict[str, object] = {}
     for data in iterate_children(mark, "ExtendedData"):
         for element in data.iter("{*}Data", "{*}SimpleData"):
-            text = text_of(element, "value") if tag_of(element) == "Data" else to_printable(element.text or "")
+            text = read_child_text(element, "value") if tag_of(element) == "Data" else to_printable(element.text or "")
             found[to_printable(element.get("name") or "")] = text
     return found
 
@@ -178,14 +178,14 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
     Raises:
         NetworkError: there is none, or one is no place.
     """
-    mode = text_of(geometry, "altitudeMode") or CLAMPED
+    mode = read_child_text(geometry, "altitudeMode") or CLAMPED
     coordinates = next(iterate_children(geometry, "coordinates"), None)
     words = ((coordinates.text or "") if coordinates is not None else "").split()
     if not words:
         raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")
     vertices: list[Vertex] = []
     for word in words:
-        figures = [figure_of(figure) for figure in word.split(",")]
+        figures = [parse_figure(figure) for figure in word.split(",")]
         if len(figures) < 2 or not all(map(is_figure, figures[:2])):
             raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], got {word[:60]!r}")
         lon_deg, lat_deg = float(figures[0] or 0.0), float(figures[1] or 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from missions.errors import NetworkError
 from missions.readers.attributes import normalise_key
 from missions.readers.raw_network import Attributes, NearFilter, RawNetwork, Remark, RemarkTopic
-from missions.readers.values import figure_of, is_blank, measure_of
+from missions.readers.values import is_blank, measure_of, parse_figure
 
 OPERATORS: Mapping[str, Callable[[float, float], bool]] = {
     "<=": operator.le, ">=": operator.ge, "!=": operator.ne, "=": operator.eq, "<": operator.lt, ">": operator.gt,
@@ -92,7 +92,7 @@ def parse_figure_with_unit(text: str) -> tuple[float, str] | None:
     >>> [parse_figure_with_unit(text) for text in ("132 kV", "132 000", "12A")]
     [(132.0, 'kv'), (132000.0, ''), None]
     """
-    alone = figure_of(text)
+    alone = parse_figure(text)
     found = measure_of(text) if alone is None else (alone, "")
     if found is None or not math.isfinite(found[0]):
         return None

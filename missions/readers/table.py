@@ -43,7 +43,7 @@ from missions.readers.values import (
     decimal_mark_of,
     degrees_of,
     grid_figure_of,
-    rank_of,
+    parse_pole_rank,
 )
 
 if TYPE_CHECKING:
@@ -348,7 +348,7 @@ def _read_coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | No
 
 def _read_rank(row: _Row, source: str) -> PoleRank:
     value = find_first_value(row.cells, ORDER)
-    rank = rank_of(value)
+    rank = parse_pole_rank(value)
     if rank is None:
         raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
     return rank

@@ -58,7 +58,7 @@ def _normalise_text(text: str) -> str:
     return " ".join(text.translate(_LETTERS).split())
 
 
-def figure_of(text: str, mark: str | None = None) -> float | None:
+def parse_figure(text: str, mark: str | None = None) -> float | None:
     """Return what a text says as a number; None where it is none, or may be two.
 
     Thousands may be divided by spaces, apostrophes, dots or commas.
@@ -116,10 +116,10 @@ def decimal_mark_of(texts: Iterable[str]) -> str | None:
     return shown.pop() if len(shown) == 1 else None
 
 
-def number_of(value: object) -> float | None:
+def parse_number(value: object) -> float | None:
     """Return a cell's or a tag's number; None where it says none."""
     if isinstance(value, str):
-        return figure_of(value)
+        return parse_figure(value)
     return float(value) if is_number(value) else None
 
 
@@ -131,9 +131,9 @@ def degrees_of(value: object, letters: str) -> float | None:
         letters: Which letters of hemispheres it may have: `NORTH_SOUTH` or `EAST_WEST`.
     """
     if not isinstance(value, str):
-        return number_of(value)
+        return parse_number(value)
     text = _normalise_text(value).upper()
-    figure = figure_of(text, "," if "," in text else ".")
+    figure = parse_figure(text, "," if "," in text else ".")
     if figure is not None:
         return figure
     side = next((letter for letter in letters if text.endswith(letter) or text.startswith(letter)), "")
@@ -171,16 +171,16 @@ def _parse_packed(text: str) -> float | None:
 
 def measure_of(text: str, mark: str | None = None) -> tuple[float, str] | None:
     """Return a figure and its unit in small letters: '132 kV' is 132 and 'kv'; None where it is none."""
-    alone = figure_of(text, mark)
+    alone = parse_figure(text, mark)
     match = None if alone is not None else _MEASURE.fullmatch(_normalise_text(text))
-    figure = figure_of(match[1], mark) if match else alone
+    figure = parse_figure(match[1], mark) if match else alone
     return None if figure is None else (figure, (match[2] or "").rstrip(".").lower() if match else "")
 
 
 def metres_of(value: object, mark: str | None = None) -> float | None:
     """Return a length in metres, which is its unit where it says none; None where it is none."""
     if not isinstance(value, str):
-        return number_of(value)
+        return parse_number(value)
     feet = _FEET.fullmatch(_normalise_text(value))
     if feet is not None:
         return float(feet[1]) * METRES["ft"] + float(feet[2]) * INCH_M
@@ -194,7 +194,7 @@ def metres_of(value: object, mark: str | None = None) -> float | None:
 def grid_figure_of(value: object, mark: str | None = None) -> float | None:
     """Return an easting or a northing, as '543 355,1 m E' too; None where it is none."""
     if not isinstance(value, str):
-        return number_of(value)
+        return parse_number(value)
     found = measure_of(value, mark)
     return None if found is None or found[1] not in GRID_UNITS else found[0]
 
@@ -209,10 +209,10 @@ class PoleRank:
     after: tuple[tuple[int, float, str], ...]
 
 
-def rank_of(value: object) -> PoleRank | None:
+def parse_pole_rank(value: object) -> PoleRank | None:
     """Return what a number of a pole says about its place in a line; None where it has no figure in it."""
     text = str(value).strip()
-    figure = number_of(value) if not (isinstance(value, str) and "e" in value.lower()) else None
+    figure = parse_number(value) if not (isinstance(value, str) and "e" in value.lower()) else None
     if figure is not None:
         return PoleRank(f"{figure:g}", "", figure, ()) if math.isfinite(figure) else None
     match = _NUMBERED.fullmatch(_normalise_text(value)) if isinstance(value, str) else None

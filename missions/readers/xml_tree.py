@@ -89,7 +89,7 @@ def iterate_children(element: etree._Element, *tags: str) -> Iterator[etree._Ele
     return (child for child in element if tag_of(child) in tags)
 
 
-def text_of(element: etree._Element, tag: str) -> str:
+def read_child_text(element: etree._Element, tag: str) -> str:
     """Return the text of the first child of a name; empty if there is none."""
     child = next(iterate_children(element, tag), None)
     return to_printable(child.text or "") if child is not None else ""

@@ -26,7 +26,8 @@ PLAN = """
 import sys, planner
 travel = planner.travel_for(planner.PRESETS["mavic3"], 8.0, 3.0)
 fleet = [planner.Vehicle(name, (0.0, 0.0), 75.0) for name in ("uav1", "uav2")]
-instance = planner.build_instance(planner.generate_network(6, 1), (0.0, 0.0), fleet, travel)
+spans = [[[100.0 * span, 50.0], [100.0 * span + 100.0, 50.0]] for span in range(6)]
+instance = planner.build_instance(spans, (0.0, 0.0), fleet, travel)
 assert planner.solve(instance, cost=planner.Cost.MINMAX, stop=planner.Iterations(50)).feasible
 assert "site-packages" in planner.__file__, planner.__file__
 """

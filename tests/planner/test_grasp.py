@@ -28,7 +28,7 @@ from planner import (
     solve,
     solve_grasp,
 )
-from planner.construct import plan_of
+from planner.construct import build_plan
 from planner.grasp import _GraspRuns
 from planner.kernels.grasp_walk import compute_plan_cost
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
@@ -63,7 +63,7 @@ def test_every_segment_stays_in_and_the_figures_are_those_of_the_definition(
     for _ in range(3):
         runs._advance(15)
         for state in (runs._walk.current, runs._walk.trial, runs._walk.best):
-            plan = plan_of(state)
+            plan = build_plan(state)
             evaluation = evaluate(instance, plan, cost)
             assert plan.uncovered == ()
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
@@ -72,7 +72,7 @@ def test_every_segment_stays_in_and_the_figures_are_those_of_the_definition(
             assert compute_plan_cost(runs._problem, weights, state) == pytest.approx(
                 evaluation.value, rel=1e-5, abs=2e-3
             )
-        assert runs._evaluation.value <= evaluate(instance, plan_of(runs._walk.best), cost).value + 1e-3
+        assert runs._evaluation.value <= evaluate(instance, build_plan(runs._walk.best), cost).value + 1e-3
 
 
 def test_budgets_are_soft_and_the_plan_says_so() -> None:

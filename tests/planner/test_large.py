@@ -22,7 +22,7 @@ from planner import (
     evaluate,
     solve,
 )
-from planner.decomposition import part_of, sort_along_curve, split_into_routes
+from planner.decomposition import build_part_instance, sort_along_curve, split_into_routes
 from planner.large import LargeSearch
 from planner.params import DEFAULT_PARAMS
 from planner.stop_rules import Stopwatch
@@ -78,7 +78,7 @@ def test_what_budgets_do_not_carry_is_left_out_of_the_first_plan() -> None:
 
 def test_a_part_has_the_same_moves() -> None:
     instance = network(30, 1.0, 2.0, 3.0)
-    part = part_of(instance, [2, 0], [7, 3])
+    part = build_part_instance(instance, [2, 0], [7, 3])
     visits = [14, 15, 6, 7]
     assert [vehicle.budget_pct for vehicle in part.vehicles] == [3.0, 1.0]
     assert table_pct(part) == pytest.approx(table_pct(instance)[np.ix_(visits, visits)])

@@ -26,7 +26,7 @@ from planner import (
     route_energy_pct,
     solve,
 )
-from planner.construct import plan_of
+from planner.construct import build_plan
 from planner.plan_search import PlanSearch
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
@@ -92,7 +92,7 @@ def test_starts_share_the_best_plan() -> None:
     best = min(start.key.tolist() for start in search._starts)
     search._advance(3)
     assert all(start.key.tolist() == best for start in search._starts) or search._leader.key.tolist() < best
-    assert search._plan == plan_of(search._leader.best)
+    assert search._plan == build_plan(search._leader.best)
 
 
 def test_iterations_are_counted_over_all_starts() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner import Cost, Iterations, Plan, Route, Vehicle, build_instance, evaluate, solve
-from planner.construct import problem_of
+from planner.construct import build_kernel_problem
 from tests.planner.builders import UNIT, fleet, line
 
 
@@ -54,7 +54,7 @@ def test_a_thousand_vehicles_for_ten_segments() -> None:
 def test_vehicles_know_the_last_that_equals_them() -> None:
     vehicles = [*fleet(100.0, 100.0, 90.0, 100.0), Vehicle("far", (9.0, 9.0), 100.0), Vehicle("g", (0.0, 0.0), 100.0)]
     instance = build_instance([[[10.0, 0.0], [20.0, 0.0]]] * 2, (0.0, 0.0), vehicles, UNIT)
-    problem = problem_of(instance)
+    problem = build_kernel_problem(instance)
     assert problem.twin.tolist() == [-1, 0, -1, 1, -1, 3]
 
 

@@ -35,7 +35,7 @@ from missions.geo import LocalFrame
 from missions.pads import column_radius_m
 from missions.pricing import Pricing, build_priced_instance
 from missions.reachability import apply_areas
-from missions.shortest_ways import Obstacle, graph_of
+from missions.shortest_ways import Obstacle, build_visibility_graph
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, network_of
 
@@ -200,7 +200,7 @@ def test_no_way_is_longer_than_one_along_finely_rounded_corners(seed: int) -> No
     dice = random.Random(seed)
     outlines = [star(dice, (dice.uniform(-300, 300), dice.uniform(-300, 300)), 7, 120.0) for _ in range(4)]
     keep_m = 15.0
-    graph = graph_of(tuple(Obstacle((ring,), keep_m) for ring in outlines))
+    graph = build_visibility_graph(tuple(Obstacle((ring,), keep_m) for ring in outlines))
     closed = shapely.union_all([Polygon(ring).buffer(keep_m, quad_segs=16) for ring in outlines])
     start, goal = np.array([-500.0, dice.uniform(-200, 200)]), np.array([500.0, dice.uniform(-200, 200)])
     (way,) = graph.ways_m(start[np.newaxis], goal[np.newaxis])
@@ -229,7 +229,7 @@ def test_no_way_is_longer_than_one_along_finely_rounded_corners(seed: int) -> No
 
 def test_who_starts_in_an_area_leaves_it_by_the_nearest_way_out() -> None:
     square = ((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0))
-    graph = graph_of((Obstacle((square,), 10.0),))
+    graph = build_visibility_graph((Obstacle((square,), 10.0),))
     (way,) = graph.ways_m(np.array([[90.0, 40.0]]), np.array([[-200.0, 50.0]]))
     assert way is not None
     assert way[0] == pytest.approx([110.12, 40.0])
@@ -239,6 +239,6 @@ def test_who_starts_in_an_area_leaves_it_by_the_nearest_way_out() -> None:
 def test_a_place_that_is_enclosed_is_not_reached() -> None:
     ring = ((0.0, 0.0), (100.0, 0.0), (100.0, 100.0), (0.0, 100.0))
     hole = ((30.0, 30.0), (70.0, 30.0), (70.0, 70.0), (30.0, 70.0))
-    graph = graph_of((Obstacle((ring, hole), 5.0),))
+    graph = build_visibility_graph((Obstacle((ring, hole), 5.0),))
     starts, goals = np.array([[-50.0, 50.0], [40.0, 40.0]]), np.array([[50.0, 50.0], [60.0, 60.0]])
     assert [None if way is None else len(way) for way in graph.ways_m(starts, goals)] == [None, 0]

@@ -24,7 +24,14 @@ from planner import (
     evaluate,
     route_energy_pct,
 )
-from planner.construct import build_guide_weights, build_random_state, build_true_weights, plan_of, problem_of, state_of
+from planner.construct import (
+    build_guide_weights,
+    build_kernel_problem,
+    build_kernel_state,
+    build_plan,
+    build_random_state,
+    build_true_weights,
+)
 from planner.kernels.anneal import compute_objective
 from planner.kernels.insertion import find_cheapest_place, insert_by_regret
 from planner.kernels.random_numbers import draw_integer, draw_uniform
@@ -74,7 +81,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
     for iterations in (1, 7, 40):
         search._advance(iterations)
         for state in (search._leader.best, search._starts[0]._current, search._starts[0]._trial):
-            plan = plan_of(state)
+            plan = build_plan(state)
             evaluation = evaluate(instance, plan, cost)
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
             for vehicle, route in zip(instance.vehicles, plan.routes, strict=True):
@@ -110,10 +117,10 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
 def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost: Cost) -> None:
     search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
     search._advance(20)
-    truth = build_true_weights(problem_of(instance), cost, all_vehicles=False)
-    evaluation = evaluate(instance, plan_of(search._leader.best), cost)
+    truth = build_true_weights(build_kernel_problem(instance), cost, all_vehicles=False)
+    evaluation = evaluate(instance, build_plan(search._leader.best), cost)
     if not evaluation.violations:
-        assert compute_objective(problem_of(instance), truth, search._leader.best) == pytest.approx(
+        assert compute_objective(build_kernel_problem(instance), truth, search._leader.best) == pytest.approx(
             evaluation.value, rel=1e-5, abs=1e-9
         )
 
@@ -121,10 +128,10 @@ def test_the_objective_is_the_cost_function(instance: Instance, seed: int, cost:
 @settings(max_examples=60, **LOOSE)
 @given(instances(), st.data())
 def test_the_cheapest_place_is_the_cheapest(instance: Instance, data: st.DataObject) -> None:
-    problem = problem_of(instance)
+    problem = build_kernel_problem(instance)
     order = data.draw(st.permutations(range(instance.segments)))
     visits = [2 * segment + data.draw(st.integers(0, 1)) for segment in order[1:]]
-    state = state_of(problem, [])
+    state = build_kernel_state(problem, [])
     for place, visit in enumerate(visits):
         insert(problem, state, 0, place, visit)
     before = route_energy_pct(instance, Route(0, tuple(visits)))
@@ -142,9 +149,9 @@ def test_the_cheapest_place_is_the_cheapest(instance: Instance, data: st.DataObj
 @settings(max_examples=60, **LOOSE)
 @given(instances(most_segments=6), st.data())
 def test_orient_finds_the_best_directions(instance: Instance, data: st.DataObject) -> None:
-    problem = problem_of(instance)
+    problem = build_kernel_problem(instance)
     order = data.draw(st.permutations(range(instance.segments)))
-    state = state_of(problem, [])
+    state = build_kernel_state(problem, [])
     for place, segment in enumerate(order):
         insert(problem, state, 0, place, 2 * segment + data.draw(st.integers(0, 1)))
     orient_visits(problem, state, 0, np.zeros((instance.segments, 2), dtype=np.int64))
@@ -161,12 +168,12 @@ def test_orient_finds_the_best_directions(instance: Instance, data: st.DataObjec
 @settings(max_examples=60, **LOOSE)
 @given(instances(), st.sampled_from(Cost))
 def test_regret_leaves_out_only_what_fits_nowhere(instance: Instance, cost: Cost) -> None:
-    problem = problem_of(instance)
-    state = state_of(problem, [])
+    problem = build_kernel_problem(instance)
+    state = build_kernel_state(problem, [])
     everything = np.arange(instance.segments, dtype=np.int64)
     weights = build_guide_weights(problem, cost, DEFAULT_PARAMS.annealing, scale=1.0, all_vehicles=False, power=8.0)
     insert_by_regret(problem, weights, state, everything, build_random_state(0))
-    plan = plan_of(state)
+    plan = build_plan(state)
     for left in plan.uncovered:
         for route, vehicle in zip(plan.routes, instance.vehicles, strict=True):
             for place, reverse in itertools.product(range(len(route.visits) + 1), (0, 1)):
@@ -185,7 +192,7 @@ def test_given_routes_are_cut_down_to_their_budgets(instance: Instance, wishes: 
         route = [visit for place, visit in enumerate(route) if visit >> 1 not in {v >> 1 for v in route[:place]}]
         seen.update(visit >> 1 for visit in route)
         routes.append(route)
-    plan = plan_of(state_of(problem_of(instance), routes))
+    plan = build_plan(build_kernel_state(build_kernel_problem(instance), routes))
     for wish, kept in zip(routes, plan.routes, strict=False):
         assert [visit for visit in wish if visit in kept.visits] == list(kept.visits)
         if kept.visits != tuple(wish):
@@ -210,4 +217,4 @@ def test_chance_is_uniform_and_the_seed_decides() -> None:
 
 def test_plans_of_no_routes_name_everything() -> None:
     instance = build_instance(np.zeros((2, 2, 2)), (0, 0), [Vehicle("v", (0, 0), 1.0)], Travel(5, 1, 1, 1))
-    assert plan_of(state_of(problem_of(instance), [])) == Plan((Route(0, ()),), (0, 1))
+    assert build_plan(build_kernel_state(build_kernel_problem(instance), [])) == Plan((Route(0, ()),), (0, 1))

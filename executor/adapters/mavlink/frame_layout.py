@@ -33,7 +33,7 @@ def payload_of(frame: bytes | bytearray, size: int) -> bytes:
     return bytes(frame[begins : begins + min(frame[1], size)]).ljust(size, b"\0")
 
 
-def is_whole(frame: bytes | bytearray, extra: int) -> bool:
+def has_valid_checksum(frame: bytes | bytearray, extra: int) -> bool:
     """Return whether a frame has its checksum, of which its message's CRC_EXTRA is a part."""
     stop = HEADS[frame[0]] + frame[1]
     if stop + CHECKSUM > len(frame):

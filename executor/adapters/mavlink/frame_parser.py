@@ -11,7 +11,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink import px4_events
-from executor.adapters.mavlink.frame_layout import CHECKSUM, HEADS, V1, V2, is_whole, message_id_of
+from executor.adapters.mavlink.frame_layout import CHECKSUM, HEADS, V1, V2, has_valid_checksum, message_id_of
 
 SIGNATURE, SIGNED = 13, 1
 """Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
@@ -105,7 +105,7 @@ class FrameParser:
         if end == at:
             return None
         data = self._buffer[at:end]
-        if message_id_of(data) == px4_events.EVENT and not is_whole(data, px4_events.EXTRA):
+        if message_id_of(data) == px4_events.EVENT and not has_valid_checksum(data, px4_events.EXTRA):
             return None
         try:
             frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
@@ -129,4 +129,6 @@ def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
     """Return a frame that is not taken apart; None if its checksum is wrong."""
     number = message_id_of(data)
     kind = mav.mavlink_map.get(number)
-    return None if kind is not None and not is_whole(data, kind.crc_extra) else mav.MAVLink_unknown(number, data)
+    return (
+        None if kind is not None and not has_valid_checksum(data, kind.crc_extra) else mav.MAVLink_unknown(number, data)
+    )

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import integers, message_readers, px4_events
-from executor.adapters.mavlink.frame_layout import HEADS, V2, is_whole, message_id_of, payload_of
+from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.statustext import StatusTextAssembler
@@ -240,7 +240,8 @@ class TelemetryFile(RecordedFile):
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
-                and lane.kind is not None and lane.kind.name in BOOT_TIMED and is_whole(frame, lane.kind.extra)
+                and lane.kind is not None and lane.kind.name in BOOT_TIMED
+                and has_valid_checksum(frame, lane.kind.extra)
             ):  # fmt: skip
                 found.append((lane.source.boot, BootTime(_boot_usec(frame), stamp + self._shift)))
             at = end
@@ -259,7 +260,7 @@ class TelemetryFile(RecordedFile):
         """Yield what a frame says that is wanted now."""
         kind, source = lane.kind, lane.source
         lane.newest_usec = stamp
-        if kind is None or not is_whole(frame, kind.extra):
+        if kind is None or not has_valid_checksum(frame, kind.extra):
             self.skipped.bad_checksums += 1
             return
         if kind.name == BATTERY:
@@ -416,4 +417,4 @@ def _is_known(buffer: bytes, at: int, end: int) -> bool:
     """Return whether a frame of a kind that is read here begins behind a time, whole."""
     frame = buffer[at + STAMP : end]
     kind = KINDS.get(message_id_of(frame))
-    return kind is not None and is_whole(frame, kind.extra)
+    return kind is not None and has_valid_checksum(frame, kind.extra)

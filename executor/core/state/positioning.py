@@ -106,7 +106,7 @@ def time_without_fix_s(known: Positioning, at: PositionFix) -> float:
     return max(0.0, at.boot_s - known.fixed.boot_s)
 
 
-def is_adrift(vehicle: VehicleState) -> bool:
+def is_dead_reckoning(vehicle: VehicleState) -> bool:
     """Return whether its newest position proves nothing: it is reckoned for longer than a gap that is tolerated."""
     fix = vehicle.motion.fix
     return fix is not None and time_without_fix_s(vehicle.sensors.positioning, fix) > GAP_S

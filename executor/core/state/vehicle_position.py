@@ -7,7 +7,7 @@ import re
 
 from executor.core import formatting
 from executor.core.context import Scene
-from executor.core.state.positioning import accuracy_of, is_adrift, time_without_fix_s
+from executor.core.state.positioning import accuracy_of, is_dead_reckoning, time_without_fix_s
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
@@ -54,7 +54,7 @@ def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) 
     if fix is None:
         return "its position is not known"
     position = "" if fix.reckoned else "last position "
-    return f"{position}{describe_position(context, vehicle)}, {formatting.ago(max(0.0, now_s - fix.at_s))}"
+    return f"{position}{describe_position(context, vehicle)}, {formatting.format_age(max(0.0, now_s - fix.at_s))}"
 
 
 def has_fresh_position(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
@@ -119,7 +119,7 @@ def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
     fix = vehicle.motion.fix
     if fix is None or now_s - vehicle.sortie.disarmed_s < RESTS_AFTER_S or now_s - fix.at_s > SEEN_S:
         return False
-    if is_adrift(vehicle):
+    if is_dead_reckoning(vehicle):
         return now_s - vehicle.sortie.disarmed_s >= UNSEEN_S  # what it reckons moves on
     return math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
@@ -127,10 +127,10 @@ def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
 def describe_down_place(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and whether it is safe to go there."""
     state = "armed: keep away" if vehicle.armed else "disarmed"
-    return f"{down_at(context, vehicle)}, {state}"
+    return f"{format_down_position(context, vehicle)}, {state}"
 
 
-def down_at(context: Scene, vehicle: VehicleState) -> str:
+def format_down_position(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
     how = accuracy_of(vehicle)
     known = how is None or how.known != "reckoned"
@@ -147,7 +147,7 @@ def describe_lean(vehicle: VehicleState) -> str:
 
 def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether it is where it may land, seen from above; a place that is reckoned does not show it."""
-    return not is_adrift(vehicle) and is_home_by_own_estimate(context, vehicle)
+    return not is_dead_reckoning(vehicle) and is_home_by_own_estimate(context, vehicle)
 
 
 def is_home_by_own_estimate(context: Scene, vehicle: VehicleState) -> bool:

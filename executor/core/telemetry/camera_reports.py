@@ -18,11 +18,11 @@ from executor.core.payload.camera_state import CameraRecord, Picture, WantedPict
 from executor.core.payload.look_angles import angle_between_deg, bearing_deg
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.inspection_run import END_TOLERANCE_M, SPEED_FACTOR, Track
-from executor.core.state.positioning import is_adrift
+from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase, Waypoint
-from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, proof_of
+from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, choose_picture_proof
 from missions.inspection_height import visit_distances_m
 from planner import is_reversed
 
@@ -99,7 +99,7 @@ def _apply_camera_status(
     vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
     state = state.put(vehicle)
     fix = vehicle.motion.fix
-    if not message.films or fix is None or is_adrift(vehicle):
+    if not message.films or fix is None or is_dead_reckoning(vehicle):
         return state
     seen = _find_visit(context, vehicle, camera, fix.place_m, fix.alt_rel_m)
     if seen is None or seen.capture is None or not seen.capture.is_filming:
@@ -127,7 +127,7 @@ def _camera_of(context: Context, vehicle: VehicleState, message: PictureTaken) -
     """Return which of the vehicle's cameras a message is about; None where it proves nothing for any."""
     autopilot = context.vehicles[vehicle.name].dialect.name
     for camera in _cameras_of(context, vehicle.name):
-        if message.source is not proof_of(camera, autopilot):
+        if message.source is not choose_picture_proof(camera, autopilot):
             continue
         if camera.id >= FIRST_COMPONENT:
             if message.component == camera.id:
@@ -237,7 +237,9 @@ def _place_picture(
         along_m=None if seen is None or seen.track.by_pictures else _distance_from_a_m(vehicle.assignment.board, seen),
         points=() if capture is None else capture.points,
     )
-    return replace(picture, flaw=_find_flaw(context, message, picture, seen, capture, adrift=is_adrift(vehicle))), seen
+    return replace(
+        picture, flaw=_find_flaw(context, message, picture, seen, capture, adrift=is_dead_reckoning(vehicle))
+    ), seen
 
 
 LONGEST_S = 3600.0

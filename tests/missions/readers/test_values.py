@@ -13,12 +13,12 @@ from missions.readers.values import (
     build_rank_keys,
     decimal_mark_of,
     degrees_of,
-    figure_of,
     grid_figure_of,
     measure_of,
     metres_of,
-    number_of,
-    rank_of,
+    parse_figure,
+    parse_number,
+    parse_pole_rank,
 )
 
 THIN, NARROW, HARD = "\u2009", "\u202f", "\u00a0"
@@ -34,21 +34,21 @@ THIN, NARROW, HARD = "\u2009", "\u202f", "\u00a0"
     ],
 )  # fmt: skip
 def test_figures_are_read_as_people_and_spreadsheets_write_them(text: str, figure: float) -> None:
-    assert figure_of(text) == pytest.approx(figure, abs=1e-9)
+    assert parse_figure(text) == pytest.approx(figure, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     "text", ["", "north", "1 2", "12_1", "nan", "inf", "1.234.5", "1,2,3", "5 4,1 2", "0x10", "12A"]
 )
 def test_what_is_no_figure_is_none(text: str) -> None:
-    assert figure_of(text) is None
+    assert parse_figure(text) is None
 
 
 def test_a_comma_before_three_digits_is_read_by_what_the_rest_of_the_file_shows() -> None:
-    assert figure_of("1,345") is None
-    assert figure_of("1,345", decimal_mark_of(["49.6", "1,345"])) == 1345.0
-    assert figure_of("1,345", decimal_mark_of(["49,6", "1,345"])) == 1.345
-    assert figure_of("1.345", decimal_mark_of(["5.494.274", "7"])) == 1345.0
+    assert parse_figure("1,345") is None
+    assert parse_figure("1,345", decimal_mark_of(["49.6", "1,345"])) == 1345.0
+    assert parse_figure("1,345", decimal_mark_of(["49,6", "1,345"])) == 1.345
+    assert parse_figure("1.345", decimal_mark_of(["5.494.274", "7"])) == 1345.0
     assert decimal_mark_of(["49.6", "30,5"]) is None
 
 
@@ -56,7 +56,7 @@ def test_a_comma_before_three_digits_is_read_by_what_the_rest_of_the_file_shows(
 def test_whatever_divides_thousands_the_figure_is_the_same(figure: float, group: str, mark: str) -> None:
     if group != mark:
         text = f"{figure:,.2f}".replace(",", "_").replace(".", mark).replace("_", group)
-        assert figure_of(text) == pytest.approx(figure)
+        assert parse_figure(text) == pytest.approx(figure)
 
 
 @pytest.mark.parametrize(
@@ -104,9 +104,9 @@ def test_heights_have_their_unit_beside_them(text: str, metres: float) -> None:
 
 @pytest.mark.parametrize("value", [10**400, "9" * 400, float("inf"), float("nan"), True, [1], None])
 def test_what_no_place_can_have_is_no_figure(value: object) -> None:
-    for found in (number_of(value), degrees_of(value, NORTH_SOUTH), metres_of(value), grid_figure_of(value)):
+    for found in (parse_number(value), degrees_of(value, NORTH_SOUTH), metres_of(value), grid_figure_of(value)):
         assert not is_figure(found)
-    assert rank_of(value) is None
+    assert parse_pole_rank(value) is None
 
 
 def test_a_figure_of_another_kind_has_its_unit_too() -> None:
@@ -125,7 +125,7 @@ def test_a_figure_of_another_kind_has_its_unit_too() -> None:
     ],
 )  # fmt: skip
 def test_poles_that_were_put_in_later_stand_between(numbers: list[object]) -> None:
-    ranks = [rank for rank in map(rank_of, numbers) if rank is not None]
+    ranks = [rank for rank in map(parse_pole_rank, numbers) if rank is not None]
     keys = build_rank_keys(ranks)
     assert len(keys) == len(numbers)
     assert keys == sorted(keys)
@@ -134,4 +134,4 @@ def test_poles_that_were_put_in_later_stand_between(numbers: list[object]) -> No
 
 @pytest.mark.parametrize("value", [None, True, "", "A", float("nan"), "north"])
 def test_what_has_no_number_has_no_place_in_a_line(value: object) -> None:
-    assert rank_of(value) is None
+    assert parse_pole_rank(value) is None

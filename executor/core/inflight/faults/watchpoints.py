@@ -32,7 +32,7 @@ from executor.core.inflight.faults.watchpoint_types import (
 )
 from executor.core.interface.messages import Actor
 from executor.core.state.onboard_fence import describe_fence_departure
-from executor.core.state.positioning import is_adrift
+from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
 from executor.core.state.vehicle_position import has_fallen, has_mission_ended, is_resting_place_known
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
@@ -66,7 +66,7 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
-    if is_adrift(state):
+    if is_dead_reckoning(state):
         return f"disarmed without GPS, position unknown{alarm_words(view)}"
     if away_m > limits.off_pad_m:
         return f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}"

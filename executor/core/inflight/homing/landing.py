@@ -12,13 +12,13 @@ from executor.core.inflight.homing.return_home import is_coming_home
 from executor.core.interface.commands import Level, Say
 from executor.core.state import leg_times
 from executor.core.state.fleet_state import FleetState, Stepped
-from executor.core.state.positioning import is_adrift
+from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_position import (
     UNSEEN_S,
     describe_down_place,
     describe_last_position,
     describe_lean,
-    down_at,
+    format_down_position,
     has_fallen,
     has_sinking_fix,
     is_over_pad,
@@ -98,7 +98,7 @@ def apply_touchdown(
         return state, (Say(Level.INFO, text),)
     place = "" if is_over_pad(context, vehicle) else f", {describe_down_place(context, vehicle)}"
     if place:
-        place = f"{' without GPS' if is_adrift(vehicle) else ' away from its pad'}{place}"
+        place = f"{' without GPS' if is_dead_reckoning(vehicle) else ' away from its pad'}{place}"
     hand = _describe_manual_mode(context, vehicle)
     level = Level.FAULT if place else Level.WARNING if hand else Level.INFO
     return state, (Say(level, f"{vehicle.name}: landed{left}{place}{hand}"),)
@@ -138,7 +138,9 @@ def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: 
     if not _has_stopped(context, vehicle, now_s):
         return ""
     if _is_mode_unknown(vehicle, now_s):
-        return f"does not move, {down_at(context, vehicle)}; no HEARTBEAT says that it is disarmed: keep away"
+        return (
+            f"does not move, {format_down_position(context, vehicle)}; no HEARTBEAT says that it is disarmed: keep away"
+        )
     return f"does not move, {describe_down_place(context, vehicle)}"
 
 

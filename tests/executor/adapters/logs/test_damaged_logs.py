@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
-from executor.replay.log_replay import replay_log, rules_of
+from executor.replay.log_replay import build_replay_rules, replay_log
 from tests.recorded import Writer, flight, real_logs
 
 
@@ -48,7 +48,7 @@ def test_no_damage_stops_the_reader(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.tlog"
         path.write_bytes(damaged)
-        found = replay_log(TelemetryFile(path), path, rules_of(None))
+        found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
     assert len(found.vehicles) <= 2
     assert found.lasted_s >= 0.0
 
@@ -66,7 +66,7 @@ def test_clocks_that_leap_both_ways(leaps: list[tuple[int, int]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.tlog"
         path.write_bytes(data)
-        found = replay_log(TelemetryFile(path), path, rules_of(None))
+        found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
     assert found.lasted_s >= 0.0
     assert found.skipped.time_back <= len(leaps)
 

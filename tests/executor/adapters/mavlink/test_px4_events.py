@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.logs.ulog import UlogFile
 from executor.adapters.mavlink import px4_events
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
-from executor.adapters.mavlink.frame_layout import is_whole
+from executor.adapters.mavlink.frame_layout import has_valid_checksum
 from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.core.interface.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
@@ -63,7 +63,7 @@ def test_what_a_recorded_one_looks_like() -> None:
     """As PX4 1.17 sent it: commander_armed_by, by a mission's start; zeros at the end are left out."""
     recorded = bytes.fromhex("fd0e00009329019a0100f3ca9001a4140000040000006605d2bf")
     [frame] = FrameParser().feed(recorded)
-    assert is_whole(frame.get_msgbuf(), px4_events.EXTRA)
+    assert has_valid_checksum(frame.get_msgbuf(), px4_events.EXTRA)
     assert recorded[10:14] == struct.pack("<I", compute_event_id("commander_armed_by"))
 
 

@@ -12,12 +12,12 @@ from executor.core.inflight.faults.watchpoint_types import WatchView
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Heard
 from executor.core.interface.messages import EstimatorStatus, FlightMessage, Gps, Position, SystemStatus
-from executor.core.state.positioning import GPS_SENSOR, accuracy_of, is_adrift
+from executor.core.state.positioning import GPS_SENSOR, accuracy_of, is_dead_reckoning
 from executor.core.state.vehicle_position import (
     describe_down_place,
     describe_last_position,
-    down_at,
     format_coordinates,
+    format_down_position,
     is_over_pad,
 )
 from executor.core.state.vehicle_state import VehicleState
@@ -65,7 +65,7 @@ def test_a_vehicle_that_says_nothing_of_its_gps_is_not_said_to_have_a_fix() -> N
 def test_a_place_has_no_more_digits_than_its_fix_carries(accuracy_m: float | None, text: str) -> None:
     known = heard((NOW_S, Gps(3, 14, accuracy_m=accuracy_m)))
     assert format_coordinates(CONTEXT, known) == text
-    assert down_at(CONTEXT, known) == f"down at {text}"
+    assert format_down_position(CONTEXT, known) == f"down at {text}"
 
 
 @pytest.mark.parametrize("said", [
@@ -222,4 +222,4 @@ def test_a_longer_one_breaks_the_inspection() -> None:
     flight = on_a_segment()
     lose_gps(flight, 6.0)
     assert [why for _, why in flight.vehicle("uav2").assignment.runs_broken] == [WITHOUT_FIX]
-    assert not is_adrift(flight.vehicle("uav2")) or flight.vehicle("uav2").sensors.positioning.lost_s is None
+    assert not is_dead_reckoning(flight.vehicle("uav2")) or flight.vehicle("uav2").sensors.positioning.lost_s is None
