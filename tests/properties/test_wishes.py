@@ -31,7 +31,7 @@ def asked(flight: Story, action: Action, name: str) -> None:
 def test_whatever_is_asked_the_flight_ends_well(wishes: list[tuple[float, Action, str]], mute: str | None) -> None:
     flight = story(READY)
     if mute is not None:
-        flight.later(60.0, lambda: setattr(flight.crafts[mute], "is_mute", True))
+        flight.later(60.0, lambda: setattr(flight.crafts[mute], "mute", True))
     for after_s, action, name in wishes:
         flight.pass_s(after_s)
         if not flight.over:

@@ -153,7 +153,7 @@ def test_another_stations_mission(autopilot: Autopilot, same_count: bool, tmp_pa
     # A text is looked up on board first: until the other station has stored all of it, nobody may read it.
     by_text = same_count and autopilot is ARDUPILOT
     assert taken - said_so_s(flight, by_text=by_text) <= (READ_S if by_text else NOTICED_S), flight.said
-    assert flight.says(f"{VICTIM}: carries another mission than ours") is not None, flight.said
+    assert flight.says(f"{VICTIM}: has a foreign mission on board") is not None, flight.said
     nothing_was_commanded(flight, autopilot)
     assert sent_after(flight, taken) == []
     free_s = flight.says(

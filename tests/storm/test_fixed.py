@@ -26,7 +26,7 @@ HARMLESS = {
 TOLD = {
     "no position": (Happening("no position", "uav2", AT_S, 90.0), "uav2: interruption, no position for 20 s"),
     "no heartbeat": (Happening("no heartbeat", "uav2", AT_S, 90.0), "uav2: interruption, no HEARTBEAT for 20 s"),
-    "a foreign mission": (Happening("foreign mission", "uav2", AT_S), "uav2: carries another mission than ours ("),
+    "a foreign mission": (Happening("foreign mission", "uav2", AT_S), "uav2: has a foreign mission on board ("),
     "a fence": (Happening("fence", "uav2", AT_S), "uav2: fence, its fence is breached; it says: "),
 }
 
@@ -64,7 +64,7 @@ def test_what_goes_wrong_is_a_fault_by_its_own_name(autopilot: str, what: str) -
 def test_a_foreign_mission_is_noticed_within_two_seconds(autopilot: str) -> None:
     stormed = flown(autopilot, TOLD["a foreign mission"][0])
     began_s = next(at_s for at_s, one in stormed.began if one.kind == "foreign mission")
-    told_s = next(at_s for at_s, line in stormed.flown.said if "carries another mission" in line.text)
+    told_s = next(at_s for at_s, line in stormed.flown.said if "foreign mission" in line.text)
     assert told_s - began_s <= 2.0
     free_s = next(at_s for at_s, line in stormed.flown.said if "its segments are released to the others" in line.text)
     assert free_s - told_s == pytest.approx(30.0, abs=2.0), "they are kept for a while"

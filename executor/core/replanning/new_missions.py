@@ -167,7 +167,7 @@ def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
     state = state.with_replanning(replan=None, records=(*state.replanning.records, record), orphans_since_s=None)
     since_s = record.ended_s - record.begun_s
     what = f"{record.trigger}, plan {record.revision}," if record.sortie else f"re-plan {record.revision}"
-    text = f"{what} is on board" + (f", {since_s:.1f} s after it was needed" if since_s <= OLD_NEED_S else "")
+    text = f"{what} is on board" + (f" after {since_s:.1f} s" if since_s <= OLD_NEED_S else "")
     if plan.failed:
         text = f"{what} ended; not uploaded to {', '.join(plan.failed)}"
     elif not plan.missions.keys() - set(plan.let_go):

@@ -57,7 +57,7 @@ def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
     if vehicle.assignment.carried.foreign_s is not None:
-        what = f"{vehicle.name}: carries another mission than ours ({vehicle.assignment.carried.words})"
+        what = f"{vehicle.name}: has a foreign mission on board ({vehicle.assignment.carried.words})"
         text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
         return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
     text = f"{vehicle.name}: {_describe_new_controller(context, vehicle, mode)}; not commanded from here{kept}"

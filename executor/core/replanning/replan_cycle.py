@@ -123,9 +123,7 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Step
         considered=frozenset(offer.vehicle for offer in offers),
     )
     names = ", ".join(offer.vehicle for offer in offers)
-    text = (
-        f"re-plan {revision}: {format_count(len(alone), 'segment')} without a vehicle ({trigger}); planning for {names}"
-    )
+    text = f"re-plan {revision}: {format_count(len(alone), 'open segment')} ({trigger}); planning for {names}"
     return state, (Say(Level.INFO, text), solve)
 
 

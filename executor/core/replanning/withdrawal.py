@@ -87,7 +87,7 @@ def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -
         for one in state.vehicles.values()
     )
     what = format_count(len(left), "segment")
-    return f"{what} to be reassigned" if others else f"{what} left without a vehicle"
+    return f"{what} to be reassigned" if others else f"{what} assigned to no vehicle"
 
 
 def leave_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:

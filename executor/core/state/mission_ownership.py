@@ -38,7 +38,7 @@ class MissionOwnership:
     id: int | None = None
     """Its `mission_id`, once the vehicle has said it."""
     foreign_s: float | None = None
-    """Since when it carries another one; None if it does not."""
+    """Since when a foreign mission is on board; None if none is."""
     words: str = ""
     """How that is known."""
     told_s: float | None = None
@@ -61,7 +61,7 @@ class MissionOwnership:
         return self.asked_s is None or now_s - self.asked_s >= READS_S
 
     def is_surely_foreign(self, now_s: float) -> bool:
-        """Return whether it carries another mission for certain."""
+        """Return whether a foreign mission is on board for certain."""
         return self.foreign_s is not None and now_s - self.foreign_s >= SURE_S
 
 

@@ -173,7 +173,7 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: carries another mission than ours (none at all): another station's; it may leave "
+                    "uav1: has a foreign mission on board (none at all): another station's; it may leave "
                     "its layer; not commanded from here; its segments are kept for 30 s"
                 ),
             ),

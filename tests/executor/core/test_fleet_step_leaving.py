@@ -44,7 +44,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: battery, 3.75 V a cell under load; RTL commanded; 2 segments left without a vehicle"),
+                ("uav1: battery, 3.75 V a cell under load; RTL commanded; 2 segments assigned to no vehicle"),
             ),
             SendHome("uav1"),
             Say(Level.WARNING, "no vehicle in the air can take over segments 0, 1, 2, 3, 4, 5"),
@@ -100,8 +100,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 segment left "
-                    "without a vehicle"
+                    "uav1: interruption, reports that its flight is terminated; RTL commanded; 1 segment assigned "
+                    "to no vehicle"
                 ),
             ),
             SendHome("uav1"),
@@ -244,7 +244,7 @@ ROWS = [
             Say(
                 Level.INFO,
                 (
-                    "re-plan 1: 4 segments without a vehicle (uav1: interruption, reports that its flight is "
+                    "re-plan 1: 4 open segments (uav1: interruption, reports that its flight is "
                     "terminated); planning for uav2"
                 ),
             ),

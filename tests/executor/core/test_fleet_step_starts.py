@@ -284,7 +284,7 @@ ROWS = [
         "a third start that fails is the last",
         with_facts(STARTS, failures=2),
         ended(),
-        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments assigned to no vehicle")],
         {
             "uav1": {
                 "stage": Stage.LANDED,
@@ -300,7 +300,7 @@ ROWS = [
             f"{what} is not tried again",
             STARTS,
             replace(ended(), code=code),
-            [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+            [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments assigned to no vehicle")],
             {
                 "uav1": {
                     "stage": Stage.LANDED,
@@ -330,7 +330,7 @@ ROWS = [
         "a crew's yes is too old for another try",
         STARTS,
         ended(),
-        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments left without a vehicle")],
+        [Say(Level.FAULT, "uav1: interruption, did not start: arm: denied; 2 segments assigned to no vehicle")],
         {
             "uav1": {
                 "stage": Stage.LANDED,

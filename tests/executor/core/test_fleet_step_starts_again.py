@@ -34,8 +34,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
-                    "without a vehicle"
+                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments assigned "
+                    "to no vehicle"
                 ),
             )
         ],
@@ -68,8 +68,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments left "
-                    "without a vehicle"
+                    "uav1: interruption, did not start: arm: denied, and it has disarmed; 2 segments assigned "
+                    "to no vehicle"
                 ),
             )
         ],
@@ -121,7 +121,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1: did not start: arm: denied, and no HEARTBEAT since; last position 49.60014, "
-                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago; 2 segments left without a vehicle"
+                    "15.59947 (GPS not reported), 0 m over its home, 0 s ago; 2 segments assigned to no vehicle"
                 ),
             )
         ],
@@ -159,7 +159,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments assigned to no vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -180,7 +180,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments assigned to no vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -201,7 +201,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments assigned to no vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -232,7 +232,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1: interruption, did not start: arm: denied; over its pad, landing commanded; 2 "
-                    "segments left without a vehicle"
+                    "segments assigned to no vehicle"
                 ),
             ),
             LandNow("uav1"),
@@ -256,7 +256,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments assigned to no vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],
@@ -279,7 +279,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1: interruption, did not start: arm: denied; with its pilot, not commanded; 2 segments "
-                    "left without a vehicle"
+                    "assigned to no vehicle"
                 ),
             )
         ],
@@ -300,7 +300,7 @@ ROWS = [
         [
             Say(
                 Level.FAULT,
-                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments left without a vehicle"),
+                ("uav1: interruption, did not start: arm: denied; disarm commanded; 2 segments assigned to no vehicle"),
             ),
             Disarm(vehicle="uav1", force=False),
         ],

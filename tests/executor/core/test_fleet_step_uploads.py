@@ -61,7 +61,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 3 segments to go"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"orphans_since_s": None, "replan": None, "records": (ON_BOARD,)},
@@ -82,7 +82,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {"uav1": {"board": NEW, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
@@ -94,7 +94,7 @@ ROWS = [
         ended(),
         [
             Say(Level.INFO, "uav1: new mission on board, no segment left, returning"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {"uav1": {"board": HOME_BOARD, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
@@ -177,8 +177,8 @@ ROWS = [
             Say(
                 Level.FAULT,
                 (
-                    "uav1: interruption, its mission on board is a mix of two; RTL commanded; 2 segments left "
-                    "without a vehicle"
+                    "uav1: interruption, its mission on board is a mix of two; RTL commanded; 2 segments assigned "
+                    "to no vehicle"
                 ),
             ),
             SendHome("uav1"),
@@ -239,7 +239,7 @@ ROWS = [
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
             Start("uav1"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {
             "uav1": {
@@ -266,7 +266,7 @@ ROWS = [
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
             Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
@@ -280,7 +280,7 @@ ROWS = [
         [
             Say(Level.INFO, "uav1: new mission on board, 1 segment to go"),
             Say(Level.WARNING, "uav1: stays on the ground: take-off clearance expired"),
-            Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+            Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
         ],
         {"uav1": {"board": ANEW, "waypoint": 0, "pending": None, "carried": MissionOwnership(ours_s=NOW_S)}},
         {"replan": None, "records": (ON_BOARD,)},
@@ -356,7 +356,7 @@ ROWS = [
                 Level.FAULT,
                 (
                     "uav1: interruption, its mission on board is a mix of two; disarm commanded; 2 segments "
-                    "left without a vehicle"
+                    "assigned to no vehicle"
                 ),
             ),
             Disarm(vehicle="uav1", force=False),

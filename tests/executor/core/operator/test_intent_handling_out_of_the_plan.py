@@ -72,7 +72,7 @@ ROWS = [
             Say(Level.WARNING, "page asks: exclude uav1; taken out of the plan, RTL commanded"),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment assigned to no vehicle"),
             ),
             SendHome("uav1"),
         ],
@@ -107,7 +107,7 @@ ROWS = [
             ),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment assigned to no vehicle"),
             ),
             SendHome("uav1"),
         ],
@@ -147,7 +147,7 @@ ROWS = [
             ),
             Say(
                 Level.FAULT,
-                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment left without a vehicle"),
+                ("uav1: operator, excluded by the operator; RTL commanded; 1 segment assigned to no vehicle"),
             ),
             SendHome("uav1"),
         ],

@@ -146,7 +146,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a re-plan that has ended",
         lambda: closed(uncovered=(3,)),
         (
-            [Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed")],
+            [Say(Level.INFO, "re-plan 4 is on board after 5.0 s")],
             {},
             {
                 "orphans_since_s": None,
@@ -194,7 +194,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "a re-plan that has ended some time after it was needed",
         lambda: closed(begun_s=NOW_S - 90.0),
         (
-            [Say(Level.INFO, "re-plan 4 is on board, 90.0 s after it was needed")],
+            [Say(Level.INFO, "re-plan 4 is on board after 90.0 s")],
             {},
             {
                 "orphans_since_s": None,

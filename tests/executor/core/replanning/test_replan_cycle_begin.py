@@ -69,10 +69,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    (
-                        "re-plan 1: 4 segments without a vehicle (assigned to no vehicle: segments 2, 3, 4, "
-                        "5); planning for uav1"
-                    ),
+                    ("re-plan 1: 4 open segments (assigned to no vehicle: segments 2, 3, 4, 5); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -95,7 +92,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: begun(ON_ITS_WAY, **WANTS),
         (
             [
-                Say(Level.INFO, "re-plan 1: 4 segments without a vehicle (uav3: gone); planning for uav1"),
+                Say(Level.INFO, "re-plan 1: 4 open segments (uav3: gone); planning for uav1"),
                 Solve(
                     revision=1,
                     open_segments=(1, 2, 3, 4, 5),
@@ -118,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: begun(ON_ITS_WAY, inspected=PROVEN, ordered=True, trigger="requested by page", trigger_s=NOW_S - 1.0),
         (
             [
-                Say(Level.INFO, "re-plan 1: 0 segments without a vehicle (requested by page); planning for uav1"),
+                Say(Level.INFO, "re-plan 1: 0 open segments (requested by page); planning for uav1"),
                 Solve(
                     revision=1,
                     open_segments=(),
@@ -163,7 +160,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
+                    ("re-plan 1: 1 open segment (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -198,7 +195,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 0); planning for uav1"),
+                    ("re-plan 1: 1 open segment (inspection not proven: segment 0); planning for uav1"),
                 ),
                 Solve(
                     revision=1,
@@ -248,7 +245,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 Say(
                     Level.INFO,
-                    ("re-plan 1: 1 segment without a vehicle (inspection not proven: segment 1); planning for uav1"),
+                    ("re-plan 1: 1 open segment (inspection not proven: segment 1); planning for uav1"),
                 ),
                 Solve(
                     revision=1,

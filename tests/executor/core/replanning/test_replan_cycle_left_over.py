@@ -65,7 +65,7 @@ def test_a_re_plan_is_offered_it_beside_what_it_is_for() -> None:
     [problem] = flight.solves()
     assert set(problem.left_over) == LEFT
     assert not LEFT & set(problem.open_segments)
-    assert "re-plan 1: 2 segments without a vehicle" in next(line for line in flight.said() if "re-plan 1" in line)
+    assert "re-plan 1: 2 open segments" in next(line for line in flight.said() if "re-plan 1" in line)
     flight.run(lambda: bool(flight.state.replanning.records))
     assert replan_cycle.find_left_over_segments(flight.state) == {7}
     flight.finish()

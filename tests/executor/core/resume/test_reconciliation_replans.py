@@ -205,7 +205,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         (
             [
                 Say(Level.WARNING, "uav1: reached the end of its partly uploaded mission; it is brought home"),
-                Say(Level.INFO, "re-plan 4 is on board, 5.0 s after it was needed"),
+                Say(Level.INFO, "re-plan 4 is on board after 5.0 s"),
                 SendHome("uav1"),
             ],
             (),

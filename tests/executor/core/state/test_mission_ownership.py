@@ -53,7 +53,7 @@ def test_a_mission_of_another_length_is_another_stations(autopilot: str) -> None
     assert found_s - since_s < 2.5, "two reports, a second apart"
     assert HandsOff("uav2") in flight.given(HandsOff)
     [line] = flight.said(Level.FAULT)
-    assert line.startswith("uav2: carries another mission than ours (4 items where ours has ")
+    assert line.startswith("uav2: has a foreign mission on board (4 items where ours has ")
     flight.pass_s(60.0)
     assert flight.sent_home() == []
     assert 2 not in flight.state.coverage.inspected or flight.state.coverage.inspected[2] != "uav2"
