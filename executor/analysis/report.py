@@ -34,7 +34,7 @@ from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
-from executor.core.state.vehicle_position import is_over_pad
+from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
 from executor.core.telemetry import firmware
 from executor.images.index_rows import build_asset_rows
@@ -262,6 +262,13 @@ def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[I
     )
 
 
+def _is_on_pad(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle stands on its pad; one that has landed there may lose GPS on the ground afterwards."""
+    if vehicle.stage is Stage.LANDED:
+        return is_home_by_own_estimate(context, vehicle)
+    return vehicle.stage is Stage.GROUND and is_over_pad(context, vehicle)
+
+
 def _build_vehicle_row(
     context: Context,
     state: FleetState,
@@ -275,7 +282,7 @@ def _build_vehicle_row(
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=battery.given_pct,
-        landed=vehicle.stage in {Stage.LANDED, Stage.GROUND} and is_over_pad(context, vehicle),
+        landed=_is_on_pad(context, vehicle),
         min_reserve_pct=battery.least_pct,
         state=vehicle_state_word(context, vehicle),
         last_position=_build_last_position(context, vehicle, began_s),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.state.vehicle_position import is_over_pad
 from executor.flight.board_record import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
@@ -58,6 +60,21 @@ def test_where_everybody_was_heard_last_is_kept(report: dict[str, Any]) -> None:
     assert FLEET.context.frame.to_local_m(lost["lat_deg"], lost["lon_deg"])[0] > 200.0
     assert 0.0 < lost["at_s"] < report["faults"][0]["detected_s"]
     assert report["segment_names"] == {str(segment): f"segment {segment}" for segment in range(6)}
+
+
+def test_a_vehicle_that_loses_gps_on_its_pad_has_landed() -> None:
+    flight = under_way()
+    flight.finish()
+    vehicle = flight.state.vehicles["uav1"]
+    assert vehicle.motion.fix is not None
+    fixed = replace(vehicle.motion.fix, boot_s=vehicle.motion.fix.boot_s - 50.0)
+    lost = replace(vehicle.sensors.positioning, lost_s=fixed.at_s - 50.0, fixed=fixed)
+    blind = replace(vehicle, sensors=replace(vehicle.sensors, positioning=lost)).with_motion(
+        fix=replace(vehicle.motion.fix, reckoned=True)
+    )
+    assert not is_over_pad(FLEET.context, blind)
+    rows = build_report(FLEET.context, flight.state.put(blind), flight.now_s, said=SAID).vehicles
+    assert [row.landed for row in rows] == [True, True, True]
 
 
 def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> None:
