@@ -281,7 +281,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     return state, (Say(Level.INFO, text), SendHome(vehicle.name))
 
 
-def _look_at_all(context: Context, state: FleetState, now_s: float) -> Stepped:
+def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
     commands: list[Command] = []
     for name in state.vehicles:
         state, more = _check_vehicle(context, state, name, now_s)
@@ -506,7 +506,7 @@ PHASES: tuple[TickPhase, ...] = (
         "link alone until it has said what it flew meanwhile.",
     ),
     TickPhase(
-        "vehicles", _look_at_all,
+        "vehicles", _check_all_vehicles,
         "After the loss of all links: needs to know whether one is silent or all are. Before the re-plan, and all else "
         "that plans or commands: it goes by the stages and faults that are set here.",
     ),

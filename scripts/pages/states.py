@@ -38,17 +38,17 @@ def states_page(made: str) -> str:
     """
     lines = [
         made, "", "# The states of a vehicle", "",
-        "At any moment a vehicle is in one stage, and may have flags beside it. The first table is that by which the",
-        "program itself goes (`executor/core/state/vehicle_state.py`): a change of stage that is not in it is refused.",
-        "To the second (`scripts/pages/stage_flags.py`) every step of the tests' flights is held.", "",
+        "At any moment a vehicle is in one stage, and may have flags as well. The program uses the first table itself",
+        "(`executor/core/state/vehicle_state.py`): it refuses a change of stage that is not in it. Tests check each",
+        "step of their flights against the second (`scripts/pages/stage_flags.py`).", "",
         "![The stages of a vehicle, and what may follow what](states.svg)", "",
         "## Stages", "", "| stage | meaning | may become |", "| --- | --- | --- |",
         *(f"| {stage.value} | {MEANINGS[stage]} | {_listed(TRANSITIONS[stage])} |" for stage in Stage), "",
         "## Flags", "", "| flag | meaning | where it may be set | what sets it | what ends it |",
         "| --- | --- | --- | --- | --- |", *map(_row, FLAGS), "",
         "## What happens in each tick", "",
-        "In flight the program looks at everything anew in each tick, phase by phase, in this order. It is the table",
-        "that it goes by (`executor/core/fleet_step.py`); a phase sees what the ones before it have changed.", "",
+        "In flight each tick runs these phases in this order: the program runs this very table",
+        "(`executor/core/fleet_step.py`). A phase sees the changes of the phases before it.", "",
         "| | phase | why it stands here |", "| --- | --- | --- |",
         *(f"| {number} | {phase.name} | {phase.why_here} |" for number, phase in enumerate(PHASES, 1)),
     ]  # fmt: skip
