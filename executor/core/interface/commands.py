@@ -28,6 +28,22 @@ class Say:
 
 
 @dataclass(frozen=True, slots=True)
+class CrewLine:
+    """A line as it stands in `executor/core/lines`: its level, and its words with `{names}` for values."""
+
+    level: Level
+    words: str
+
+    def at(self, level: Level) -> CrewLine:
+        """Return this line at another level."""
+        return CrewLine(level, self.words)
+
+    def say(self, **values: object) -> Say:
+        """Return the command that says it with these values; every name in its words needs one."""
+        return Say(self.level, self.words.format(**values))
+
+
+@dataclass(frozen=True, slots=True)
 class Upload:
     """Put this path on board; `airborne` when the vehicle flies its mission meanwhile."""
 

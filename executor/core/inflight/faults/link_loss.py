@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executor.core.context import Scene
-from executor.core.interface.commands import Level, Say
+from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState
 
@@ -29,7 +29,7 @@ def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Step
     if slept_s <= NOTED_SLEEP_S:
         return state, ()
     state = _record_absence(state, GroundStationAbsence(now_s, slept_s, restarted=False))
-    return state, (Say(Level.WARNING, f"the ground station stalled for {slept_s:.1f} s"),)
+    return state, (link.GROUND_STATION_STALLED.say(stalled_s=slept_s),)
 
 
 def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
@@ -55,14 +55,13 @@ def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: i
         state = _clear_silence(_excuse_silence(state, pause_s, now_s))
         if pause_s > NOTED_SLEEP_S:
             state = _record_absence(state, GroundStationAbsence(now_s, pause_s, restarted=False, deaf=True))
-        return state, (Say(Level.INFO, "links regained"),)
+        return state, (link.ALL_REGAINED.say(),)
     if not state.airborne_vehicles():
         return _clear_silence(state), ()
     if state.listening.silent_since_s is not None:
         return _repeat_silence_warning(context, state, now_s)
-    who = "all links lost" if len(expected) > 1 else "no link to any vehicle"
-    text = f"{who}: suspecting the ground radio; re-planning suspended"
-    return state.with_listening(silent_since_s=latest), (Say(Level.WARNING, text),)
+    lost = link.ALL_LOST if len(expected) > 1 else link.ONLY_ONE_LOST
+    return state.with_listening(silent_since_s=latest), (lost.say(),)
 
 
 def _record_absence(state: FleetState, absence: GroundStationAbsence) -> FleetState:
@@ -80,11 +79,8 @@ def _repeat_silence_warning(context: Scene, state: FleetState, now_s: float) -> 
     if now_s - told_s < (context.limits.all_silent_s if state.listening.silence_told_s is None else TOLD_AGAIN_S):
         return state, ()
     aloft = ", ".join(vehicle.name for vehicle in state.airborne_vehicles())
-    text = (
-        f"no message from any vehicle for {now_s - since_s:.0f} s; in the air at last contact: {aloft}. The "
-        "flight stays open and resumes with the first link regained"
-    )
-    return state.with_listening(silence_told_s=now_s), (Say(Level.FAULT, text),)
+    said = link.ALL_STILL_LOST.say(age_s=now_s - since_s, airborne=aloft)
+    return state.with_listening(silence_told_s=now_s), (said,)
 
 
 def _list_contact_times(state: FleetState) -> list[float]:
@@ -114,10 +110,9 @@ def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: 
         stale = now_s - vehicle.link.spoke_s >= context.limits.link_stale_s
     if stale == vehicle.link.stale:
         return state, ()
-    text = f"{vehicle.name}: no message for {age_s:.1f} s" if stale else f"{vehicle.name}: link regained"
-    level = Level.WARNING if stale else Level.INFO
+    said = (link.STALE if stale else link.REGAINED).say(vehicle=vehicle.name, age_s=age_s)
     excused_s = vehicle.link.excused_s if stale else now_s
-    return state.put(vehicle.with_link(stale=stale, excused_s=excused_s)), (Say(level, text),)
+    return state.put(vehicle.with_link(stale=stale, excused_s=excused_s)), (said,)
 
 
 def _excuse_silence(state: FleetState, pause_s: float, now_s: float) -> FleetState:

@@ -1,0 +1,59 @@
+"""Every line for the crew is said with exactly the values that its words name."""
+
+from __future__ import annotations
+
+import ast
+import string
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from executor.core.interface.commands import Level, CrewLine, Say
+from tests.test_architecture import ROOT, modules
+
+LINES = {
+    (path.stem, name): line
+    for path in (ROOT / "executor/core/lines").glob("[a-z]*.py")
+    for name, line in vars(import_module(f"executor.core.lines.{path.stem}")).items()
+    if isinstance(line, CrewLine)
+}
+
+
+def names(words: str) -> set[str]:
+    return {name for _, name, _, _ in string.Formatter().parse(words) if name}
+
+
+def constants(node: ast.expr) -> Iterator[tuple[str, str]]:
+    """Yield `subject.NAME` of every line that an expression may be."""
+    for part in ast.walk(node):
+        if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name):
+            yield part.value.id, part.attr
+
+
+def said(path: Path) -> Iterator[tuple[int, tuple[str, str], set[str]]]:
+    """Yield each `subject.NAME.say(name=value)` of a file with its names."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "say":
+            for line in constants(node.func.value):
+                if line in LINES:
+                    yield node.lineno, line, {word.arg for word in node.keywords if word.arg}
+
+
+@pytest.mark.parametrize("path", modules("executor"), ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_line_gets_a_value_for_each_of_its_names(path: Path) -> None:
+    for number, line, given in said(path):
+        missing = names(LINES[line].words) - given
+        assert not missing, f"{path}:{number}: {'.'.join(line)} says {missing}, which it is not given"
+
+
+def test_no_line_is_left_that_nobody_says() -> None:
+    texts = "\n".join(path.read_text(encoding="utf-8") for path in modules("executor"))
+    assert [line for line in LINES if f"{line[0]}.{line[1]}" not in texts] == []
+
+
+def test_a_line_is_said_with_its_level_or_with_another() -> None:
+    line = CrewLine(Level.INFO, "{vehicle}: landed with {left_pct:.0f} %")
+    assert line.say(vehicle="uav1", left_pct=61.4) == Say(Level.INFO, "uav1: landed with 61 %")
+    assert line.at(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING
