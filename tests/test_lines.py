@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.interface.commands import Level, CrewLine, Say
+from executor.core.interface.commands import CrewLine, Level, Say
 from tests.test_architecture import ROOT, modules
 
 LINES = {
@@ -56,4 +56,4 @@ def test_no_line_is_left_that_nobody_says() -> None:
 def test_a_line_is_said_with_its_level_or_with_another() -> None:
     line = CrewLine(Level.INFO, "{vehicle}: landed with {left_pct:.0f} %")
     assert line.say(vehicle="uav1", left_pct=61.4) == Say(Level.INFO, "uav1: landed with 61 %")
-    assert line.at(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING
+    assert line.with_level(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING

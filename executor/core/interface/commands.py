@@ -34,7 +34,7 @@ class CrewLine:
     level: Level
     words: str
 
-    def at(self, level: Level) -> CrewLine:
+    def with_level(self, level: Level) -> CrewLine:
         """Return this line at another level."""
         return CrewLine(level, self.words)
 

@@ -1,6 +1,6 @@
 """Lines about links: one that is lost and regained, all of them at once, and our own pauses."""
 
-from executor.core.interface.commands import Level, CrewLine
+from executor.core.interface.commands import CrewLine, Level
 
 STALE = CrewLine(Level.WARNING, "{vehicle}: no message for {age_s:.1f} s")
 REGAINED = CrewLine(Level.INFO, "{vehicle}: link regained")
