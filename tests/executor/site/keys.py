@@ -22,6 +22,7 @@ import pytest
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicles
 from executor.cli import exports
+from executor.cli.options import FormatName
 from executor.core.context import Context
 from executor.errors import ExecutorError
 from executor.flight.flight_request import FlightRequest, write_run_start
@@ -213,7 +214,7 @@ def export(loaded: Loaded) -> object:
     with pytest.MonkeyPatch.context() as patch:
         # A plan over a raster is exported beside its site: this one is in memory.
         patch.setattr(exports, "read_site", lambda _: loaded.site)
-        for to in (exports.FormatName.QGC, exports.FormatName.KML):
+        for to in (FormatName.QGC, FormatName.KML):
             exports.export(path, out, to, None, site)
     return {one.name: one.read_text(encoding="utf-8") for one in sorted(out.iterdir())}
 
