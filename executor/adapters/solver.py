@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -74,6 +75,8 @@ def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> N
     global _worker  # noqa: PLW0603 - a worker process holds exactly one setup, given when it starts
     _worker = (setup, cancelled, wanted)
     end_with_parent()
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("planner").setLevel(logging.INFO)  # it says that it compiles
     warm_up()
 
 

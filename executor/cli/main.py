@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import io
+import logging
 import os
 import signal
 import sys
@@ -91,6 +92,8 @@ def _ignore_loop_unraisable(what: sys.UnraisableHookArgs) -> None:
 
 def _run(given: Sequence[str]) -> int:
     _say_at_once(given)
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("planner").setLevel(logging.INFO)  # it says that it compiles
     # Loading takes a second, in which Ctrl-C may come, too.
     import typer
     from typer.exceptions import TyperException

@@ -8,12 +8,15 @@ work space is handed in.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
+from functools import cache
 from typing import Annotated, Any, Protocol, TypeVar, get_args, get_origin, get_type_hints
 
 import numba as nb
 
 SCALARS = {int: nb.int64, float: nb.float64, bool: nb.boolean, type(None): nb.void}
+LOGGER = logging.getLogger(__name__)
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -52,10 +55,19 @@ def _build_compiler(**options: Any) -> Compiler:
         hints = get_type_hints(function, include_extras=True)
         returns = find_type(hints.pop("return"))
         signature = returns(*map(find_type, hints.values()))
-        compiled: Function = compile_for(signature, cache=True, nogil=True, no_cfunc_wrapper=True, **options)(function)
-        return compiled
+        compiled = compile_for(signature, cache=True, nogil=True, no_cfunc_wrapper=True, **options)(function)
+        if compiled.stats.cache_misses:
+            _log_compiling()
+        made: Function = compiled
+        return made
 
     return compile_function
+
+
+@cache
+def _log_compiling() -> None:
+    """Log, once in a process, what a first start waits for."""
+    LOGGER.info("compiling the planner for this computer, once: about half a minute")
 
 
 def find_type(hint: Any) -> Any:

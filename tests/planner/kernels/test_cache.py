@@ -17,6 +17,7 @@ import pytest
 import planner.kernels
 from planner.kernels.cache import compute_sources_digest, make_cache_directory
 
+ROOT = Path(__file__).parents[3]
 REPORT = """
 import importlib, json, pkgutil, sys
 import planner
@@ -77,3 +78,32 @@ def test_where_nothing_can_be_written_a_private_directory_serves(
     assert private.is_dir()
     assert in_the_way not in private.parents
     assert private.stat().st_mode & 0o077 == 0
+
+
+KERNELS = """
+import logging
+from planner.kernels.cache import use_cache
+use_cache()
+logging.basicConfig(format="%(message)s", level=logging.INFO)
+from planner.kernels.compiled import kernel
+
+@kernel()
+def double(number: int) -> int:
+    return 2 * number
+
+@kernel()
+def halve(number: float) -> float:
+    return 0.5 * number
+"""
+
+
+def test_a_first_start_says_once_that_it_compiles(tmp_path: Path) -> None:
+    script = tmp_path / "kernels.py"
+    script.write_text(KERNELS)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    first, second = (
+        subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    )
+    assert first.stderr == "compiling the planner for this computer, once: about half a minute\n"
+    assert second.stderr == ""
