@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.row_matrix import build_row_matrix
-from planner import highs
+from benchmarks import highs
 from planner.errors import InstanceError
 from planner.sorties.sortie_evaluation import TOLERANCE
 from planner.sorties.sortie_model import Sortie, SortieInstance, SortiePlan

@@ -333,10 +333,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
-    "tests/planner/test_exact.py": (
-        "planner/highs.py",
-        "planner/partition.py",
-    ),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": (
         "planner/decomposition.py",
@@ -385,7 +381,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "planner/sorties/sortie_model.py"),
+    "tests/benchmarks/test_exact_sorties.py": (
+        "benchmarks/highs.py",
+        "benchmarks/row_matrix.py",
+        "planner/sorties/sortie_model.py",
+    ),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
@@ -397,10 +397,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",
     ),
-    "tests/properties/test_planner_subsets.py": (
-        "planner/kernels/subset_dynamics.py",
-        "planner/subset_routes.py",
-    ),
+    "tests/properties/test_planner_subsets.py": ("planner/kernels/subset_dynamics.py",),
     "tests/test_docs.py": (
         "scripts/pages/page_types.py",
         "scripts/pages/reference.py",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.kernels.arrays import Flags, Floats, Ints, Table
+from planner.kernels.arrays import Floats, Ints, Table
 from planner.kernels.compiled import kernel
 
 
@@ -56,26 +56,30 @@ def find_best_routes(start: Floats, home: Floats, move: Table, most: float, spen
         energy[chosen] = shortest if shortest <= most else np.inf
 
 
-@kernel(counted=True)
-def join_covered_sets(covered: Flags, fits: Flags, together: Flags, part_of: Ints) -> None:
-    """Find the sets that some vehicles and one more cover together: 3^n steps at most.
+@kernel()
+def join_sets(cost: Floats, own: Floats, longest: bool, complete: bool, together: Floats, part_of: Ints) -> None:
+    """Find what some vehicles and one more cover together at the least cost: 3^n steps at most.
 
     Args:
-        covered: (2^n,) whether the vehicles so far can cover exactly this set.
-        fits: (2^n,) whether the next vehicle can.
-        together: (2^n,) all False; set to whether they can together.
+        cost: (2^n,) of each set that the vehicles so far cover, infinite where they cannot.
+        own: (2^n,) the same of the next vehicle.
+        longest: whether the larger of the two counts instead of their sum.
+        complete: whether the next vehicle takes all that is left: only the set of everything is looked at.
+        together: (2^n,) all infinite; set to what it is together.
         part_of: (2^n,) set to the next vehicle's part, where they can.
     """
-    everything = len(covered) - 1
-    for chosen in range(len(covered)):
-        if not covered[chosen]:
+    everything = len(cost) - 1
+    for chosen in range(len(cost)):
+        before = cost[chosen]
+        if before == np.inf:
             continue
         free = everything ^ chosen
         part = free
         while True:
-            if fits[part] and not together[chosen | part]:
-                together[chosen | part] = True
+            joined = max(before, own[part]) if longest else before + own[part]
+            if joined < together[chosen | part]:
+                together[chosen | part] = joined
                 part_of[chosen | part] = part
-            if part == 0:
+            if part == 0 or complete:
                 break
             part = (part - 1) & free

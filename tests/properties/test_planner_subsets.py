@@ -33,7 +33,7 @@ from planner import (
     solve,
     travel_for,
 )
-from planner.subset_routes import find_subset_routes
+from planner.exact import find_subset_routes
 from tests.planner.builders import fleet, line, random_instance
 
 # A coarse grid, so that coincident pylons and segments without length are common.
