@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.row_matrix import build_row_matrix
 from benchmarks import highs
+from benchmarks.row_matrix import build_row_matrix
 from planner.errors import InstanceError
 from planner.sorties.sortie_evaluation import TOLERANCE
 from planner.sorties.sortie_model import Sortie, SortieInstance, SortiePlan

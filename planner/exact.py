@@ -212,7 +212,7 @@ class _Proof:
         first: Result,
         stop: StopRule,
         watch: Stopwatch,
-        all_vehicles: bool,  # noqa: FBT001 - private, and passed on
+        all_vehicles: bool,
     ) -> None:
         from planner.construct import build_kernel_problem, build_true_weights
 
