@@ -19,7 +19,7 @@ from planner.energy import (
     power_w,
     top_speed_m_s,
 )
-from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
+from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
     completion_times_s,
     energy_use_pct,

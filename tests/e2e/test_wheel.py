@@ -69,9 +69,9 @@ def place(folder: Path) -> Place:
     return Place(folder)
 
 
-def test_the_planner_alone_needs_two_packages(wheel: Path, tmp_path: Path) -> None:
+def test_the_planner_alone_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
     here = place(tmp_path)
-    here.install("numpy", "numba")
+    here.install("numpy", "numba", "pydantic")
     here.install("--no-deps", str(wheel))
     assert here.run("python", "-c", PLAN) == (0, "", "")
 
