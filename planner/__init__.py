@@ -29,9 +29,7 @@ from planner.evaluate import (
 )
 from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
 from planner.grasp import solve_grasp
-from planner.instance import build_instance
-from planner.loss_row import RepairStatus
-from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
 from planner.moves import (
     Dynamics,
     MoveGeometry,
@@ -53,9 +51,8 @@ from planner.onboard_plan import (
     select_best_plan,
 )
 from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
-from planner.pareto_front import ParetoPlan, find_pareto_front
 from planner.replan import RemainingProblem, build_remaining_problem, replan, warm_start
-from planner.result import Result
+from planner.result import CriticalLoss, RepairStatus, ReplanWindow, Result
 from planner.risk import (
     FlightChunk,
     ProbabilityEstimate,
@@ -69,7 +66,6 @@ from planner.risk import (
 )
 from planner.solve import solve, warm_up
 from planner.stop_rules import (
-    AnyOf,
     Cancelled,
     FirstFeasible,
     Iterations,
@@ -81,11 +77,9 @@ from planner.stop_rules import (
     combine_stop_rules,
 )
 from planner.window import (
-    CriticalLoss,
     LossRepair,
-    ReplanWindow,
     build_loss_table,
     find_repairs_at,
     replan_window,
 )
-from planner.window_search import solve_window
+from planner.window_search import ParetoPlan, find_pareto_front, solve_window

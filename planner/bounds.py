@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.cost import BUDGET_TOLERANCE_PCT
-from planner.instance import TABLES_UP_TO
-from planner.model import Instance
+from planner.model import TABLES_UP_TO, Instance
 from planner.moves import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]

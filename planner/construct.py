@@ -149,22 +149,21 @@ def build_kernel_state(problem: Problem, routes: Iterable[Sequence[int]]) -> Sta
     return state
 
 
-def build_first_state(instance: Instance, cost: Cost, routes: Iterable[Sequence[int]]) -> State:
+def build_first_state(
+    problem: Problem,
+    cost: Cost,
+    routes: Iterable[Sequence[int]],
+    params: AnnealingParams = DEFAULT_PARAMS.annealing,
+    *,
+    all_vehicles: bool = False,
+) -> State:
     """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
-    problem = build_kernel_problem(instance)
     state = build_kernel_state(problem, routes)
-    params = DEFAULT_PARAMS.annealing
     scale = float(problem.effort.max())
-    weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=False, power=params.powers[0])
-    insert_open_segments(problem, weights, state)
+    weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=all_vehicles, power=params.powers[0])
+    waiting = np.flatnonzero(state.route_of < 0).astype(np.int64)
+    insert_by_regret(problem, weights, state, waiting, build_random_state(0))
     return state
-
-
-def insert_open_segments(problem: Problem, weights: Weights, state: State) -> None:
-    """Insert by regret what no route visits, as far as budgets allow."""
-    insert_by_regret(
-        problem, weights, state, np.flatnonzero(state.route_of < 0).astype(np.int64), build_random_state(0)
-    )
 
 
 def build_plan(state: State) -> Plan:

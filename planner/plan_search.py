@@ -11,15 +11,14 @@ import numpy as np
 
 from planner.bounds import explain_infeasibility
 from planner.construct import (
+    build_first_state,
     build_guide_weights,
     build_kernel_problem,
-    build_kernel_state,
     build_plan,
     build_random_state,
     build_search_workspace,
     build_true_weights,
     copy_state,
-    insert_open_segments,
 )
 from planner.cost import Cost
 from planner.evaluate import Evaluation, evaluate
@@ -96,7 +95,8 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         self._problem: Problem = build_kernel_problem(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)
-        first = self._build_first_state(initial)
+        routes = [route.visits for route in initial.routes] if initial is not None else []
+        first = build_first_state(self._problem, cost, routes, self._params, all_vehicles=all_vehicles)
         self._soft = False
         super().__init__(
             [PlanStart(self._problem, truth, first, build_random_state(seed + number)) for number in range(starts)],
@@ -107,19 +107,6 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         """Improve until ``stop`` says so."""
         reason = self._run_rounds(stop)
         return self._build_result(self._plan, self._evaluation, reason)
-
-    def _build_first_state(self, initial: Plan | None) -> State:
-        routes = [route.visits for route in initial.routes] if initial is not None else []
-        state = build_kernel_state(self._problem, routes)
-        weights = self._build_weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
-        insert_open_segments(self._problem, weights, state)
-        return state
-
-    def _build_weights(self, scale: float, power: float, *, soft: bool) -> Weights:
-        return build_guide_weights(
-            self._problem, self._cost, self._params,
-            scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft,
-        )  # fmt: skip
 
     def _build_cycle(self, before: Cycle | None) -> Cycle:
         """Return a cycle twice as long as the one before; after a soft one a hard one of its length."""
@@ -142,7 +129,11 @@ class PlanSearch(AnnealingSearch[PlanStart]):
 
     def _improve(self, start: PlanStart, iterations: int) -> int:
         power = self._params.powers[self._cycle.stage(start.done)]
-        return start.run(self._build_weights(self._scale, power, soft=self._soft), self._cycle.cooling, iterations)
+        weights = build_guide_weights(
+            self._problem, self._cost, self._params,
+            scale=self._scale, all_vehicles=self._all_vehicles, power=power, soft=self._soft,
+        )  # fmt: skip
+        return start.run(weights, self._cycle.cooling, iterations)
 
     def _publish(self) -> None:
         super()._publish()

@@ -15,10 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.cost import Cost
-from planner.decomposition import build_part_instance
 from planner.errors import PlanError
 from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
-from planner.model import Instance, Plan, Route, Vehicle, is_reversed, renumber_visits, segment_of, visit_of
+from planner.model import (
+    Instance,
+    Plan,
+    Route,
+    Vehicle,
+    build_part_instance,
+    is_reversed,
+    renumber_visits,
+    segment_of,
+    visit_of,
+)
 from planner.moves import FloatArray
 from planner.result import Result
 from planner.solve import check_tails, solve
@@ -92,6 +101,18 @@ def build_remaining_problem(
         raise PlanError(f"{instance.vehicles[lost].name} is the only vehicle: nobody is left")
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
+    completed, survivors, open_segments = find_survivors(instance, plan, lost, at_s, fly_again=fly_again)
+    starts = [build_survivor_start(instance, survivor) for survivor in survivors]
+    reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)
+    number = {segment: place for place, segment in enumerate(open_segments)}
+    tails = [renumber_visits(survivor.tail, number) for survivor in survivors]
+    return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
+
+
+def find_survivors(
+    instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool
+) -> tuple[tuple[int, ...], tuple[FreeVehicle, ...], tuple[int, ...]]:
+    """Return the lost vehicle's visits that have ended, who goes on, and the segments that are open."""
     until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
     survivors = tuple(_build_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
     completed = _find_completed_visits(instance, plan.routes[lost], at_s)
@@ -100,12 +121,7 @@ def build_remaining_problem(
         settled.update(segment_of(visit) for visit in survivor.completed)
         if survivor.finishing is not None:
             settled.add(segment_of(survivor.finishing))
-    open_segments = tuple(segment for segment in range(instance.segments) if segment not in settled)
-    starts = [build_survivor_start(instance, survivor) for survivor in survivors]
-    reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)
-    number = {segment: place for place, segment in enumerate(open_segments)}
-    tails = [renumber_visits(survivor.tail, number) for survivor in survivors]
-    return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
+    return completed, survivors, tuple(segment for segment in range(instance.segments) if segment not in settled)
 
 
 def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
@@ -123,9 +139,9 @@ def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
     if instance.segments == 0:
         return Plan(tuple(Route(vehicle, ()) for vehicle in range(len(tails))))
     # Only here, as in solve.py: it loads numba.
-    from planner.construct import build_first_state, build_plan
+    from planner.construct import build_first_state, build_kernel_problem, build_plan
 
-    return build_plan(build_first_state(instance, Cost.MINSUM, tails))
+    return build_plan(build_first_state(build_kernel_problem(instance), Cost.MINSUM, tails))
 
 
 def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: StopRule, seed: int = 0) -> Result:

@@ -25,10 +25,10 @@ from planner.after_losses import FleetAfterLosses, build_state_before_losses, re
 from planner.cost import Cost
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import evaluate
-from planner.loss_row import LossRow
 from planner.model import Instance, Plan
 from planner.moves import FloatArray
 from planner.replan import SAME_TIME_S, build_remaining_problem
+from planner.result import LossRow
 from planner.window import EFFORT, build_loss_table, event_times_s
 
 FLIGHTS_PER_CHUNK = 10_000

@@ -30,10 +30,11 @@ from planner.kernels.window_scan import Repairs
 from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.result import WindowResult
 from planner.search import Search, Standing, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
-from planner.window import WindowResult, replan_window
+from planner.window import replan_window
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from planner.cost import Cost
 from planner.errors import PlanError
 from planner.evaluate import evaluate
-from planner.instance import build_instance
-from planner.model import Instance, Plan, Route, Vehicle, segment_of
+from planner.model import Instance, Plan, Route, Vehicle, build_instance, segment_of
 from planner.moves import Travel
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.result import Result

@@ -14,68 +14,14 @@ from itertools import takewhile
 
 from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import Evaluation, completion_times_s, evaluate, route_duration_s
-from planner.loss_row import LossRow, RepairStatus
+from planner.evaluate import completion_times_s, evaluate, route_duration_s
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
+from planner.result import CriticalLoss, LossRow, RepairStatus, ReplanWindow
 from planner.solve import check_tails
 
 EFFORT = 10_000
 """Iterations of ruin and recreate for one loss, as a default: some 50 ms where there is no re-plan."""
-
-
-@dataclass(frozen=True, slots=True)
-class CriticalLoss:
-    """The loss that ends a window: with it, no re-plan was found."""
-
-    vehicle: int
-    from_s: float
-    to_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class ReplanWindow:
-    """From when on the fleet can absorb any one loss."""
-
-    earliest_s: float
-    """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
-    certified_earliest_s: float
-    """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
-    longest_route_s: float
-    breaking: CriticalLoss | None
-    """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
-
-    @property
-    def window_pct(self) -> float:
-        """The window as a share of the longest route's time."""
-        return self._share_pct(self.earliest_s)
-
-    @property
-    def certified_window_pct(self) -> float:
-        """No window of this plan is larger."""
-        return self._share_pct(self.certified_earliest_s)
-
-    def _share_pct(self, earliest_s: float) -> float:
-        if self.longest_route_s <= 0:
-            return 100.0
-        return 100.0 * ((self.longest_route_s - earliest_s) / self.longest_route_s)
-
-
-@dataclass(frozen=True, slots=True)
-class WindowResult:
-    """The plan with the largest window found, and how the search went."""
-
-    plan: Plan
-    window: ReplanWindow
-    """As ``replan_window`` computes it."""
-    evaluation: Evaluation
-    """With MinMax as its value."""
-    feasible: bool
-    """Whether every segment is inspected, no budget exceeded and no route longer than allowed."""
-    iterations: int
-    seconds: float
-    stopped_by: str
-    """The stop rule's reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +51,8 @@ def replan_window(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    _check_fleet(instance, plan)
+    check_tails(instance, [route.visits for route in plan.routes])
+    check_fleet(instance)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
     if plan.uncovered or evaluation.violations:
@@ -170,7 +117,8 @@ def find_repairs_at(
 
 def _iterate_rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: bool) -> Iterator[LossRow]:
     """Return all losses of a plan, those at the end first; a row is computed when it is asked for."""
-    _check_fleet(instance, plan)
+    check_tails(instance, [route.visits for route in plan.routes])
+    check_fleet(instance)
     if instance.segments == 0:
         return iter(())
     from planner.loss_scan import LossScan
@@ -195,7 +143,11 @@ def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     return tuple(events)
 
 
-def _check_fleet(instance: Instance, plan: Plan) -> None:
-    check_tails(instance, [route.visits for route in plan.routes])
-    if len(plan.routes) == 1:
+def check_fleet(instance: Instance) -> None:
+    """Check that somebody is left after a loss.
+
+    Raises:
+        PlanError: there is one vehicle only.
+    """
+    if len(instance.vehicles) == 1:
         raise PlanError(f"{instance.vehicles[0].name} is the only vehicle: nobody is left when it is lost")

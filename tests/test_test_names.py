@@ -334,22 +334,17 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
-    "tests/planner/test_large.py": (
-        "planner/decomposition.py",
-        "benchmarks/synthetic.py",
-    ),
+    "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
     "tests/planner/test_risk.py": ("planner/after_losses.py",),
     "tests/planner/test_window_search.py": (
         "benchmarks/table/window_bound.py",
         "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
-        "planner/pareto_front.py",
     ),
     "tests/planner/test_search.py": (
         "planner/construct.py",
         "planner/cost.py",
         "planner/kernels/ruin.py",
-        "planner/model.py",
         "planner/result.py",
         "planner/solve.py",
         "planner/plan_search.py",
@@ -379,7 +374,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_state.py",
         "planner/sorties/sortie_evaluation.py",
         "planner/sorties/sortie_annealing.py",
-        "planner/sorties/sortie_solve.py",
     ),
     "tests/benchmarks/test_exact_sorties.py": (
         "benchmarks/highs.py",

@@ -15,7 +15,7 @@ from planner.sorties.sortie_evaluation import (
     evaluate_sorties,
     sortie_duration_s,
 )
-from planner.sorties.sortie_losses import LossWindow, build_sorties_after_loss, find_loss_windows
+from planner.sorties.sortie_losses import LossWindow, build_sorties_after_loss, find_loss_windows, solve_sorties
 from planner.sorties.sortie_model import (
     Objective,
     Sortie,
@@ -25,7 +25,6 @@ from planner.sorties.sortie_model import (
     SortieVehicle,
     subtract_quiet_times,
 )
-from planner.sorties.sortie_solve import solve_sorties
 from planner.sorties.survival import (
     SparesEstimate,
     SurvivalCampaign,

@@ -48,24 +48,20 @@ def sortie_duration_s(instance: SortieInstance, vehicle: int, sortie: Sortie) ->
     Raises:
         PlanError: it has no visit, or one that the instance does not have.
     """
-    _check(instance, sortie)
-    visits, profile = list(sortie.visits), instance.vehicles[vehicle].profile
-    between = instance.moves.seconds(profile, visits[:-1], visits[1:]).sum()
-    out, home = instance.out_s[vehicle, sortie.base, visits[0]], instance.home_s[vehicle, visits[-1], sortie.lands]
-    return float(out + between + home)
+    return _measure_sortie(instance, vehicle, sortie)[0]
 
 
-def sortie_energy_pct(instance: SortieInstance, vehicle: int, sortie: Sortie) -> float:
-    """Return what a sortie uses of a full pack.
-
-    Raises:
-        PlanError: as ``sortie_duration_s``.
-    """
+def _measure_sortie(instance: SortieInstance, vehicle: int, sortie: Sortie) -> tuple[float, float]:
+    """Return a sortie's seconds, and its percent of a full pack."""
     _check(instance, sortie)
     visits, own = list(sortie.visits), instance.vehicles[vehicle]
-    between = instance.moves.pct(own.profile, visits[:-1], visits[1:]).sum()
-    out, home = instance.out_pct[vehicle, sortie.base, visits[0]], instance.home_pct[vehicle, visits[-1], sortie.lands]
-    return float(out + own.consumption * between + home)
+    out, home = (vehicle, sortie.base, visits[0]), (vehicle, visits[-1], sortie.lands)
+    between_s = instance.moves.seconds(own.profile, visits[:-1], visits[1:]).sum()
+    between_pct = own.consumption * instance.moves.pct(own.profile, visits[:-1], visits[1:]).sum()
+    return (
+        float(instance.out_s[out] + between_s + instance.home_s[home]),
+        float(instance.out_pct[out] + between_pct + instance.home_pct[home]),
+    )
 
 
 def _check(instance: SortieInstance, sortie: Sortie) -> None:
@@ -87,12 +83,8 @@ def evaluate_sorties(instance: SortieInstance, plan: SortiePlan) -> SortieEvalua
         raise PlanError(f"plan: expected {len(instance.vehicles)} vehicles, got {len(plan.sorties)}")
     if not all(0 <= segment < instance.segments for segment in plan.uncovered):
         raise PlanError(f"uncovered: expected some of {instance.segments} segments")
-    lasts = tuple(
-        tuple(sortie_duration_s(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
-    )
-    energies = tuple(
-        tuple(sortie_energy_pct(instance, vehicle, one) for one in own) for vehicle, own in enumerate(plan.sorties)
-    )
+    figures = [[_measure_sortie(instance, vehicle, one) for one in own] for vehicle, own in enumerate(plan.sorties)]
+    lasts, energies = (tuple(tuple(pair[place] for pair in own) for own in figures) for place in range(2))
     ends = [one.start_s + long for own, row in zip(plan.sorties, lasts, strict=True)
             for one, long in zip(own, row, strict=True)]  # fmt: skip
     found = [

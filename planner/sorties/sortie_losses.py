@@ -1,4 +1,6 @@
-"""Days in which vehicles are lost for good: what is left then, and until when a loss still lets the days be finished.
+"""From an instance to days of sorties, and what losses for good leave of them.
+
+Until when a loss still lets the days be finished is found out by plans for what each one leaves.
 
 A sortie that has begun is flown to its end. What a vehicle did counts once it has landed: a lost one loses what it had
 on board. For the others new sorties are planned after those under way.
@@ -13,10 +15,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import PlanError
-from planner.sorties.sortie_evaluation import sortie_duration_s
+from planner.sorties.sortie_evaluation import SortieResult, sortie_duration_s
 from planner.sorties.sortie_model import Objective, Sortie, SortieBase, SortieInstance, SortiePlan
-from planner.sorties.sortie_solve import solve_sorties
-from planner.stop_rules import FirstFeasible, Iterations, Progress, StopVerdict, combine_stop_rules
+from planner.stop_rules import (
+    FirstFeasible,
+    Iterations,
+    Progress,
+    StopRule,
+    StopVerdict,
+    add_progress_report,
+    combine_stop_rules,
+)
 
 if TYPE_CHECKING:
     from planner.sorties.sortie_state import MoveTable
@@ -28,14 +37,46 @@ POLISHED = 400
 SAME_TIME_S = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class _PolishedStopRule:
-    """Stop at the first plan that covers everything, but not at once; or when it is certain that there is none."""
+def solve_sorties(
+    instance: SortieInstance,
+    *,
+    stop: StopRule,
+    objective: Objective = Objective.FINISH,
+    seed: int = 0,
+    starts: int = 1,
+    initial: Sequence[Sequence[Sortie]] = (),
+    table: MoveTable | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> SortieResult:
+    """Return the best plan found until ``stop`` ends the search.
 
-    def __call__(self, progress: Progress) -> StopVerdict:
-        if progress.feasible and not progress.impossible and progress.iterations < POLISHED:
-            return StopVerdict(POLISHED - progress.iterations, "polished")
-        return FirstFeasible()(progress)
+    What no vehicle can do, and what finds no day, is left uncovered.
+
+    Args:
+        instance: the problem.
+        stop: asked at least every 200 iterations of a start.
+        objective: what comes first.
+        seed: of all randomness.
+        starts: searches side by side, a thread each; iterations are counted over all of them.
+        initial: sorties to begin with for each vehicle; the search puts in what is missing.
+        table: the moves, where they are priced already.
+        on_progress: told where the search stands.
+
+    Raises:
+        PlanError: ``initial`` has a segment twice.
+    """
+    # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
+    from planner.sorties.sortie_annealing import SortieSearch
+
+    search = SortieSearch(instance, objective=objective, seed=seed, starts=starts, initial=initial, table=table)
+    return search.run(add_progress_report(stop, on_progress))
+
+
+def _stop_once_polished(progress: Progress) -> StopVerdict:
+    """Stop at the first plan that covers everything, but not at once; or when it is certain that there is none."""
+    if progress.feasible and not progress.impossible and progress.iterations < POLISHED:
+        return StopVerdict(POLISHED - progress.iterations, "polished")
+    return FirstFeasible()(progress)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +222,7 @@ def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: Mo
     """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
         return SortiePlan(tuple(() for _ in left.tails))
-    stop = combine_stop_rules(_PolishedStopRule(), Iterations(iterations))
+    stop = combine_stop_rules(_stop_once_polished, Iterations(iterations))
     return solve_sorties(
         left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
     ).plan
