@@ -122,10 +122,8 @@ class _GraspRuns(Search):
         """Return a run that has been constructed only."""
         from planner.construct import build_empty_state, copy_state
 
-        fleet, segments = len(self._problem.budget), len(self._problem.value)
         current = build_empty_state(self._problem)
         self._kernels.construct(self._problem, self._weights, current, self._rng)
-        tabu = max(1, segments // 4)
         walk = self._kernels.GraspWalk(
             current=current,
             trial=copy_state(current),
@@ -133,8 +131,7 @@ class _GraspRuns(Search):
             cost=np.array([self._kernels.compute_plan_cost(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
-            tabu_visits=np.zeros((tabu, segments), dtype=np.int64),
-            tabu_lengths=np.zeros((tabu, fleet), dtype=np.int64),
+            tabu=np.zeros(max(1, len(self._problem.value) // 4), dtype=np.int64),
         )
         self._kernels.forbid_current(walk)
         return walk

@@ -6,15 +6,22 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from planner.bounds import explain_infeasibility_fully
+from planner.bounds import ASCENT, explain_infeasibility
 from planner.construct import build_kernel_problem, build_random_state, build_state, copy_state
 from planner.cost import BUDGET_TOLERANCE_PCT
 from planner.evaluate import energy_use_pct, route_duration_s, route_energy_pct
 from planner.exact import find_covering_plan
 from planner.kernels.arrays import FloatArray, Problem, State
-from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, set_clock
-from planner.kernels.repair import RepairWorkspace
-from planner.kernels.window_scan import Repairs, try_loss
+from planner.kernels.repair import (
+    SAME_TIME_S,
+    Loss,
+    LossClock,
+    LossTiming,
+    Repairs,
+    RepairWorkspace,
+    set_clock,
+    try_loss,
+)
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.replan import RemainingProblem, build_remaining_problem, build_survivor_start, find_survivors
 from planner.result import LossRow, RepairStatus
@@ -86,7 +93,7 @@ class LossScan:
         """Return a re-plan, or whether it is certain that there is none."""
         at_s = self._events_s[interval]
         left = build_remaining_problem(self._instance, self._plan, vehicle, at_s, fly_again=self._fly_again)
-        if explain_infeasibility_fully(left.instance) is not None:
+        if explain_infeasibility(left.instance, ascent=ASCENT) is not None:
             return True
         if len(left.open_segments) > EXACT_UP_TO:
             return False

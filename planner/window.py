@@ -8,7 +8,7 @@ through from the end and the first loss without a re-plan ends the window.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
@@ -132,14 +132,19 @@ def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:
     Between two of them nothing changes, whichever vehicle is lost. Where survivors fly on as planned for a while,
     losses that much before such a time count as well.
     """
-    times = {0.0}
-    for route in plan.routes:
-        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route)):
-            times.update((time_s, max(0.0, time_s - instance.answer_s)))
-    events: list[float] = []
-    for time_s in sorted(times):
-        if not events or time_s > events[-1] + SAME_TIME_S:
-            events.append(time_s)
+    times = [
+        time_s for route in plan.routes
+        for time_s in (*completion_times_s(instance, route), route_duration_s(instance, route))
+    ]  # fmt: skip
+    return merge_times(times, instance.answer_s)
+
+
+def merge_times(times_s: Iterable[float], answer_s: float) -> tuple[float, ...]:
+    """Return 0, some times and what lies ``answer_s`` before them, ascending, those that are the same once."""
+    events = [0.0]
+    for time_s in sorted(time_s for after_s in times_s for time_s in (after_s, after_s - answer_s)):
+        if time_s > events[-1] + SAME_TIME_S:
+            events.append(float(time_s))
     return tuple(events)
 
 

@@ -338,7 +338,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/planner/test_risk.py": ("planner/after_losses.py",),
     "tests/planner/test_window_search.py": (
         "benchmarks/table/window_bound.py",
-        "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
     ),
     "tests/planner/test_search.py": (
@@ -350,9 +349,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/plan_search.py",
     ),
     "tests/planner/test_window.py": (
-        "planner/kernels/loss_problem.py",
         "planner/kernels/repair.py",
-        "planner/kernels/window_scan.py",
         "planner/loss_scan.py",
     ),
     "tests/properties/test_geometry.py": ("missions/geometry.py",),
@@ -368,7 +365,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/kernels/tours.py",
     ),
     "tests/properties/test_planner_sorties.py": (
-        "planner/kernels/sortie_insertion.py",
         "planner/kernels/sortie_schedule.py",
         "planner/kernels/sortie_search.py",
         "planner/sorties/sortie_state.py",

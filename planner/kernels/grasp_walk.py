@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Weights
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights
 from planner.kernels.compiled import kernel
 from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import copy_route, insert, measure
@@ -27,10 +27,8 @@ class GraspWalk(NamedTuple):
     """(4,): how often each neighbourhood is drawn, in relation to the others."""
     counts: Ints
     """(3,): solutions that entered the tabu list, rounds, rounds since the last improvement."""
-    tabu_visits: IntTable
-    """(m, n): the visits of the last m solutions, route after route."""
-    tabu_lengths: IntTable
-    """(m, k): the lengths of their routes."""
+    tabu: Ints
+    """(m,): fingerprints of the last m solutions."""
 
 
 @kernel(counted=True)
@@ -257,38 +255,30 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
 
 
 @kernel(counted=True)
+def fingerprint(state: State) -> int:
+    """Return a number that two different solutions hardly ever share."""
+    print_of = 0
+    for route in range(len(state.lengths)):
+        for position in range(state.lengths[route]):
+            print_of = (16_777_619 * print_of + state.visits[route, position] + 1) % 2**38
+        print_of = 16_777_619 * print_of % 2**38
+    return print_of
+
+
+@kernel(counted=True)
 def is_trial_tabu(walk: GraspWalk) -> bool:
     """Return whether ``trial`` is in the tabu list."""
-    for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
-        same = True
-        place = 0
-        for route in range(len(walk.trial.lengths)):
-            length = walk.trial.lengths[route]
-            if length != walk.tabu_lengths[entry, route]:
-                same = False
-                break
-            for position in range(length):
-                if walk.trial.visits[route, position] != walk.tabu_visits[entry, place]:
-                    same = False
-                    break
-                place += 1
-            if not same:
-                break
-        if same:
-            return True
-    return False
+    trial = fingerprint(walk.trial)
+    tabu = False
+    for entry in range(min(walk.counts[0], len(walk.tabu))):
+        tabu = tabu or walk.tabu[entry] == trial
+    return tabu
 
 
 @kernel(counted=True)
 def forbid_current(walk: GraspWalk) -> None:
     """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
-    entry = walk.counts[0] % len(walk.tabu_visits)
-    place = 0
-    for route in range(len(walk.current.lengths)):
-        walk.tabu_lengths[entry, route] = walk.current.lengths[route]
-        for position in range(walk.current.lengths[route]):
-            walk.tabu_visits[entry, place] = walk.current.visits[route, position]
-            place += 1
+    walk.tabu[walk.counts[0] % len(walk.tabu)] = fingerprint(walk.current)
     walk.counts[0] += 1
 
 

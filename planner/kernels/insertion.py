@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.random_numbers import draw_uniform
+from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.tours import insert
 
 NEVER = 2**40
@@ -178,6 +178,28 @@ def sort_by_key(pending: Ints, keys: Floats) -> None:
             hole -= 1
         keys[hole] = key
         pending[hole] = segment
+
+
+@inner()
+def sort_pending(
+    problem: Problem, pending: Ints, keys: Floats, random: int, valuable: int, far: int, near: int, rng: RandomState
+) -> None:
+    """Sort ``pending`` for insertion: at random, valuable first, far first or near first, with these shares.
+
+    ``keys`` is work space, at least as long.
+    """
+    kind = draw_integer(rng, random + valuable + far + near)
+    for place in range(len(pending)):
+        segment = pending[place]
+        if kind < random:
+            keys[place] = draw_uniform(rng)
+        elif kind < random + valuable:
+            keys[place] = -problem.prize[segment]
+        elif kind < random + valuable + far:
+            keys[place] = -problem.effort[segment]
+        else:
+            keys[place] = problem.effort[segment]
+    sort_by_key(pending, keys)
 
 
 @kernel(counted=True)

@@ -8,8 +8,15 @@ import numpy as np
 
 from planner.construct import build_random_state
 from planner.kernels.arrays import RandomState
-from planner.kernels.sortie_insertion import choose_bases_of_touched, measure_given_sorties, put_all_segments
-from planner.kernels.sortie_schedule import SortieProblem, SortieState, SortieWorkspace, schedule_sorties
+from planner.kernels.sortie_schedule import (
+    SortieProblem,
+    SortieState,
+    SortieWorkspace,
+    choose_bases_of_touched,
+    measure_given_sorties,
+    put_all_segments,
+    schedule_sorties,
+)
 from planner.kernels.sortie_search import anneal_sorties, copy_sorties
 from planner.search import AnnealingSearch, Cycle, Standing
 from planner.sorties.sortie_evaluation import SortieResult, evaluate_sorties
