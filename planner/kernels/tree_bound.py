@@ -83,6 +83,9 @@ def compute_tree_bound(
     fleet = len(starts)
     potential = np.zeros(points)
     price = np.zeros(fleet)
+    for vehicle in range(fleet):
+        if once[vehicle] == 1:  # what it saves by landing from elsewhere it saves once
+            price[vehicle] = max(0.0, idle[vehicle] - homes[vehicle].min())
     best = -np.inf
     step = 1.0
     stalled = 0
