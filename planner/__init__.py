@@ -31,6 +31,7 @@ from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, 
 from planner.grasp import solve_grasp
 from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
 from planner.moves import (
+    ComputedMoves,
     Dynamics,
     MoveGeometry,
     Moves,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.evaluate import completion_times_s, compute_legs
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.replan import (
@@ -55,9 +56,9 @@ class FleetAfterLosses:
 
     def progress_of(self, vehicle: int) -> RouteProgress:
         """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
-        since_s, pct = self._compute_legs(vehicle)
+        seconds, pct = compute_legs(self.instance, self.plan.routes[vehicle])
         start_s, before = self.launched_s[vehicle], self.before[vehicle]
-        time_s, used_pct = np.append(start_s, since_s), np.append(0.0, np.cumsum(pct))
+        time_s, used_pct = np.append(start_s, np.cumsum(seconds)), np.append(0.0, np.cumsum(pct))
         airborne_s = time_s - start_s
         if before is None:
             return RouteProgress(time_s, used_pct, airborne_s)
@@ -69,23 +70,11 @@ class FleetAfterLosses:
 
     def visit_ends_s(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: when each visit of a vehicle's present route ends."""
-        return self._compute_legs(vehicle)[0][:-1]
+        return np.array(completion_times_s(self.instance, self.plan.routes[vehicle]))
 
     def visit_values(self, vehicle: int) -> FloatArray:
         """Return (visits,) float64: what each visit of a vehicle's present route is worth."""
         return self.instance.value[[segment_of(visit) for visit in self.plan.routes[vehicle].visits]]
-
-    def _compute_legs(self, vehicle: int) -> tuple[FloatArray, FloatArray]:
-        """Return when each leg of the present route ends and what it uses; the last leg leads home."""
-        instance, visits = self.instance, np.array(self.plan.routes[vehicle].visits, dtype=np.int64)
-        if len(visits) == 0:
-            return np.array([instance.idle_s[vehicle]]), np.array([instance.idle_pct[vehicle]])
-        profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
-        start, legs, home = (vehicle, visits[0]), (visits[:-1], visits[1:]), (vehicle, visits[-1])
-        between_s, between_pct = instance.moves.seconds(profile, *legs), instance.moves.pct(profile, *legs)
-        seconds = np.concatenate([[instance.start_s[start]], between_s, [instance.home_s[home]]])
-        pct = np.concatenate([[instance.start_pct[start]], consumption * between_pct, [instance.home_pct[home]]])
-        return np.cumsum(seconds), pct
 
     def without_vehicles(self, vehicles: Sequence[int]) -> FleetAfterLosses:
         """Return the state when vehicles are lost that have nothing left to inspect."""

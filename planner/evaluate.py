@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
+
+import numpy as np
 
 from planner.cost import Cost, budget_excess_pct
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
+from planner.moves import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,58 +26,46 @@ class Evaluation:
     """In words; empty if every segment is inspected or named as uncovered, within all budgets."""
 
 
-def route_duration_s(instance: Instance, route: Route) -> float:
-    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home.
+def compute_legs(instance: Instance, route: Route) -> tuple[FloatArray, FloatArray]:
+    """Return (visits + 1,) float64 twice: seconds and percent of a full battery to each visit's end, then home.
+
+    Of a route without a visit it is the vehicle's way home.
 
     Raises:
         PlanError: the vehicle or a visit is not in the instance.
     """
-    _check_known(instance, route)
-    if not route.visits:
-        return float(instance.idle_s[route.vehicle])
-    return completion_times_s(instance, route)[-1] + float(instance.home_s[route.vehicle, route.visits[-1]])
+    number, visits = route.vehicle, np.array(route.visits, dtype=np.int64)
+    if not 0 <= number < len(instance.vehicles):
+        raise PlanError(f"route of vehicle {number}, the instance has {len(instance.vehicles)}")
+    if len(visits) == 0:
+        return instance.idle_s[[number]], instance.idle_pct[[number]]
+    for visit in visits[(visits < 0) | (visits >= 2 * instance.segments)]:
+        raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
+    profile, consumption = instance.profile[number], instance.vehicles[number].consumption
+    start, moves, home = (number, visits[:1]), (visits[:-1], visits[1:]), (number, visits[-1:])
+    seconds = (instance.start_s[start], instance.moves.seconds(profile, *moves), instance.home_s[home])
+    pct = (instance.start_pct[start], consumption * instance.moves.pct(profile, *moves), instance.home_pct[home])
+    return np.concatenate(seconds), np.concatenate(pct)
+
+
+def route_duration_s(instance: Instance, route: Route) -> float:
+    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home."""
+    return float(np.cumsum(compute_legs(instance, route)[0])[-1])
 
 
 def route_energy_pct(instance: Instance, route: Route) -> float:
-    """Return what a route uses, c(T), in percent of a full battery.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    if not route.visits:
-        return float(instance.idle_pct[route.vehicle])
-    return energy_use_pct(instance, route, len(route.visits)) + float(
-        instance.home_pct[route.vehicle, route.visits[-1]]
-    )
+    """Return what a route uses, c(T), in percent of a full battery."""
+    return float(np.cumsum(compute_legs(instance, route)[1])[-1])
 
 
 def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
-    """Return when each visit ends, in seconds from the route's start.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    if not route.visits:
-        return ()
-    moves_s = instance.moves.seconds(instance.profile[route.vehicle], list(route.visits[:-1]), list(route.visits[1:]))
-    return tuple(accumulate(moves_s.tolist(), initial=float(instance.start_s[route.vehicle, route.visits[0]])))
+    """Return when each visit ends, in seconds from the route's start."""
+    return tuple(np.cumsum(compute_legs(instance, route)[0])[:-1].tolist())
 
 
 def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
-    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    flown = route.visits[:visits]
-    if not flown:
-        return 0.0
-    consumption = instance.vehicles[route.vehicle].consumption
-    moves_pct = consumption * instance.moves.pct(instance.profile[route.vehicle], list(flown[:-1]), list(flown[1:]))
-    return sum(moves_pct.tolist(), start=float(instance.start_pct[route.vehicle, flown[0]]))
+    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first."""
+    return float(np.cumsum(compute_legs(instance, route)[1])[visits - 1]) if visits > 0 else 0.0
 
 
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
@@ -117,12 +107,3 @@ def _find_violations(instance: Instance, plan: Plan, energies_pct: tuple[float, 
         yield f"segment {segment} is not in the instance"
     for segment in sorted(set(range(instance.segments)) - accounted):
         yield f"segment {segment} is neither visited nor named as uncovered"
-
-
-def _check_known(instance: Instance, route: Route) -> None:
-    if not 0 <= route.vehicle < len(instance.vehicles):
-        raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
-    visits = 2 * instance.segments
-    if route.visits and not (min(route.visits) >= 0 and max(route.visits) < visits):
-        unknown = next(visit for visit in route.visits if not 0 <= visit < visits)
-        raise PlanError(f"visit {unknown} is not in the instance of {instance.segments} segments")

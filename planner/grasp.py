@@ -128,7 +128,7 @@ class _GraspRuns(Search):
             current=current,
             trial=copy_state(current),
             best=copy_state(current),
-            cost=np.array([self._kernels.compute_plan_cost(self._problem, self._weights, current)]),
+            cost=np.array([self._kernels.compute_objective(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
             tabu=np.zeros(max(1, len(self._problem.value) // 4), dtype=np.int64),
@@ -154,7 +154,7 @@ class _GraspRuns(Search):
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
         for route in range(len(state.lengths)):
             orient_visits(self._problem, state, route, came_from)
-        cost = self._kernels.compute_plan_cost(self._problem, self._weights, state)
+        cost = self._kernels.compute_objective(self._problem, self._weights, state)
         if cost < self._lowest:
             self._lowest = cost
             self._plan = build_plan(state)

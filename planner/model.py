@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits, tabulate_moves
+from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
@@ -206,7 +206,7 @@ def build_instance(
     start_s, start_pct = _stack_rows(begin, len(first))
     depot_s, depot_pct = _stack_rows([depot[own] for own in profile], len(first))
     geometry = MoveGeometry(first, last, profiles)
-    moves: Moves = tabulate_moves(geometry) if profiles and len(ends) <= tables_up_to else geometry
+    moves: Moves = geometry.tabulate() if profiles and len(ends) <= tables_up_to else geometry
     return Instance(
         vehicles=tuple(vehicles),
         profile=profile,

@@ -8,6 +8,7 @@ which adds acceleration from and to rest and turns on the spot.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -227,9 +228,49 @@ class MoveTables:
         return MoveTables(self.table_s[block], self.table_pct[block])
 
 
+class ComputedMoves(ABC):
+    """Moves computed when they are asked for: memory grows with the segments, not with their square."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def profiles(self) -> int:
+        """Number of profiles."""
+
+    @property
+    @abstractmethod
+    def visits(self) -> int:
+        """Number of visits."""
+
+    @abstractmethod
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
+
+    @abstractmethod
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits, as tables."""
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return self.compute(profile, before, after)[0]
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of moves."""
+        return self.compute(profile, before, after)[1]
+
+    def tabulate(self) -> MoveTables:
+        """Return all moves."""
+        every = np.arange(self.visits)
+        blocks = [self.compute(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
+        shape = (self.profiles, self.visits, self.visits)
+        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
+        return MoveTables(seconds, pct)
+
+
 @dataclass(frozen=True, slots=True)
-class MoveGeometry:
-    """Moves computed from places when they are asked for: memory grows with the segments, not with their square."""
+class MoveGeometry(ComputedMoves):
+    """Moves between places."""
 
     first_m: FloatArray
     """(2n, 2) float64: where each visit begins, local east and north in metres."""
@@ -248,40 +289,14 @@ class MoveGeometry:
         """Number of visits."""
         return len(self.first_m)
 
-    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the seconds of moves."""
-        return self._compute_moves(profile, before, after)[0]
-
-    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the energy of moves."""
-        return self._compute_moves(profile, before, after)[1]
-
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
-        chosen = MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels)
-        return tabulate_moves(chosen)
+        return MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels).tabulate()
 
-    def _compute_moves(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
         places, headings = self.last_m[before], self.last_m[before] - self.first_m[before]
         return compute_moves(places, headings, self.first_m[after], self.last_m[after], self.travels[profile])
-
-
-def tabulate_moves(geometry: MoveGeometry) -> MoveTables:
-    """Return all moves of a geometry."""
-    visits = np.arange(geometry.visits)
-    blocks = [
-        compute_moves(
-            geometry.last_m[:, np.newaxis],
-            (geometry.last_m - geometry.first_m)[:, np.newaxis],
-            geometry.first_m[np.newaxis],
-            geometry.last_m[np.newaxis],
-            travel,
-        )
-        for travel in geometry.travels
-    ]
-    shape = (len(blocks), len(visits), len(visits))
-    seconds = np.array([block[0] for block in blocks]).reshape(shape)
-    return MoveTables(seconds, np.array([block[1] for block in blocks]).reshape(shape))
 
 
 def compute_moves(

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.kernels.anneal import compute_objective
 from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights
 from planner.kernels.compiled import kernel
 from planner.kernels.random_numbers import draw_integer, draw_uniform
@@ -35,22 +36,6 @@ class GraspWalk(NamedTuple):
 def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
     """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
     return float(load + weights.excess * max(0.0, load - problem.budget[route]))
-
-
-@kernel(counted=True)
-def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float:
-    """Return the cost function of the plan; unlike the search's objective it lets routes go beyond their budgets."""
-    total = 0.0
-    over = 0.0
-    peak = 0.0
-    empty = 0
-    for route in range(len(state.lengths)):
-        load = state.loads[route]
-        total += load
-        over += max(0.0, load - problem.budget[route])
-        peak = max(peak, load)
-        empty += int(state.lengths[route] == 0)
-    return float(weights.total * total + weights.excess * over + weights.peak * peak + weights.empty * empty)
 
 
 @kernel(counted=True)
@@ -315,7 +300,7 @@ def improve_by_neighbours(
             one, other = swap_best(problem, weights, walk.trial, rng)
         else:
             one, other = turn_at_random(problem, walk.trial, rng)
-        cost = compute_plan_cost(problem, weights, walk.trial)
+        cost = compute_objective(problem, weights, walk.trial)
         if cost < lowest and not is_trial_tabu(walk):
             lowest = cost
             winner = kind
@@ -354,7 +339,7 @@ def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, pa
         if winner >= 0:
             forbid_current(walk)
             walk.scores[winner] += score_of_round
-            cost = compute_plan_cost(problem, weights, walk.current)
+            cost = compute_objective(problem, weights, walk.current)
             if cost < walk.cost[0]:
                 walk.cost[0] = cost
                 walk.scores[last] += score_of_best
