@@ -10,7 +10,6 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import explain_infeasibility
-from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
     PRESETS,
@@ -21,6 +20,12 @@ from planner.energy import (
 )
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
+    BUDGET_TOLERANCE_PCT,
+    Cost,
+    CriticalLoss,
+    RepairStatus,
+    ReplanWindow,
+    Result,
     completion_times_s,
     energy_use_pct,
     evaluate,
@@ -42,18 +47,20 @@ from planner.moves import (
     build_steady_wind,
     travel_for,
 )
-from planner.onboard_plan import (
+from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
+from planner.replan import (
     OnboardPlan,
     PlanRating,
+    RemainingProblem,
     build_onboard_plan,
+    build_remaining_problem,
     grant_onboard_budgets,
     is_better_rating,
     rate_plan,
+    replan,
     select_best_plan,
+    warm_start,
 )
-from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
-from planner.replan import RemainingProblem, build_remaining_problem, replan, warm_start
-from planner.result import CriticalLoss, RepairStatus, ReplanWindow, Result
 from planner.risk import (
     FlightChunk,
     ProbabilityEstimate,

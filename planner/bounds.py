@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from planner.cost import BUDGET_TOLERANCE_PCT
+from planner.evaluate import BUDGET_TOLERANCE_PCT
 from planner.model import TABLES_UP_TO, Instance
 from planner.moves import FloatArray
 

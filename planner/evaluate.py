@@ -1,13 +1,17 @@
-"""The definition of every figure of a plan: slow, obvious, and what the kernels must agree with."""
+"""The definition of every figure of a plan, what it is chosen by, and what a solver gives back.
+
+It is slow, obvious, and what the kernels must agree with. The cost functions are those of the paper.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
 
 import numpy as np
 
-from planner.cost import Cost, budget_excess_pct
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
 from planner.moves import FloatArray
@@ -107,3 +111,174 @@ def _find_violations(instance: Instance, plan: Plan, energies_pct: tuple[float, 
         yield f"segment {segment} is not in the instance"
     for segment in sorted(set(range(instance.segments)) - accounted):
         yield f"segment {segment} is neither visited nor named as uncovered"
+
+
+K_C = 1000.0
+"""k_c of the paper: the weight of what a tour spends beyond its budget."""
+BUDGET_TOLERANCE_PCT = 1e-6
+"""A route spends more than its budget when it does so by more than this: sums depend on their order."""
+
+
+def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
+    """Return what a route uses beyond its budget."""
+    over = energy_pct - budget_pct
+    return over if over > BUDGET_TOLERANCE_PCT else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CostFunction:
+    """total * sum(c(T) + excess * max(0, c(T) - budget)) + peak * max c(T).
+
+    c(T) is a route's energy in percent of a full battery. Whatever searches reads its weights from here, so that
+    another cost is another row below.
+    """
+
+    total: float
+    """Weight of what all routes use; 0 if only the longest counts."""
+    peak: float
+    """Weight of the longest route."""
+    shared_peak: bool
+    """Whether that weight is divided by the number of vehicles."""
+    excess: float
+    """Weight of what a route uses beyond its budget, beside what it uses."""
+
+    @property
+    def is_longest_only(self) -> bool:
+        """Return whether nothing but the longest route counts."""
+        return self.total == 0
+
+    @property
+    def has_longest_term(self) -> bool:
+        """Return whether the longest route counts beside what all use, or alone."""
+        return self.peak > 0
+
+    def peak_weight(self, vehicles: int) -> float:
+        """Return the weight of the longest route for a fleet."""
+        return self.peak / vehicles if self.shared_peak else self.peak
+
+    def value(self, energies_pct: Sequence[float], budgets_pct: Sequence[float]) -> float:
+        """Return the cost of routes, one energy and one budget for each vehicle."""
+        longest = max(energies_pct)
+        peak = self.peak * longest / (len(energies_pct) if self.shared_peak else 1)
+        if self.is_longest_only:
+            return peak
+        routes = zip(energies_pct, budgets_pct, strict=True)
+        soft_sum = sum(energy + self.excess * budget_excess_pct(energy, budget) for energy, budget in routes)
+        return self.total * soft_sum + peak
+
+
+class Cost(Enum):
+    """What a plan is chosen by, by its name in plan files."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+
+    @property
+    def function(self) -> CostFunction:
+        """Return what it computes."""
+        return FUNCTIONS[self]
+
+
+FUNCTIONS: Mapping[Cost, CostFunction] = MappingProxyType({
+    Cost.MINMAX: CostFunction(total=0.0, peak=1.0, shared_peak=False, excess=0.0),
+    # c-MinSum of the paper
+    Cost.MINSUM: CostFunction(total=1.0, peak=0.0, shared_peak=False, excess=K_C),
+    # c-MinSum + MinMax / number of vehicles
+    Cost.MINCOMB: CostFunction(total=1.0, peak=1.0, shared_peak=True, excess=K_C),
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The best plan found, with its figures from the definition, and how the search went."""
+
+    plan: Plan
+    evaluation: Evaluation
+    feasible: bool
+    """Whether every segment is inspected and no budget exceeded."""
+    iterations: int
+    seconds: float
+    stopped_by: str
+    """The stop rule's reason."""
+    impossible: str | None = None
+    """Why no plan can cover everything, where that is certain; None where it is not."""
+    bound: float | None = None
+    """What no plan of as much covered value and as many flying vehicles can cost less than, where that was proved."""
+
+    @property
+    def gap(self) -> float | None:
+        """How much of the plan's cost may be too much, as a share of it; 0 for a proven optimum."""
+        if self.bound is None:
+            return None
+        return max(0.0, self.evaluation.value - self.bound) / max(self.evaluation.value, 1e-9)
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalLoss:
+    """The loss that ends a window: with it, no re-plan was found."""
+
+    vehicle: int
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanWindow:
+    """From when on the fleet can absorb any one loss."""
+
+    earliest_s: float
+    """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
+    certified_earliest_s: float
+    """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
+    longest_route_s: float
+    breaking: CriticalLoss | None
+    """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
+
+    @property
+    def window_pct(self) -> float:
+        """The window as a share of the longest route's time."""
+        return self._share_pct(self.earliest_s)
+
+    @property
+    def certified_window_pct(self) -> float:
+        """No window of this plan is larger."""
+        return self._share_pct(self.certified_earliest_s)
+
+    def _share_pct(self, earliest_s: float) -> float:
+        if self.longest_route_s <= 0:
+            return 100.0
+        return 100.0 * ((self.longest_route_s - earliest_s) / self.longest_route_s)
+
+
+@dataclass(frozen=True, slots=True)
+class WindowResult(Result):
+    """The plan with the largest window found; its value is MinMax, and feasible is no route longer than allowed."""
+
+    window: ReplanWindow = field(kw_only=True)
+    """As ``replan_window`` computes it."""
+
+
+class RepairStatus(Enum):
+    """What is known of a loss."""
+
+    FEASIBLE = "feasible"
+    """A re-plan was found and checked."""
+    IMPOSSIBLE = "impossible"
+    """It is certain that there is none."""
+    NOT_FOUND = "not found"
+    """None was found, and it is not certain that there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossRow:
+    """A loss: one vehicle, at any time of one interval between completions."""
+
+    vehicle: int
+    from_s: float
+    """The interval holds this time..."""
+    to_s: float
+    """...but not this one."""
+    verdict: RepairStatus
+    plan: Plan | None
+    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""

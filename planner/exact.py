@@ -14,13 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.errors import InstanceError
-from planner.evaluate import evaluate
+from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, evaluate
 from planner.model import Instance, Plan, Route
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.result import Result
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
@@ -214,7 +212,7 @@ class _Proof:
         watch: Stopwatch,
         all_vehicles: bool,
     ) -> None:
-        from planner.construct import build_kernel_problem, build_true_weights
+        from planner.plan_search import build_kernel_problem, build_true_weights
 
         numbers = build_kernel_problem(instance)
         self._instance = instance

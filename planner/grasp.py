@@ -34,11 +34,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.bounds import explain_infeasibility
-from planner.cost import Cost
 from planner.errors import InstanceError
-from planner.evaluate import Evaluation, evaluate
+from planner.evaluate import Cost, Evaluation, Result, evaluate
 from planner.model import Instance, Plan
-from planner.result import Result
 from planner.search import Search, Standing
 from planner.solve import solve
 from planner.stop_rules import Progress, StopRule, StopVerdict, Stopwatch, add_progress_report
@@ -95,8 +93,8 @@ class _GraspRuns(Search):
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
         # Only here, as in solve.py: it loads numba.
-        from planner.construct import build_kernel_problem, build_random_state, build_true_weights
         from planner.kernels import grasp_walk
+        from planner.plan_search import build_kernel_problem, build_random_state, build_true_weights
 
         super().__init__(Stopwatch(), batch=BATCH, impossible=explain_infeasibility(instance))
         self._kernels = grasp_walk
@@ -120,7 +118,7 @@ class _GraspRuns(Search):
 
     def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
-        from planner.construct import build_empty_state, copy_state
+        from planner.plan_search import build_empty_state, copy_state
 
         current = build_empty_state(self._problem)
         self._kernels.construct(self._problem, self._weights, current, self._rng)
@@ -147,8 +145,8 @@ class _GraspRuns(Search):
 
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
-        from planner.construct import build_plan, copy_state
         from planner.kernels.tours import orient_visits
+        from planner.plan_search import build_plan, copy_state
 
         state = copy_state(self._walk.best)
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)

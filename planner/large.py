@@ -15,13 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.bounds import explain_infeasibility
-from planner.cost import BUDGET_TOLERANCE_PCT, Cost
-from planner.evaluate import cost_of, evaluate, route_energy_pct
+from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, cost_of, evaluate, route_energy_pct
 from planner.model import Instance, Plan, Route, build_part_instance, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import PlanSearch
-from planner.result import Result
 from planner.search import Search, Standing, run_in_threads
 from planner.stop_rules import Iterations, StopRule, Stopwatch
 

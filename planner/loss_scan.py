@@ -7,9 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from planner.bounds import ASCENT, explain_infeasibility
-from planner.construct import build_kernel_problem, build_random_state, build_state, copy_state
-from planner.cost import BUDGET_TOLERANCE_PCT
-from planner.evaluate import energy_use_pct, route_duration_s, route_energy_pct
+from planner.evaluate import (
+    BUDGET_TOLERANCE_PCT,
+    LossRow,
+    RepairStatus,
+    energy_use_pct,
+    route_duration_s,
+    route_energy_pct,
+)
 from planner.exact import find_covering_plan
 from planner.kernels.arrays import FloatArray, Problem, State
 from planner.kernels.repair import (
@@ -23,8 +28,8 @@ from planner.kernels.repair import (
     try_loss,
 )
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
+from planner.plan_search import build_kernel_problem, build_random_state, build_state, copy_state
 from planner.replan import RemainingProblem, build_remaining_problem, build_survivor_start, find_survivors
-from planner.result import LossRow, RepairStatus
 
 EXACT_UP_TO = 13
 """Open segments up to which a loss is decided exactly: some 20 ms."""

@@ -10,9 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.construct import build_kernel_problem, build_plan, build_random_state, build_state, copy_state
-from planner.cost import Cost
-from planner.evaluate import evaluate, route_duration_s, route_energy_pct
+from planner.evaluate import Cost, WindowResult, evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
 from planner.kernels.repair import Loss, Repairs, RepairWorkspace, find_broken_interval, set_clock
 from planner.kernels.robust_walk import (
@@ -26,7 +24,7 @@ from planner.kernels.tours import measure
 from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.result import WindowResult
+from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state
 from planner.search import Search, Standing, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules

@@ -15,9 +15,8 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
-from planner.evaluate import Evaluation
+from planner.evaluate import Evaluation, Result
 from planner.model import Plan
-from planner.result import Result
 from planner.stop_rules import Progress, StopRule, Stopwatch
 
 R = TypeVar("R")

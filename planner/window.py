@@ -12,12 +12,19 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
-from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import completion_times_s, evaluate, route_duration_s
+from planner.evaluate import (
+    Cost,
+    CriticalLoss,
+    LossRow,
+    RepairStatus,
+    ReplanWindow,
+    completion_times_s,
+    evaluate,
+    route_duration_s,
+)
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
-from planner.result import CriticalLoss, LossRow, RepairStatus, ReplanWindow
 from planner.solve import check_tails
 
 EFFORT = 10_000

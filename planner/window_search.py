@@ -13,12 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import evaluate
+from planner.evaluate import Cost, ReplanWindow, WindowResult, evaluate
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.result import ReplanWindow, WindowResult
 from planner.solve import check_tails
 from planner.stop_rules import (
     Iterations,

@@ -335,18 +335,13 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
-    "tests/planner/test_risk.py": ("planner/after_losses.py",),
     "tests/planner/test_window_search.py": (
         "benchmarks/table/window_bound.py",
         "planner/kernels/robust_walk.py",
     ),
     "tests/planner/test_search.py": (
-        "planner/construct.py",
-        "planner/cost.py",
-        "planner/kernels/ruin.py",
-        "planner/result.py",
-        "planner/solve.py",
         "planner/plan_search.py",
+        "planner/solve.py",
     ),
     "tests/planner/test_window.py": (
         "planner/kernels/repair.py",
@@ -359,22 +354,17 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/properties/test_planner_kernels.py": (
         "planner/kernels/anneal.py",
-        "planner/kernels/random_numbers.py",
-        "planner/kernels/compiled.py",
-        "planner/kernels/insertion.py",
         "planner/kernels/tours.py",
     ),
     "tests/properties/test_planner_sorties.py": (
         "planner/kernels/sortie_schedule.py",
         "planner/kernels/sortie_search.py",
-        "planner/sorties/sortie_state.py",
-        "planner/sorties/sortie_evaluation.py",
         "planner/sorties/sortie_annealing.py",
+        "planner/sorties/sortie_model.py",
     ),
     "tests/benchmarks/test_exact_sorties.py": (
         "benchmarks/highs.py",
         "benchmarks/row_matrix.py",
-        "planner/sorties/sortie_model.py",
     ),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",

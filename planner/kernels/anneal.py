@@ -6,10 +6,20 @@ import math
 
 from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import insert_cheapest, max_load, raise_to_power, sort_pending
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_route, measure, orient_visits, total_excess
+from planner.kernels.tours import (
+    copy_all,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    insert_cheapest,
+    max_load,
+    measure,
+    orient_visits,
+    raise_to_power,
+    remove_strings,
+    sort_pending,
+    total_excess,
+)
 
 
 @kernel()

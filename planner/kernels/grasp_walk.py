@@ -9,8 +9,7 @@ import numpy as np
 from planner.kernels.anneal import compute_objective
 from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights
 from planner.kernels.compiled import kernel
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.tours import copy_route, insert, measure
+from planner.kernels.tours import copy_route, draw_integer, draw_uniform, insert, measure
 
 
 class GraspWalk(NamedTuple):

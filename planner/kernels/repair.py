@@ -28,10 +28,21 @@ from planner.kernels.arrays import (
     Weights,
 )
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import find_cheapest_place, insert_by_regret, sort_pending
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_owners, copy_route, insert, measure, orient_visits, total_excess
+from planner.kernels.tours import (
+    copy_all,
+    copy_owners,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    find_cheapest_place,
+    insert,
+    insert_by_regret,
+    measure,
+    orient_visits,
+    remove_strings,
+    sort_pending,
+    total_excess,
+)
 
 SAME_TIME_S = 1e-9
 """As in replan.py: a visit that ends this little after the loss has ended."""

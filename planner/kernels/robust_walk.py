@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.repair import (
     SAME_TIME_S,
     Loss,
@@ -30,8 +29,17 @@ from planner.kernels.repair import (
     set_clock,
     sum_of,
 )
-from planner.kernels.ruin import position_of, remove_strings
-from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient_visits
+from planner.kernels.tours import (
+    copy_all,
+    copy_owners,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    measure,
+    orient_visits,
+    position_of,
+    remove_strings,
+)
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""

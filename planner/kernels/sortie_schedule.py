@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from planner.kernels.arrays import Floats, Ints, IntTable, Quad, RandomState, Table
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.random_numbers import draw_integer, draw_uniform
+from planner.kernels.tours import draw_integer, draw_uniform
 
 NEVER = 1e18
 """Seconds of a way that there is not, a time that never comes."""

@@ -6,8 +6,6 @@ import math
 
 from planner.kernels.arrays import Floats, RandomState
 from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import sort_by_key
-from planner.kernels.random_numbers import draw_integer, draw_uniform
 from planner.kernels.sortie_schedule import (
     SortieProblem,
     SortieState,
@@ -21,6 +19,7 @@ from planner.kernels.sortie_schedule import (
     schedule_sorties,
     set_row_figures,
 )
+from planner.kernels.tours import draw_integer, draw_uniform, sort_by_key
 
 MOST_REMOVED = 12
 """Segments that are taken out at a time, but for whole sorties."""

@@ -28,9 +28,9 @@ from planner import (
     solve,
     solve_grasp,
 )
-from planner.construct import build_plan
 from planner.grasp import _GraspRuns
 from planner.kernels.anneal import compute_objective
+from planner.plan_search import build_plan
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 FOR_ALL_RUNS = Seconds(1e9)

@@ -26,8 +26,7 @@ from planner import (
     route_energy_pct,
     solve,
 )
-from planner.construct import build_plan
-from planner.plan_search import PlanSearch
+from planner.plan_search import PlanSearch, build_plan
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
 

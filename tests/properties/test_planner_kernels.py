@@ -24,7 +24,17 @@ from planner import (
     evaluate,
     route_energy_pct,
 )
-from planner.construct import (
+from planner.kernels.anneal import compute_objective
+from planner.kernels.tours import (
+    draw_integer,
+    draw_uniform,
+    find_cheapest_place,
+    insert,
+    insert_by_regret,
+    orient_visits,
+)
+from planner.plan_search import (
+    PlanSearch,
     build_guide_weights,
     build_kernel_problem,
     build_kernel_state,
@@ -32,11 +42,6 @@ from planner.construct import (
     build_random_state,
     build_true_weights,
 )
-from planner.kernels.anneal import compute_objective
-from planner.kernels.insertion import find_cheapest_place, insert_by_regret
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.tours import insert, orient_visits
-from planner.plan_search import PlanSearch
 from planner.stop_rules import Stopwatch
 
 # A coarse grid, so that coincident pylons and segments without length are common.

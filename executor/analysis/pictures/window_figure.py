@@ -27,7 +27,7 @@ from executor.analysis.pictures.battery_figure import (
 from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, style_of
 from missions import PlanFile
 from planner import LossRepair, ReplanWindow
-from planner.after_losses import RouteProgress, build_state_before_losses
+from planner.risk import RouteProgress, build_state_before_losses
 
 SHADE = "#f3e3c3"
 LEGEND_COLUMNS = 5
