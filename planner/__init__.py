@@ -85,9 +85,10 @@ from planner.stop_rules import (
     combine_stop_rules,
 )
 from planner.window import (
-    LossRepair,
+    ParetoPlan,
     build_loss_table,
+    find_pareto_front,
     find_repairs_at,
     replan_window,
+    solve_window,
 )
-from planner.window_search import ParetoPlan, find_pareto_front, solve_window

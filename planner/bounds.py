@@ -109,7 +109,7 @@ def compute_tree_bound_pct(
         ascent: iterations at most.
     """
     # Only here: it loads numba, and the quick conditions do without.
-    from planner.kernels.tree_bound import compute_tree_bound
+    from planner.kernels.proofs import compute_tree_bound
 
     visits = 2 * instance.segments
     moves = _least_moves_pct(instance, useful)

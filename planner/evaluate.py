@@ -206,13 +206,6 @@ class Result:
     bound: float | None = None
     """What no plan of as much covered value and as many flying vehicles can cost less than, where that was proved."""
 
-    @property
-    def gap(self) -> float | None:
-        """How much of the plan's cost may be too much, as a share of it; 0 for a proven optimum."""
-        if self.bound is None:
-            return None
-        return max(0.0, self.evaluation.value - self.bound) / max(self.evaluation.value, 1e-9)
-
 
 @dataclass(frozen=True, slots=True)
 class CriticalLoss:

@@ -79,7 +79,7 @@ def find_subset_routes(instance: Instance, most_segments: int) -> tuple[SubsetRo
 
 def _find_routes_of(instance: Instance, number: int) -> SubsetRoutes:
     # Only here: it loads numba.
-    from planner.kernels.subset_dynamics import find_best_routes
+    from planner.kernels.proofs import find_best_routes
 
     vehicle, every = instance.vehicles[number], np.arange(2 * instance.segments)
     start = np.array(instance.start_pct[number], dtype=np.float64)
@@ -125,7 +125,7 @@ def join_vehicles(
         may_go_on: asked before each vehicle; None is returned once it says no.
     """
     # Only here: it loads numba.
-    from planner.kernels.subset_dynamics import join_sets
+    from planner.kernels.proofs import join_sets
 
     cost = np.full(len(own[0]), np.inf)
     cost[0] = 0.0
@@ -167,7 +167,7 @@ def solve_exact(
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
-    """Return a plan with the proof of how good it is: ``Result.bound`` and ``Result.gap``.
+    """Return the best plan with the proof that it is: ``Result.bound`` is what it costs, none without a proof.
 
     As with ``solve``, no route exceeds its vehicle's budget and what cannot be covered is left out, the least value
     first; then, if all vehicles are to fly, as many fly as can; then the cost decides.
@@ -175,7 +175,7 @@ def solve_exact(
     Args:
         instance: the problem, of at most OPTIMAL_SEGMENTS segments.
         cost: what to minimise.
-        stop: ends the proof before the gap is closed. An iteration is a vehicle that takes its part of all sets. The
+        stop: ends the proof before it is complete. An iteration is a vehicle that takes its part of all sets. The
             search for a first plan takes a fraction of a second and is not stopped by it.
         seed: of that search.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
@@ -225,7 +225,6 @@ class _Proof:
         """What a vehicle without a visit adds to the cost."""
         self._joins = 0
         self._reason: str | None = None
-        self._bound: float | None = None
         sets = np.arange(2**instance.segments)
         worth = (sets[:, np.newaxis] >> np.arange(instance.segments) & 1) @ numbers.value
         self._allowed = sets == len(sets) - 1
@@ -237,10 +236,7 @@ class _Proof:
     def _take(self, plan: Plan) -> None:
         self._plan = plan
         self._evaluation = evaluate(self._instance, plan, self._cost)
-        self._ceiling = self._evaluation.value + self._charge_grounded(plan)
-
-    def _charge_grounded(self, plan: Plan) -> float:
-        return self._grounded * sum(not route.visits for route in plan.routes)
+        self._ceiling = self._evaluation.value + self._grounded * sum(not route.visits for route in plan.routes)
 
     def _leave_out_least(self, worth: FloatArray) -> None:
         """Allow the sets that are worth most of all that can be covered, and have a plan for one of them."""
@@ -278,11 +274,9 @@ class _Proof:
         least = 0.0
         while self._reason is None:
             tolerance = SAME * (1 + self._ceiling)
-            lowest = least + weight * shortest
-            if lowest >= self._ceiling - tolerance:
-                self._bound, self._reason = self._ceiling, "optimal"
+            if least + weight * shortest >= self._ceiling - tolerance:
+                self._reason = "optimal"
                 return
-            self._bound = lowest or None
             # A plan with a longer route costs no less than the one that is known.
             most = (self._ceiling - tolerance - least) / weight if weight > 0 else np.inf
             pairs = zip(self._energies, self._prices, strict=True)
@@ -323,7 +317,7 @@ class _Proof:
 
     def build_result(self) -> Result:
         """Return the best plan and what is proved of it."""
-        plan, value, bound = self._plan, self._evaluation.value, self._bound
+        plan = self._plan
         return Result(
             plan=plan,
             evaluation=self._evaluation,
@@ -333,7 +327,7 @@ class _Proof:
             stopped_by=self._reason or "",
             impossible=self._first.impossible
             or ("the budgets do not suffice for every segment" if plan.uncovered else None),
-            bound=None if bound is None else min(value, bound - self._charge_grounded(plan)),
+            bound=self._evaluation.value if self._reason == "optimal" else None,
         )
 
 

@@ -19,25 +19,20 @@ from planner.kernels.tours import copy_all, insert_by_regret, measure
 from planner.model import Instance, Plan, Route, segment_of
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, AnnealingParams, SearchParams
-from planner.search import AnnealingSearch, Cycle, Standing
+from planner.search import AnnealingSearch, Cycle, SearchStart, Standing
 from planner.stop_rules import StopRule, Stopwatch
 
 
-class PlanStart:
-    """One walk of the annealing kernel: where it stands, the best that it found, its chance."""
+class PlanStart(SearchStart[State]):
+    """One walk of the annealing kernel."""
 
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
-        self.best = copy_state(first)
+        super().__init__((copy_state(first), copy_state(first), copy_state(first)), copy_all, rng)
         self.key = np.array([uncovered_value(problem, first)[0], compute_objective(problem, truth, first)])
         """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
-        self.done = 0
         self._problem = problem
         self._truth = truth
-        self._current = copy_state(first)
-        self._trial = copy_state(first)
         self._memory = build_search_workspace(problem)
-        self._temperature = np.zeros(1)
-        self._rng = rng
 
     @property
     def rank(self) -> list[float]:
@@ -47,19 +42,15 @@ class PlanStart:
 
     def begin(self, leader: PlanStart, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
-        for state in (self._current, self._trial, self.best):
-            if state is not leader.best:
-                copy_all(leader.best, state)
+        super().begin(leader, temperature)
         self.key[:] = leader.key
         self._memory.versions[:] += 1
-        self._temperature[0] = temperature
-        self.done = 0
 
     def run(self, guide: Weights, cooling: float, iterations: int) -> int:
         """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
         improved: int = anneal(
-            self._problem, guide, self._truth, self._current, self._trial, self.best,
-            self.key, self._temperature, cooling, iterations, self._rng, self._memory,
+            self._problem, guide, self._truth, self.current, self.trial, self.best,
+            self.key, self.temperature, cooling, iterations, self.rng, self._memory,
         )  # fmt: skip
         return improved
 
@@ -210,13 +201,7 @@ def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> W
     return Weights(
         total=1e-6 if cost.function.is_longest_only else cost.function.total,
         peak=cost.function.peak_weight(len(problem.budget)),
-        norm=0.0,
-        power=1.0,
-        scale=1.0,
-        prize=0.0,
         empty=_empty_route_weight(problem) if all_vehicles else 0.0,
-        excess=0.0,
-        slack=0.0,
     )
 
 

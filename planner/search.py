@@ -13,13 +13,18 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 from planner.evaluate import Evaluation, Result
 from planner.model import Plan
 from planner.stop_rules import Progress, StopRule, Stopwatch
 
 R = TypeVar("R")
+StateT = TypeVar("StateT")
+RandomState = npt.NDArray[np.uint64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,23 +118,35 @@ class Cycle:
         return -(-(self.stage(done) + 1) * self.length // self.stages) - done
 
 
-class SearchStart(Protocol):
+class SearchStart(ABC, Generic[StateT]):
     """One of the walks of a search; they share nothing that changes, so each may run in a thread of its own."""
 
-    done: int
-    """Iterations of the cycle under way."""
+    def __init__(
+        self, states: tuple[StateT, StateT, StateT], copy: Callable[[StateT, StateT], None], rng: RandomState
+    ) -> None:
+        self.current, self.trial, self.best = states
+        """Where it stands, work space, and the best plan that it found."""
+        self.done = 0
+        """Iterations of the cycle under way."""
+        self.temperature = np.zeros(1)
+        self.rng = rng
+        self._copy = copy
 
     @property
+    @abstractmethod
     def rank(self) -> list[float]:
         """Of the best plan that it found: less is better, the first figure that differs decides."""
-        ...
 
     def begin(self, leader: Self, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
-        ...
+        for state in (self.current, self.trial, self.best):
+            if state is not leader.best:
+                self._copy(leader.best, state)
+        self.temperature[0] = temperature
+        self.done = 0
 
 
-SearchStartT = TypeVar("SearchStartT", bound=SearchStart)
+SearchStartT = TypeVar("SearchStartT", bound=SearchStart[Any])
 
 
 class AnnealingSearch(Search, Generic[SearchStartT]):

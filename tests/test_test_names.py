@@ -335,7 +335,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
-    "tests/planner/test_window_search.py": (
+    "tests/planner/test_window_solve.py": (
         "benchmarks/table/window_bound.py",
         "planner/kernels/robust_walk.py",
     ),
@@ -350,7 +350,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/properties/test_geometry.py": ("missions/geometry.py",),
     "tests/properties/test_planner_bounds.py": (
         "planner/bounds.py",
-        "planner/kernels/tree_bound.py",
+        "planner/kernels/proofs.py",
     ),
     "tests/properties/test_planner_kernels.py": (
         "planner/kernels/anneal.py",
@@ -377,7 +377,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",
     ),
-    "tests/properties/test_planner_subsets.py": ("planner/kernels/subset_dynamics.py",),
     "tests/test_docs.py": (
         "scripts/pages/page_types.py",
         "scripts/pages/reference.py",

@@ -1,7 +1,7 @@
 """Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
 
-The flights come in parts with chance of their own (``planner.split_flights``, ``planner.sorties.split_samples``). Who
-flies one, and when, changes nothing.
+The flights come in parts with chance of their own (``planner.split_flights``). Who flies one, and when, changes
+nothing.
 """
 
 from __future__ import annotations

@@ -60,21 +60,21 @@ class Weights(NamedTuple):
 
     total: float
     """Of the sum of all routes' energies."""
-    peak: float
+    peak: float = 0.0
     """Of the largest."""
-    norm: float
+    norm: float = 0.0
     """Of their p-norm: a max that also feels the second largest."""
-    power: float
+    power: float = 1.0
     """The p of it, a whole number."""
-    scale: float
+    scale: float = 1.0
     """Loads are divided by this before they are raised to p; positive."""
-    prize: float
+    prize: float = 0.0
     """Of the prizes of segments left out."""
-    empty: float
+    empty: float = 0.0
     """For each route without a visit; 0 unless all vehicles must fly."""
-    excess: float
+    excess: float = 0.0
     """Of the energy beyond budgets."""
-    slack: float
+    slack: float = 0.0
     """How far beyond its budget the search may take a route on its way, as a share of the budget."""
 
 

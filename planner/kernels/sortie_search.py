@@ -255,11 +255,8 @@ def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float
 @kernel()
 def has_better_sums(problem: SortieProblem, sums: Floats, other: Floats) -> bool:
     """Return whether figures are better than others: what finds no day first, then by the objective."""
-    for rank in range(4):
-        entry = rank
-        if rank > 0:
-            first = 1 + problem.objective
-            entry = first if rank == 1 else (rank - 1 if rank - 1 < first else rank)
+    for rank in range(5):
+        entry = 0 if rank == 0 else (1 + problem.objective if rank == 1 else rank - 1)
         if abs(sums[entry] - other[entry]) > SAME:
             return bool(sums[entry] < other[entry])
     return False

@@ -10,6 +10,7 @@ cheap; the first plan loads the compiled kernels.
 """
 
 from planner.sorties.sortie_losses import (
+    DAYS_PER_CHUNK,
     LossWindow,
     SparesEstimate,
     SurvivalCampaign,
@@ -19,7 +20,6 @@ from planner.sorties.sortie_losses import (
     find_loss_windows,
     simulate_days,
     solve_sorties,
-    split_samples,
     summarise_samples,
 )
 from planner.sorties.sortie_model import (

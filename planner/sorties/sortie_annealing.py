@@ -21,7 +21,7 @@ from planner.kernels.sortie_schedule import (
 )
 from planner.kernels.sortie_search import anneal_sorties, copy_sorties
 from planner.plan_search import build_random_state
-from planner.search import AnnealingSearch, Cycle, Standing
+from planner.search import AnnealingSearch, Cycle, SearchStart, Standing
 from planner.sorties.sortie_model import Objective, Sortie, SortieInstance, SortiePlan, SortieResult, evaluate_sorties
 from planner.stop_rules import StopRule, Stopwatch
 
@@ -40,16 +40,14 @@ FEW = 60
 """Segments up to which a plan is so short that it is shaken harder."""
 
 
-class SortieStart:
+class SortieStart(SearchStart[SortieState]):
     """One walk."""
 
     def __init__(self, problem: SortieProblem, table: MoveTable, first: SortieState, rng: RandomState) -> None:
-        self.done = 0
+        current, trial, best = (build_sortie_state(problem, table) for _ in range(3))
+        super().__init__((current, trial, best), copy_sorties, rng)
         self._problem = problem
-        self._current, self._trial, self.best = (build_sortie_state(problem, table) for _ in range(3))
         self._memory = build_sortie_workspace(problem)
-        self._temperature = np.zeros(1)
-        self._rng = rng
         copy_sorties(first, self.best)
 
     @property
@@ -58,19 +56,11 @@ class SortieStart:
         late, *figures = self.best.sums[:4].tolist()
         return [late, figures[self._problem.objective], *figures]
 
-    def begin(self, leader: SortieStart, temperature: float) -> None:
-        """Begin a cycle from the best plan of ``leader``."""
-        for state in (self._current, self._trial, self.best):
-            if state is not leader.best:
-                copy_sorties(leader.best, state)
-        self._temperature[0] = temperature
-        self.done = 0
-
     def run(self, cooling: float, most: float, iterations: int) -> int:
         """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
         improved: int = anneal_sorties(
-            self._problem, self._current, self._trial, self.best, self._temperature, cooling, most, iterations,
-            self._rng, self._memory,
+            self._problem, self.current, self.trial, self.best, self.temperature, cooling, most, iterations,
+            self.rng, self._memory,
         )  # fmt: skip
         return improved
 

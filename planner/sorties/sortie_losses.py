@@ -20,7 +20,7 @@ import numpy as np
 
 from planner.errors import PlanError
 from planner.moves import MoveTables
-from planner.risk import FlightChunk, ProbabilityEstimate, estimate_probability, split_flights
+from planner.risk import FlightChunk, ProbabilityEstimate, estimate_probability
 from planner.sorties.sortie_model import (
     Objective,
     Sortie,
@@ -225,7 +225,7 @@ def find_loss_windows(
             done += 1
             told(done, total)
             left = build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s)
-            if replan_sorties(left, seed, ENOUGH, table).uncovered:
+            if replan_sorties(left, seed, table).uncovered:
                 from_s, breaks = lands_s, number
                 done += number
                 break
@@ -233,11 +233,11 @@ def find_loss_windows(
     return tuple(found)
 
 
-def replan_sorties(left: SortiesAfterLoss, seed: int, iterations: int, table: MoveTable | None) -> SortiePlan:
+def replan_sorties(left: SortiesAfterLoss, seed: int, table: MoveTable | None) -> SortiePlan:
     """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
         return SortiePlan(tuple(() for _ in left.tails))
-    stop = combine_stop_rules(_stop_once_polished, Iterations(iterations))
+    stop = combine_stop_rules(_stop_once_polished, Iterations(ENOUGH))
     return solve_sorties(
         left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
     ).plan
@@ -296,8 +296,6 @@ class SurvivalCampaign:
     """Mean flight hours between failures of one vehicle."""
     seed: int = 0
     """Of all random numbers: with the same one vehicles fail alike, however many spares there are."""
-    iterations: int = ENOUGH
-    """Of one re-plan, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,15 +308,7 @@ class SampleResult:
 
 
 DAYS_PER_CHUNK = 10
-
-
-def split_samples(samples: int) -> tuple[FlightChunk, ...]:
-    """Return so many times in chunks; chance is the campaign's, by the number of each time.
-
-    Raises:
-        InstanceError: there is none.
-    """
-    return split_flights(samples, 0, per_chunk=DAYS_PER_CHUNK)
+"""So many times days are flown at once; chance is the campaign's, by the number of each time."""
 
 
 def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[SampleResult, ...]:
@@ -336,7 +326,7 @@ def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[Sampl
         chance = np.random.default_rng((campaign.seed, sample))
         # Spares come last, and drawn one by one: the others' fates do not depend on how many there are.
         life_s = [float(chance.exponential(campaign.mtbf_h * HOUR_S)) for _ in instance.vehicles]
-        flown, lost = _simulate_once(instance, plan, life_s, campaign.seed, campaign.iterations, table)
+        flown, lost = _simulate_once(instance, plan, life_s, campaign.seed, table)
         packs = None if flown.uncovered else count_packs_needed(instance, flown, evaluate_sorties(instance, flown))
         outcomes.append(SampleResult(lost, packs))
     return tuple(outcomes)
@@ -357,7 +347,6 @@ def _simulate_once(
     plan: SortiePlan,
     life_s: Sequence[float],
     seed: int,
-    iterations: int,
     table: MoveTable,
 ) -> tuple[SortiePlan, int]:
     """Return all sorties that took off, and how many vehicles were lost."""
@@ -373,7 +362,7 @@ def _simulate_once(
         at_s, number = min(failures)
         lost[number] = at_s
         left = build_sorties_after_loss(instance, plan, lost, at_s)
-        plan = left.list_known_sorties(replan_sorties(left, seed, iterations, table))
+        plan = left.list_known_sorties(replan_sorties(left, seed, table))
     return plan, len(lost)
 
 

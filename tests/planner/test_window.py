@@ -100,14 +100,14 @@ def test_vehicles_fly_again_unless_it_is_forbidden() -> None:
     assert grounded[1, 30] is not RepairStatus.FEASIBLE
     # Lost at 35 s, b leaves segment 3, and a is on its way home.
     assert len(find_repairs_at(instance, PLAN, 35.0)) == len(find_repairs_at(instance, PLAN, 35.0, fly_again=True)) == 2
-    assert [one.remainder.lost for one in find_repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
+    assert [left.lost for left, _ in find_repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
 
 
 def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
     instance = line(4, 200.0, 200.0)
     for at_s, began_s, lost in [(0.0, 0.0, {0, 1}), (29.0, 20.0, {0, 1}), (30.0, 30.0, {0, 1}), (79.0, 40.0, {1})]:
         repairs = find_repairs_at(instance, PLAN, at_s)
-        assert {one.remainder.lost for one in repairs} == lost
+        assert {left.lost for left, _ in repairs} == lost
         for one in repairs:
             left = build_remaining_problem(instance, PLAN, one.remainder.lost, began_s)
             assert one.remainder.open_segments == left.open_segments
@@ -169,7 +169,7 @@ def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
     [row] = build_loss_table(instance, idle)
     assert (row.vehicle, row.from_s, row.to_s, row.verdict) == (1, 0, 10, RepairStatus.FEASIBLE)
-    assert [one.remainder.lost for one in find_repairs_at(instance, idle, 5.0)] == [1]
+    assert [left.lost for left, _ in find_repairs_at(instance, idle, 5.0)] == [1]
 
 
 def test_a_loss_on_a_line_of_one_segment_is_one() -> None:

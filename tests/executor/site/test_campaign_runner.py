@@ -11,7 +11,7 @@ from executor.errors import ExtraMissing
 from executor.site.campaign_risk import compute_campaign_risks
 from executor.site.campaign_runner import open_campaign_runner
 from planner import RiskCampaign, split_flights
-from planner.sorties import SurvivalCampaign, simulate_days, split_samples, summarise_samples
+from planner.sorties import DAYS_PER_CHUNK, SurvivalCampaign, simulate_days, summarise_samples
 from tests.executor.flights import first_campaign
 from tests.planner.sorties.builders import short_day
 
@@ -61,7 +61,7 @@ def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch
 
 def test_days_are_flown_by_the_same_crew() -> None:
     instance, plan = short_day(end_s=1_500.0)
-    campaign, parts = SurvivalCampaign(instance, plan, 0.5, 2), split_samples(25)
+    campaign, parts = SurvivalCampaign(instance, plan, 0.5, 2), split_flights(25, 0, per_chunk=DAYS_PER_CHUNK)
     told: list[tuple[int, int]] = []
     with open_campaign_runner(jobs=2, dask=None) as fly:
         together = summarise_samples(fly(simulate_days, campaign, parts, lambda done, of: told.append((done, of))))
