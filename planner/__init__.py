@@ -32,7 +32,7 @@ from planner.evaluate import (
     route_duration_s,
     route_energy_pct,
 )
-from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
+from planner.exact import EXACT_SEGMENTS, find_covering_plan, solve_exact
 from planner.grasp import solve_grasp
 from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
 from planner.moves import (

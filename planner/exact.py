@@ -22,13 +22,8 @@ from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
-EXACT_SEGMENTS = 16
-"""Segments up to which ``find_covering_plan`` answers; two more take four times the memory, up to nine times as long.
-
-For 3 vehicles it takes some 5 ms with 12 segments, 50 ms with 14, 0.2 s with 16.
-"""
-OPTIMAL_SEGMENTS = 18
-"""Segments up to which ``solve_exact`` takes an instance."""
+EXACT_SEGMENTS = 18
+"""Segments up to which instances are taken; two more take four times the memory, up to nine times as long."""
 SAME = 1e-7
 """Costs that differ by this share are the same."""
 
@@ -58,14 +53,14 @@ class SubsetRoutes:
         return tuple(reversed(route))
 
 
-def find_subset_routes(instance: Instance, most_segments: int) -> tuple[SubsetRoutes, ...]:
+def find_subset_routes(instance: Instance) -> tuple[SubsetRoutes, ...]:
     """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
 
     Raises:
-        InstanceError: more segments than ``most_segments``.
+        InstanceError: more segments than EXACT_SEGMENTS.
     """
-    if instance.segments > most_segments:
-        raise InstanceError(f"{instance.segments} segments, expected at most {most_segments} for an exact answer")
+    if instance.segments > EXACT_SEGMENTS:
+        raise InstanceError(f"{instance.segments} segments, expected at most {EXACT_SEGMENTS} for an exact answer")
     known: dict[tuple[object, ...], SubsetRoutes] = {}
     answer = []
     for number, vehicle in enumerate(instance.vehicles):
@@ -149,7 +144,7 @@ def find_covering_plan(instance: Instance) -> Plan | None:
     Raises:
         InstanceError: more than EXACT_SEGMENTS segments.
     """
-    subsets = find_subset_routes(instance, EXACT_SEGMENTS)
+    subsets = find_subset_routes(instance)
     free = [np.where(np.isfinite(own.energy_pct), 0.0, np.inf) for own in subsets]
     joined = join_vehicles(free, longest=False, complete=True)
     if joined is None or np.isinf(joined.cost[-1]):
@@ -162,7 +157,6 @@ def solve_exact(
     *,
     cost: Cost,
     stop: StopRule,
-    seed: int = 0,
     all_vehicles: bool = False,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
@@ -173,25 +167,24 @@ def solve_exact(
     first; then, if all vehicles are to fly, as many fly as can; then the cost decides.
 
     Args:
-        instance: the problem, of at most OPTIMAL_SEGMENTS segments.
+        instance: the problem, of at most EXACT_SEGMENTS segments.
         cost: what to minimise.
         stop: ends the proof before it is complete. An iteration is a vehicle that takes its part of all sets. The
             search for a first plan takes a fraction of a second and is not stopped by it.
-        seed: of that search.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
         params: what that search is tuned by.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
-        InstanceError: more than OPTIMAL_SEGMENTS segments.
+        InstanceError: more than EXACT_SEGMENTS segments.
     """
     if instance.segments == 0:
         done = solve(instance, cost=cost, stop=stop)
         return replace(done, bound=done.evaluation.value)
     watch = Stopwatch()
-    subsets = find_subset_routes(instance, OPTIMAL_SEGMENTS)
+    subsets = find_subset_routes(instance)
     first = solve(
-        instance, cost=cost, stop=Iterations(params.exact.search_iterations), seed=seed, all_vehicles=all_vehicles,
+        instance, cost=cost, stop=Iterations(params.exact.search_iterations), all_vehicles=all_vehicles,
         params=params,
     )  # fmt: skip
     proof = _Proof(instance, subsets, cost, first, add_progress_report(stop, on_progress), watch, all_vehicles)

@@ -124,17 +124,16 @@ class LargeSearch(Search):
 
     def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
-        old = [self._routes[vehicle] for vehicle in region.vehicles]
-        before = self._objective_key()
+        old, before = [self._routes[vehicle] for vehicle in region.vehicles], self._objective_key()
+        self._set_routes(region, routes)
+        if self._balances and not self._all_vehicles and self._objective_key() > before:
+            self._set_routes(region, old)
+
+    def _set_routes(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         for vehicle, visits in zip(region.vehicles, routes, strict=True):
             self._routes[vehicle] = visits
         self._route_of[list(region.segments)] = -1
         self._record_routes(region.vehicles)
-        if self._balances and not self._all_vehicles and self._objective_key() > before:
-            for vehicle, visits in zip(region.vehicles, old, strict=True):
-                self._routes[vehicle] = visits
-            self._route_of[list(region.segments)] = -1
-            self._record_routes(region.vehicles)
 
     def _record_routes(self, vehicles: Sequence[int]) -> None:
         for vehicle in vehicles:

@@ -143,7 +143,7 @@ class LossScan:
                 start = build_survivor_start(self._instance, survivor)
                 onward = Route(survivor.vehicle, tuple(visits))
                 own_start_pct = energy_use_pct(self._instance, onward, 1)
-                used_pct = start.row_pct[visits[0]] + route_energy_pct(self._instance, onward) - own_start_pct
+                used_pct = float(start.row[1, visits[0]]) + route_energy_pct(self._instance, onward) - own_start_pct
                 if used_pct > survivor.budget_left_pct + BUDGET_TOLERANCE_PCT:
                     return False
         visited = sorted(segment_of(visit) for visits in routes for visit in visits)

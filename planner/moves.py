@@ -11,7 +11,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -156,34 +155,36 @@ def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, f
     return SteadyWind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))
 
 
-class Moves(Protocol):
+class Moves(ABC):
     """The moves between an instance's visits. Vehicles of equal travel share a *profile*."""
 
+    __slots__ = ()
+
     @property
+    @abstractmethod
     def profiles(self) -> int:
         """Number of profiles."""
-        ...
 
     @property
+    @abstractmethod
     def visits(self) -> int:
         """Number of visits, two for each segment."""
-        ...
 
+    @abstractmethod
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds from the end of visits ``before`` to the end of visits ``after``."""
-        ...
 
+    @abstractmethod
     def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the energy of the same moves for a consumption of 1, in percent of a full battery."""
-        ...
 
-    def select_visits(self, visits: Sequence[int]) -> Moves:
-        """Return the moves between some of the visits, numbered anew in the order given."""
-        ...
+    @abstractmethod
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits as tables, numbered anew in the order given."""
 
 
 @dataclass(frozen=True, slots=True)
-class MoveTables:
+class MoveTables(Moves):
     """All moves beside each other: what networks up to some hundred segments take."""
 
     table_s: FloatArray
@@ -228,28 +229,14 @@ class MoveTables:
         return MoveTables(self.table_s[block], self.table_pct[block])
 
 
-class ComputedMoves(ABC):
+class ComputedMoves(Moves):
     """Moves computed when they are asked for: memory grows with the segments, not with their square."""
 
     __slots__ = ()
 
-    @property
-    @abstractmethod
-    def profiles(self) -> int:
-        """Number of profiles."""
-
-    @property
-    @abstractmethod
-    def visits(self) -> int:
-        """Number of visits."""
-
     @abstractmethod
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
-
-    @abstractmethod
-    def select_visits(self, visits: Sequence[int]) -> MoveTables:
-        """Return the moves between some of the visits, as tables."""
 
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds of moves."""

@@ -45,6 +45,11 @@ from planner.stop_rules import StopRule
 
 SAME_TIME_S = 1e-9
 """A visit that ends this little after the loss has ended."""
+SAME_S = 5.0
+"""Longest routes that differ by no more are as long as each other: nobody is given a new mission for that."""
+SAME_SHARE = 0.5
+"""Of a mean segment's value: as many segments that are worth no more beyond others than this are worth as much."""
+SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,10 +198,10 @@ class RouteStart:
     """Where a vehicle's route starts: the vehicle, its rows over all original visits, its way home from there."""
 
     vehicle: Vehicle
-    row_s: FloatArray
-    row_pct: FloatArray
-    idle_s: float
-    idle_pct: float
+    row: FloatArray
+    """(2, 2n) float64: seconds and percent."""
+    idle: FloatArray
+    """(2,) float64: the same."""
 
 
 def reduce_instance(
@@ -207,10 +212,10 @@ def reduce_instance(
     return replace(
         build_part_instance(instance, fleet, segments),
         vehicles=tuple(start.vehicle for start in starts),
-        start_s=np.array([start.row_s[visits] for start in starts]),
-        idle_s=np.array([start.idle_s for start in starts]),
-        start_pct=np.array([start.row_pct[visits] for start in starts]),
-        idle_pct=np.array([start.idle_pct for start in starts]),
+        start_s=np.array([start.row[0, visits] for start in starts]),
+        idle_s=np.array([start.idle[0] for start in starts]),
+        start_pct=np.array([start.row[1, visits] for start in starts]),
+        idle_pct=np.array([start.idle[1] for start in starts]),
     )
 
 
@@ -220,39 +225,23 @@ def build_survivor_start(instance: Instance, survivor: FreeVehicle) -> RouteStar
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
     if visit is not None:
-        east_m, north_m, up_m = (float(coordinate) for coordinate in instance.end_m[visit])
-        east_along_m, north_along_m = (
-            float(along) for along in (instance.end_m[visit] - instance.end_m[visit ^ 1])[:2]
-        )
-        return RouteStart(
-            replace(
-                vehicle,
-                start_m=(east_m, north_m),
-                start_up_m=up_m,
-                facing_m=(east_along_m, north_along_m),
-                airborne=True,
-            ),
+        end_m = instance.end_m[visit].tolist()
+        along_m = (instance.end_m[visit] - instance.end_m[visit ^ 1]).tolist()
+        row = (
             instance.moves.seconds(profile, visit, every),
             vehicle.consumption * instance.moves.pct(profile, visit, every),
-            float(instance.home_s[number, visit]),
-            float(instance.home_pct[number, visit]),
         )
+        home = np.array([instance.home_s[number, visit], instance.home_pct[number, visit]])
+        return RouteStart(
+            replace(vehicle, start_m=tuple(end_m[:2]), start_up_m=end_m[2], facing_m=tuple(along_m[:2]), airborne=True),
+            np.array(row), home,
+        )  # fmt: skip
     if not survivor.completed and not vehicle.airborne:
-        return RouteStart(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
+        return RouteStart(vehicle, np.array([instance.start_s[number], instance.start_pct[number]]), np.zeros(2))
     return RouteStart(
         replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, facing_m=(0.0, 0.0), airborne=False),
-        instance.depot_s[number],
-        vehicle.consumption * instance.depot_pct[number],
-        0.0,
-        0.0,
-    )
-
-
-SAME_S = 5.0
-"""Longest routes that differ by no more are as long as each other: nobody is given a new mission for that."""
-SAME_SHARE = 0.5
-"""Of a mean segment's value: as many segments that are worth no more beyond others than this are worth as much."""
-SAME = 1e-6
+        np.array([instance.depot_s[number], vehicle.consumption * instance.depot_pct[number]]), np.zeros(2),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

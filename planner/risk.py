@@ -544,12 +544,12 @@ def _rebuild_state(
 
 def _build_route_start(instance: Instance, vehicle: int, again: FreeVehicle | None) -> RouteStart:
     if again is None:
-        return RouteStart(
-            instance.vehicles[vehicle], instance.start_s[vehicle], instance.start_pct[vehicle],
-            float(instance.idle_s[vehicle]), float(instance.idle_pct[vehicle]),
-        )  # fmt: skip
+        row = np.array([instance.start_s[vehicle], instance.start_pct[vehicle]])
+        idle = np.array([instance.idle_s[vehicle], instance.idle_pct[vehicle]])
+        return RouteStart(instance.vehicles[vehicle], row, idle)
     start = build_survivor_start(instance, again)
-    return replace(start, row_s=again.free_s + start.row_s, idle_s=again.free_s)
+    later_s = np.array([again.free_s, 0.0])
+    return replace(start, row=start.row + later_s[:, np.newaxis], idle=later_s)
 
 
 def _collect_progress(state: FleetAfterLosses, vehicle: int, again: FreeVehicle | None) -> RouteProgress | None:

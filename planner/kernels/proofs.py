@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, Table
-from planner.kernels.compiled import kernel
+from planner.kernels.arrays import Floats, Ints, Table, kernel
 
 
 @kernel(counted=True)

@@ -26,8 +26,9 @@ from planner.kernels.arrays import (
     State,
     Table,
     Weights,
+    inner,
+    kernel,
 )
-from planner.kernels.compiled import inner, kernel
 from planner.kernels.tours import (
     copy_all,
     copy_owners,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from planner.kernels.arrays import Floats, RandomState
-from planner.kernels.compiled import inner, kernel
+from planner.kernels.arrays import Floats, RandomState, inner, kernel
 from planner.kernels.sortie_schedule import (
     SortieProblem,
     SortieState,

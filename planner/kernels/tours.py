@@ -14,8 +14,18 @@ import math
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, SearchWorkspace, State, Weights
-from planner.kernels.compiled import inner, kernel
+from planner.kernels.arrays import (
+    Floats,
+    Ints,
+    IntTable,
+    Problem,
+    RandomState,
+    SearchWorkspace,
+    State,
+    Weights,
+    inner,
+    kernel,
+)
 
 
 @kernel()

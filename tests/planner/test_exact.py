@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import (
-    OPTIMAL_SEGMENTS,
+    EXACT_SEGMENTS,
     PRESETS,
     Cancelled,
     Cost,
@@ -163,8 +163,8 @@ def test_a_stopped_proof_keeps_its_plan() -> None:
 def test_without_segments_and_with_too_many() -> None:
     nothing = solve_exact(line(0, 10.0), cost=Cost.MINMAX, stop=TO_THE_END)
     assert (nothing.bound, nothing.feasible) == (0.0, True)
-    with pytest.raises(InstanceError, match=f"expected at most {OPTIMAL_SEGMENTS} for an exact answer"):
-        solve_exact(line(OPTIMAL_SEGMENTS + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
+    with pytest.raises(InstanceError, match=f"expected at most {EXACT_SEGMENTS} for an exact answer"):
+        solve_exact(line(EXACT_SEGMENTS + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
 
 
 @pytest.mark.parametrize(("cost", "optimum_s"), [(Cost.MINMAX, 1098.019), (Cost.MINSUM, 4201.960)])

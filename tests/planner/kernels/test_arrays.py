@@ -15,7 +15,7 @@ import numba
 import pytest
 
 import planner.kernels
-from planner.kernels.compiled import compute_sources_digest, make_cache_directory
+from planner.kernels.arrays import compute_sources_digest, make_cache_directory
 
 REPORT = """
 import importlib, json, pkgutil, sys
