@@ -33,8 +33,10 @@ def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
     budget = np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT
     start = instance.start_pct.reshape(fleet, -1, 2)
     home = instance.home_pct.reshape(fleet, -1, 2)
-    shortest = np.minimum(instance.idle_pct, start.min(axis=(1, 2)) + home.min(axis=(1, 2)))
-    for vehicle, stranded in zip(instance.vehicles, shortest > budget, strict=True):
+    # The first visit of any route takes its start, the last its home; the two need not be the same visit.
+    shortest = start.min(axis=(1, 2)) + home.min(axis=(1, 2))
+    useful = shortest <= budget
+    for vehicle, stranded in zip(instance.vehicles, np.minimum(instance.idle_pct, shortest) > budget, strict=True):
         if stranded:
             return f"{vehicle.name} cannot get home with {vehicle.budget_pct:.3f} %"
     if instance.segments > MATRIX_UP_TO:
@@ -48,7 +50,6 @@ def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
     if instance.segments > TABLES_UP_TO:
         return None  # the least total takes a table of all moves
-    useful = np.array([_can_reach_any_segment(instance, vehicle) for vehicle in range(fleet)])
     available = float(budget[useful].sum())
     needed = compute_tree_bound_pct(
         instance, useful, starts=instance.start_pct[useful], homes=instance.home_pct[useful],
@@ -81,15 +82,6 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
         if not (shorter < shortest - 1e-12).any():
             return shorter
         shortest = shorter
-
-
-def _can_reach_any_segment(instance: Instance, vehicle: int) -> bool:
-    """Return whether a vehicle may inspect something: the first visit of any route takes its start, the last its home.
-
-    The two need not be the same visit.
-    """
-    least = float(instance.start_pct[vehicle].min() + instance.home_pct[vehicle].min())
-    return least <= instance.vehicles[vehicle].budget_pct + BUDGET_TOLERANCE_PCT
 
 
 def compute_tree_bound_pct(

@@ -285,27 +285,16 @@ class _FlightGroup:
     """Behind each of them."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Outcome:
-    """What would become of a group's flights if nobody re-planned any more: (m, vehicles of the state) each."""
-
-    lost_s: FloatArray
-    """When a vehicle is lost, infinite if it is not."""
-    undone: IntArray
-    """Segments that its loss leaves."""
-    undone_m: FloatArray
-
-
 def _simulate_group(campaign: RiskCampaign, log: _FlightLog, group: _FlightGroup) -> None:
     """Write down the fate of a group's flights, and fly on those that are re-planned."""
-    fate = _predict_outcome(log, group)
-    log.undone[group.who, group.replans :] = fate.undone.sum(axis=1)[:, np.newaxis]
-    log.undone_m[group.who, group.replans :] = fate.undone_m.sum(axis=1)[:, np.newaxis]
-    log.losses[group.who, group.replans :] = group.losses + np.isfinite(fate.lost_s).sum(axis=1)[:, np.newaxis]
-    broken = np.flatnonzero(fate.undone.sum(axis=1) > 0)
+    lost_s, undone, undone_m = _predict_outcome(log, group)
+    log.undone[group.who, group.replans :] = undone.sum(axis=1)[:, np.newaxis]
+    log.undone_m[group.who, group.replans :] = undone_m.sum(axis=1)[:, np.newaxis]
+    log.losses[group.who, group.replans :] = group.losses + np.isfinite(lost_s).sum(axis=1)[:, np.newaxis]
+    broken = np.flatnonzero(undone.sum(axis=1) > 0)
     if len(broken) == 0:
         return
-    lost_s, undone = fate.lost_s[broken], fate.undone[broken]
+    lost_s, undone = lost_s[broken], undone[broken]
     # The first loss that leaves something; vehicles lost before it had nothing left to inspect.
     culprit = np.where(undone > 0, lost_s, np.inf).argmin(axis=1)
     at_s = lost_s[np.arange(len(broken)), culprit]
@@ -325,7 +314,11 @@ def _simulate_group(campaign: RiskCampaign, log: _FlightLog, group: _FlightGroup
             )
 
 
-def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> _Outcome:
+def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return what would become of a group's flights if nobody re-planned any more: (m, vehicles of the state) each.
+
+    When a vehicle is lost, infinite if it is not; segments that its loss leaves; their metres.
+    """
     state, shape = group.state, (len(group.who), len(group.state.fleet))
     lost_s, undone, undone_m = np.full(shape, np.inf), np.zeros(shape, dtype=np.int64), np.zeros(shape)
     for vehicle, number in enumerate(state.fleet):
@@ -337,7 +330,7 @@ def _predict_outcome(log: _FlightLog, group: _FlightGroup) -> _Outcome:
         done = np.searchsorted(ends_s, lost_s[:, vehicle] + SAME_TIME_S, side="right")
         undone[:, vehicle] = len(ends_s) - done
         undone_m[:, vehicle] = np.append(np.cumsum(state.visit_values(vehicle)[::-1])[::-1], 0.0)[done]
-    return _Outcome(lost_s, undone, undone_m)
+    return lost_s, undone, undone_m
 
 
 def _crossing_times_s(level: FloatArray, column: FloatArray, time_s: FloatArray) -> FloatArray:

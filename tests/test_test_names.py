@@ -320,7 +320,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/checklist_only.py",
         "executor/site/plan_summary.py",
     ),
-    "tests/executor/site/test_campaign_risk.py": (
+    "tests/executor/site/test_campaign_runner_risk.py": (
         "executor/analysis/pictures/risk_figure.py",
         "executor/cli/risk.py",
     ),

@@ -1,7 +1,7 @@
 """Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
 
 The flights come in parts with chance of their own (``planner.split_flights``). Who flies one, and when, changes
-nothing.
+nothing. The risk of one flight is such a campaign, and a sweep over times between failures is some.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.interrupts import defer_ctrl_c, end_children
 from executor.adapters.worker_pool import start_worker_pool
 from executor.errors import ConnectionFailed, ExecutorError
+from planner import FlightChunk, RiskCampaign, RiskEstimate, estimate_risks, simulate_chunk, split_flights
 
 if TYPE_CHECKING:
     import distributed  # an extra; whoever flies here does without
@@ -145,3 +146,37 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
         except TimeoutError as error:
             raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
         yield CampaignRunner(0, client)
+
+
+SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Times the given mean time between failures: where a sweep looks."""
+SWEEP_FLIGHTS = 2_000
+"""For each of them: short times mean many losses each, and so many different re-plans."""
+SWEEP_CHUNK = 500
+
+
+def compute_campaign_risks(
+    fly: CampaignRunner, content: RiskCampaign, parts: Sequence[FlightChunk], told: ProgressCallback
+) -> tuple[RiskEstimate, ...]:
+    """Return the answers for each of the campaign's ``mtbf_h``.
+
+    Raises:
+        ExecutorError: a process or a worker was lost.
+    """
+    return estimate_risks(content, fly(simulate_chunk, content, parts, told))
+
+
+def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskCampaign, tuple[FlightChunk, ...]]:
+    """Return a campaign over a range of times between failures around the given one, and its chunks.
+
+    It shares the table of first losses, so what it costs are its flights.
+    """
+    hours = tuple(factor * content.mtbf_h[0] for factor in SWEEP)
+    return replace(content, mtbf_h=hours), split_flights(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)
+
+
+def describe_policy(replans: int) -> str:
+    """Return in words how many losses are re-planned."""
+    if replans == 0:
+        return "as planned, without a re-plan"
+    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

@@ -8,8 +8,7 @@ import distributed
 import pytest
 
 from executor.errors import ExtraMissing
-from executor.site.campaign_risk import compute_campaign_risks
-from executor.site.campaign_runner import open_campaign_runner
+from executor.site.campaign_runner import compute_campaign_risks, open_campaign_runner
 from planner import RiskCampaign, split_flights
 from planner.sorties import DAYS_PER_CHUNK, SurvivalCampaign, simulate_days, summarise_samples
 from tests.executor.flights import first_campaign

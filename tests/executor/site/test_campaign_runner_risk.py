@@ -11,8 +11,7 @@ import pytest
 
 from executor.analysis.pictures import draw_risk_figure
 from executor.cli.main import main
-from executor.site.campaign_risk import SWEEP, compute_campaign_risks, sweep_mtbf
-from executor.site.campaign_runner import open_campaign_runner
+from executor.site.campaign_runner import SWEEP, compute_campaign_risks, open_campaign_runner, sweep_mtbf
 from missions import write_plan
 from planner import RiskCampaign, split_flights
 from tests.executor.flights import first_campaign, first_plan_file
