@@ -209,11 +209,13 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class CriticalLoss:
-    """The loss that ends a window: with it, no re-plan was found."""
+    """A loss: one vehicle, at any time of one interval between completions."""
 
     vehicle: int
     from_s: float
+    """The interval holds this time..."""
     to_s: float
+    """...but not this one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,14 +266,9 @@ class RepairStatus(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class LossRow:
-    """A loss: one vehicle, at any time of one interval between completions."""
+class LossRow(CriticalLoss):
+    """What is known of it."""
 
-    vehicle: int
-    from_s: float
-    """The interval holds this time..."""
-    to_s: float
-    """...but not this one."""
     verdict: RepairStatus
     plan: Plan | None
     """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""

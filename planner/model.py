@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+BY_VISIT = ("start_s", "home_s", "depot_s", "start_pct", "home_pct", "depot_pct")
+"""Tables of an instance with a row for each vehicle and a column for each visit."""
 
 
 def visit_of(segment: int, reverse: bool) -> int:
@@ -106,11 +108,9 @@ class Instance:
             raise InstanceError(f"moves are between {self.moves.visits} visits, expected {visits}")
         if len(self.profile) != fleet or not all(0 <= own < profiles for own in self.profile):
             raise InstanceError(f"profile is {self.profile}, expected one of {profiles} for each vehicle")
-        shapes = {
-            "start_s": (fleet, visits), "home_s": (fleet, visits), "idle_s": (fleet,),
-            "start_pct": (fleet, visits), "home_pct": (fleet, visits), "idle_pct": (fleet,),
-            "depot_s": (fleet, visits), "depot_pct": (fleet, visits), "value": (visits // 2,),
-            "end_m": (visits, 3),
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(BY_VISIT, (fleet, visits)),
+            "idle_s": (fleet,), "idle_pct": (fleet,), "value": (visits // 2,), "end_m": (visits, 3),
         }  # fmt: skip
         for name, shape in shapes.items():
             array: FloatArray = getattr(self, name)
@@ -248,22 +248,15 @@ def _check_points(ends_m: npt.ArrayLike, landing_m: npt.ArrayLike) -> tuple[Floa
 def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: Sequence[int]) -> Instance:
     """Return some vehicles and segments of an instance as an instance, numbered anew in the order given."""
     visits = [visit_of(segment, reverse) for segment in segments for reverse in (False, True)]
-    rows = np.ix_(vehicles, visits)
-    fleet = list(vehicles)
-    return Instance(
+    rows, fleet = np.ix_(vehicles, visits), list(vehicles)
+    return replace(
+        instance,
         vehicles=tuple(instance.vehicles[vehicle] for vehicle in vehicles),
         profile=tuple(instance.profile[vehicle] for vehicle in vehicles),
         moves=instance.moves.select_visits(visits),
-        start_s=instance.start_s[rows],
-        home_s=instance.home_s[rows],
         idle_s=instance.idle_s[fleet],
-        start_pct=instance.start_pct[rows],
-        home_pct=instance.home_pct[rows],
         idle_pct=instance.idle_pct[fleet],
-        depot_s=instance.depot_s[rows],
-        depot_pct=instance.depot_pct[rows],
         value=instance.value[list(segments)],
         end_m=instance.end_m[visits],
-        landing_m=instance.landing_m,
-        answer_s=instance.answer_s,
+        **{name: getattr(instance, name)[rows] for name in BY_VISIT},
     )

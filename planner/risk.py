@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-from planner.evaluate import Cost, LossRow, completion_times_s, compute_legs, evaluate
+from planner.evaluate import Cost, CriticalLoss, LossRow, completion_times_s, compute_legs, evaluate
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.replan import (
@@ -110,13 +110,12 @@ class ChunkTally:
 
 
 @dataclass(frozen=True, slots=True)
-class WorstLoss:
-    """The vehicle and the time whose losses are most often not repaired."""
+class WorstLoss(CriticalLoss):
+    """The vehicle and the time whose losses are most often not repaired.
 
-    vehicle: int
-    from_s: float
-    to_s: float
-    """Losses after the longest route's time count for its last part."""
+    Losses after the longest route's time count for its last part.
+    """
+
     share: float
     """Of all failures."""
 

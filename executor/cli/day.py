@@ -237,13 +237,11 @@ def build_day_document(
     document["needed"] = [
         {
             "probability": share,
-            "vehicles": None if lives is None else next(
-                fleet + len(one.spares) for one in spares if one.lives is lives
-            ),
-            "packs": None if lives is None else dict(
-                zip((place.name for place in content.bases), lives.packs_for_share(share), strict=True)
+            "vehicles": None if one is None else fleet + len(one.spares),
+            "packs": None if one is None else dict(
+                zip((place.name for place in content.bases), one.lives.packs_for_share(share), strict=True)
             ),
         }
-        for share, lives in enough
+        for share, one in enough
     ]  # fmt: skip
     return document

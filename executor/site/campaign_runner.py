@@ -12,7 +12,7 @@ from concurrent.futures import CancelledError, Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.interrupts import defer_ctrl_c, end_children
@@ -30,17 +30,7 @@ ProgressCallback = Callable[[int, int], None]
 """Told how many flights of how many are done."""
 
 
-class Part(Protocol):
-    """Some of a campaign's flights."""
-
-    @property
-    def flights(self) -> int:
-        """Return how many."""
-        ...
-
-
 CampaignT = TypeVar("CampaignT")
-PartT = TypeVar("PartT", bound=Part)
 AnswerT = TypeVar("AnswerT")
 
 
@@ -55,9 +45,9 @@ class CampaignRunner:
 
     def __call__(
         self,
-        flown: Callable[[CampaignT, PartT], AnswerT],
+        flown: Callable[[CampaignT, FlightChunk], AnswerT],
         campaign: CampaignT,
-        parts: Sequence[PartT],
+        parts: Sequence[FlightChunk],
         told: ProgressCallback,
     ) -> list[AnswerT]:
         """Return the answer to each part, in their order.
@@ -73,12 +63,12 @@ class CampaignRunner:
         """
         total, done = sum(part.flights for part in parts), 0
 
-        def count(part: PartT) -> None:
+        def count(part: FlightChunk) -> None:
             nonlocal done
             done += part.flights
             told(done, total)
 
-        processes, jobs = min(self.processes, len(parts)), dict[Future[AnswerT], PartT]()
+        processes, jobs = min(self.processes, len(parts)), dict[Future[AnswerT], FlightChunk]()
         if self.client is None and processes == 1:
             answers = []
             for part in parts:

@@ -310,17 +310,6 @@ def check_limits(
     return good and sum_of(base.loads) <= most
 
 
-@inner()
-def copy_timed(source: State, clock: LossClock, target: State, target_clock: LossClock, route: int) -> None:
-    """Copy a route with its clock; ``route_of`` is the caller's."""
-    copy_route(source, target, route)
-    length = source.lengths[route]
-    for position in range(length):
-        target_clock.ends_s[route, position] = clock.ends_s[route, position]
-        target_clock.spent[route, position] = clock.spent[route, position]
-    target_clock.durations_s[route] = clock.durations_s[route]
-
-
 @kernel()
 def take_repairs(there: RobustWalk, here: RobustWalk) -> None:
     """Copy the repairs that were looked at, and what all lack."""
@@ -390,10 +379,9 @@ def anneal_plan(
         for route in range(fleet):
             if touched[route] == 1:
                 touched[route] = 0
-                if accepted:
-                    copy_timed(there.base, there.clock, here.base, here.clock, route)
-                else:
-                    copy_timed(here.base, here.clock, there.base, there.clock, route)
+                source, target = (there, here) if accepted else (here, there)
+                copy_route(source.base, target.base, route)
+                set_clock(problem, timing, target.base, target.clock, route)
         if accepted:
             copy_owners(there.base, here.base)
         else:

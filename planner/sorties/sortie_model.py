@@ -316,16 +316,14 @@ def _check_vehicles(
                 yield f"{name}: is not allowed at base {instance.bases[base].name}"
             if pct > own.budget_pct + TOLERANCE:
                 yield f"{name}: uses {pct:.3f} %, its budget is {own.budget_pct:.3f} %"
-            if not _is_within_hours(own, one.start_s, one.start_s + long):
+            if not any(
+                begin - TOLERANCE <= one.start_s and one.start_s + long <= end + TOLERANCE for begin, end in own.windows
+            ):
                 yield f"{name}: flies outside of its hours"
             for visit in one.visits:
                 if not instance.able[number, visit >> 1]:
                     yield f"{name}: may not inspect segment {visit >> 1}"
             place, ready_s = one.lands, one.start_s + long + instance.bases[one.lands].turnaround_s
-
-
-def _is_within_hours(own: SortieVehicle, start_s: float, end_s: float) -> bool:
-    return any(begin - TOLERANCE <= start_s and end_s <= end + TOLERANCE for begin, end in own.windows)
 
 
 def _check_take_offs(instance: SortieInstance, plan: SortiePlan) -> Iterator[str]:
