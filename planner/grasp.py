@@ -37,7 +37,7 @@ from planner.bounds import explain_infeasibility
 from planner.errors import InstanceError
 from planner.evaluate import Cost, Evaluation, Result, evaluate
 from planner.model import Instance, Plan
-from planner.search import Search, Standing
+from planner.search import Search
 from planner.solve import solve
 from planner.stop_rules import Progress, StopRule, StopVerdict, Stopwatch, add_progress_report
 
@@ -159,5 +159,5 @@ class _GraspRuns(Search):
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
             self._improved_at = self._iterations
 
-    def _rate_best(self) -> Standing:
-        return Standing(self._evaluation.value, 0, not self._evaluation.violations)
+    def _rate_best(self) -> tuple[float, int, bool]:
+        return self._evaluation.value, 0, not self._evaluation.violations

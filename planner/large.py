@@ -20,7 +20,7 @@ from planner.model import Instance, Plan, Route, build_part_instance, renumber_v
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import PlanSearch
-from planner.search import Search, Standing, run_in_threads
+from planner.search import Search, run_in_threads
 from planner.stop_rules import Iterations, StopRule, Stopwatch
 
 CURVE_BITS = 12
@@ -200,10 +200,10 @@ class LargeSearch(Search):
         left = float(self._instance.value[self._route_of < 0].sum())
         return left, cost_of(self._instance, self._energies.tolist(), self._cost)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         uncovered = len(self._find_open_segments())
         within = bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT))
-        return Standing(self._objective_key()[1], uncovered, within and not uncovered)
+        return self._objective_key()[1], uncovered, within and not uncovered
 
 
 def sort_along_curve(places_m: FloatArray) -> npt.NDArray[np.int64]:

@@ -19,7 +19,7 @@ from planner.kernels.tours import copy_all, insert_by_regret, measure
 from planner.model import Instance, Plan, Route, segment_of
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, AnnealingParams, SearchParams
-from planner.search import AnnealingSearch, Cycle, SearchStart, Standing
+from planner.search import AnnealingSearch, Cycle, SearchStart
 from planner.stop_rules import StopRule, Stopwatch
 
 
@@ -122,9 +122,9 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         self._plan = build_plan(self._leader.best)
         self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         uncovered = len(self._plan.uncovered)
-        return Standing(self._evaluation.value, uncovered, not uncovered and not self._evaluation.violations)
+        return self._evaluation.value, uncovered, not uncovered and not self._evaluation.violations
 
 
 NEAREST = 128
@@ -224,7 +224,7 @@ def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
     """Return the state of routes given as visits, budgets or not."""
     state = build_empty_state(problem)
     for route, visits in enumerate(routes):
-        _set_route(problem, state, route, visits)
+        set_route(problem, state, route, visits)
     return state
 
 
@@ -296,7 +296,8 @@ def build_random_state(seed: int) -> RandomState:
     return np.array([(mixed ^ (mixed >> 31)) or 1], dtype=np.uint64)
 
 
-def _set_route(problem: Problem, state: State, route: int, visits: Sequence[int]) -> None:
+def set_route(problem: Problem, state: State, route: int, visits: Sequence[int]) -> None:
+    """Have a route make these visits, and measure it."""
     state.route_of[state.route_of == route] = -1
     state.visits[route, : len(visits)] = visits
     state.lengths[route] = len(visits)
@@ -308,11 +309,11 @@ def _drop_one(problem: Problem, state: State, route: int) -> None:
     load = float(state.loads[route])
 
     def spared_per_value(place: int) -> float:
-        _set_route(problem, state, route, visits[:place] + visits[place + 1 :])
+        set_route(problem, state, route, visits[:place] + visits[place + 1 :])
         return (load - float(state.loads[route])) / float(problem.value[segment_of(visits[place])])
 
     worst = max(range(len(visits)), key=spared_per_value)
-    _set_route(problem, state, route, visits[:worst] + visits[worst + 1 :])
+    set_route(problem, state, route, visits[:worst] + visits[worst + 1 :])
 
 
 def _empty_route_weight(problem: Problem) -> float:

@@ -20,12 +20,11 @@ from planner.kernels.robust_walk import (
     assess_repairs,
     take_repairs,
 )
-from planner.kernels.tours import measure
 from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state
-from planner.search import Search, Standing, run_in_threads
+from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state, set_route
+from planner.search import Search, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
 from planner.window import merge_times, replan_window
@@ -154,9 +153,9 @@ class RobustSearch(Search):
         verdict = self._stop(progress)
         return replace(verdict, allowed=verdict.allowed // self._starts * self._starts)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         known = math.isfinite(self.earliest_s)
-        return Standing(self.earliest_s, 0 if known else 1, known)
+        return self.earliest_s, 0 if known else 1, known
 
     def _measure_flight_power(self, minmax: Plan) -> None:
         """Take from the best MinMax plan how much energy a second of flight costs."""
@@ -282,9 +281,7 @@ class RobustSearch(Search):
         for walk_at in (walker.here, walker.there):
             walk_at.base.route_of[:] = -1
             for route, visits in enumerate(routes):
-                walk_at.base.visits[route, : len(visits)] = visits
-                walk_at.base.lengths[route] = len(visits)
-                measure(self._problem, walk_at.base, route)
+                set_route(self._problem, walk_at.base, route, visits)
                 set_clock(self._problem, self._timing, walk_at.base, walk_at.clock, route)
             walk_at.repairs.known[:] = 0
 

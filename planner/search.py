@@ -27,15 +27,6 @@ StateT = TypeVar("StateT")
 RandomState = npt.NDArray[np.uint64]
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """How good the best plan is, in the words of ``Progress``."""
-
-    value: float
-    uncovered: int
-    feasible: bool
-
-
 class Search(ABC):
     """One search, from a first plan to the best found: it asks the stop rule, counts, and says where it stands."""
 
@@ -53,8 +44,8 @@ class Search(ABC):
         """Run ``iterations``, and count them."""
 
     @abstractmethod
-    def _rate_best(self) -> Standing:
-        """Return how good the best plan is."""
+    def _rate_best(self) -> tuple[float, int, bool]:
+        """Return how good the best plan is: value, uncovered and feasible of ``Progress``."""
 
     def _run_rounds(self, stop: StopRule) -> str:
         """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
@@ -64,14 +55,14 @@ class Search(ABC):
         return verdict.reason
 
     def _build_progress(self) -> Progress:
-        best = self._rate_best()
+        value, uncovered, feasible = self._rate_best()
         return Progress(
             iterations=self._iterations,
             since_improvement=max(0, self._iterations - self._improved_at),
             seconds=self._watch.seconds,
-            value=best.value,
-            uncovered=best.uncovered,
-            feasible=best.feasible,
+            value=value,
+            uncovered=uncovered,
+            feasible=feasible,
             impossible=self._impossible is not None,
         )
 
@@ -79,7 +70,7 @@ class Search(ABC):
         return Result(
             plan=plan,
             evaluation=evaluation,
-            feasible=self._rate_best().feasible,
+            feasible=self._rate_best()[2],
             iterations=self._iterations,
             seconds=self._watch.seconds,
             stopped_by=stopped_by,

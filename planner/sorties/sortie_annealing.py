@@ -21,7 +21,7 @@ from planner.kernels.sortie_schedule import (
 )
 from planner.kernels.sortie_search import anneal_sorties, copy_sorties
 from planner.plan_search import build_random_state
-from planner.search import AnnealingSearch, Cycle, SearchStart, Standing
+from planner.search import AnnealingSearch, Cycle, SearchStart
 from planner.sorties.sortie_model import Objective, Sortie, SortieInstance, SortiePlan, SortieResult, evaluate_sorties
 from planner.stop_rules import StopRule, Stopwatch
 
@@ -133,10 +133,10 @@ class SortieSearch(AnnealingSearch[SortieStart]):
     def _improve(self, start: SortieStart, iterations: int) -> int:
         return start.run(self._cycle.cooling, self._most, iterations)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         best = self._leader.best
         uncovered = int(self._instance.wanted.sum()) - int(best.size[best.start < 1e17].sum())
-        return Standing(float(best.sums[1 + self._problem.objective]), uncovered, uncovered == 0)
+        return float(best.sums[1 + self._problem.objective]), uncovered, uncovered == 0
 
 
 NEAR = 30
