@@ -86,9 +86,9 @@ from planner.stop_rules import (
 )
 from planner.window import (
     ParetoPlan,
-    build_loss_table,
     find_pareto_front,
     find_repairs_at,
+    iterate_losses,
     replan_window,
     solve_window,
 )

@@ -41,7 +41,7 @@ from planner.replan import (
     replan,
 )
 from planner.stop_rules import FirstFeasible, Iterations, combine_stop_rules
-from planner.window import EFFORT, build_loss_table, event_times_s
+from planner.window import EFFORT, event_times_s, iterate_losses
 
 FLIGHTS_PER_CHUNK = 10_000
 """So many flights share their re-plans; more chunks keep more processors busy."""
@@ -151,7 +151,7 @@ def build_risk_campaign(
     effort: int = EFFORT,
     fly_again: bool = True,
 ) -> RiskCampaign:
-    """Return what is to be flown; it looks at every first loss once (``planner.build_loss_table``).
+    """Return what is to be flown; it looks at every first loss once (``planner.iterate_losses``).
 
     Raises:
         InstanceError: a figure is out of its range.
@@ -170,7 +170,7 @@ def build_risk_campaign(
     if plan.uncovered:
         raise PlanError(f"the plan leaves out {len(plan.uncovered)} segments, expected one that inspects everything")
     losses = len(plan.routes) > 1 and max_losses > 0
-    table = build_loss_table(instance, plan, effort=effort, fly_again=fly_again) if losses else ()
+    table = tuple(iterate_losses(instance, plan, effort=effort, fly_again=fly_again)) if losses else ()
     return RiskCampaign(
         instance, plan, table, tuple(mtbf_h), battery_spread_pct, reserve_pct, max_losses, effort, fly_again
     )  # fmt: skip

@@ -94,21 +94,30 @@ def replan_window(
     )
 
 
-def build_loss_table(
-    instance: Instance, plan: Plan, *, effort: int = EFFORT, fly_again: bool = True
-) -> tuple[LossRow, ...]:
+def iterate_losses(
+    instance: Instance, plan: Plan, *, effort: int = EFFORT, seed: int = 0, fly_again: bool = True
+) -> Iterator[LossRow]:
     """Return all losses of a plan, those at the end first: each interval with each vehicle flying in it.
+
+    A row is computed when it is asked for.
 
     Args:
         instance: of the plan.
         plan: to be flown as it is until a vehicle is lost; what it leaves uncovered is open in every loss.
         effort: iterations of ruin and recreate for each loss that is not repaired at once.
+        seed: of all randomness.
         fly_again: whether vehicles on the ground or on their way home may fly (again).
 
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    return tuple(_iterate_rows(instance, plan, effort, 0, fly_again=fly_again))
+    check_tails(instance, [route.visits for route in plan.routes])
+    check_fleet(instance)
+    if instance.segments == 0:
+        return iter(())
+    from planner.loss_scan import LossScan
+
+    return LossScan(instance, plan, event_times_s(instance, plan), seed=seed, fly_again=fly_again).iterate_rows(effort)
 
 
 def find_repairs_at(
@@ -122,7 +131,7 @@ def find_repairs_at(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    rows = _iterate_rows(instance, plan, effort, seed, fly_again=fly_again)
+    rows = iterate_losses(instance, plan, effort=effort, seed=seed, fly_again=fly_again)
     after = (row for row in rows if row.from_s <= at_s + SAME_TIME_S)
     here = takewhile(lambda row: row.to_s > at_s + SAME_TIME_S, after)
     return tuple(
@@ -130,17 +139,6 @@ def find_repairs_at(
         for row in here
         if row.plan is not None
     )
-
-
-def _iterate_rows(instance: Instance, plan: Plan, effort: int, seed: int, *, fly_again: bool) -> Iterator[LossRow]:
-    """Return all losses of a plan, those at the end first; a row is computed when it is asked for."""
-    check_tails(instance, [route.visits for route in plan.routes])
-    check_fleet(instance)
-    if instance.segments == 0:
-        return iter(())
-    from planner.loss_scan import LossScan
-
-    return LossScan(instance, plan, event_times_s(instance, plan), seed=seed, fly_again=fly_again).iterate_rows(effort)
 
 
 def event_times_s(instance: Instance, plan: Plan) -> tuple[float, ...]:

@@ -22,7 +22,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Protocol, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numba
 import numba as nb
@@ -139,15 +139,7 @@ SCALARS = {int: nb.int64, float: nb.float64, bool: nb.boolean, type(None): nb.vo
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
-class Compiler(Protocol):
-    """A decorator that leaves a function's types as they are."""
-
-    def __call__(self, function: Function, /) -> Function:
-        """Return the compiled function."""
-        ...
-
-
-def kernel(*, counted: bool = False, inline: bool = False) -> Compiler:
+def kernel(*, counted: bool = False, inline: bool = False) -> Callable[[Function], Function]:
     """Return the decorator of a kernel that Python calls.
 
     Args:
@@ -158,7 +150,7 @@ def kernel(*, counted: bool = False, inline: bool = False) -> Compiler:
     return _build_compiler(forceinline=inline, **options)
 
 
-def inner(*, inline: bool = False) -> Compiler:
+def inner(*, inline: bool = False) -> Callable[[Function], Function]:
     """Return the decorator of a kernel that only other kernels call.
 
     Args:
@@ -167,7 +159,7 @@ def inner(*, inline: bool = False) -> Compiler:
     return _build_compiler(forceinline=inline, _nrt=False, no_cpython_wrapper=True)
 
 
-def _build_compiler(**options: Any) -> Compiler:
+def _build_compiler(**options: Any) -> Callable[[Function], Function]:
     compile_for: Any = nb.njit
 
     def compile_function(function: Function) -> Function:

@@ -16,9 +16,9 @@ from planner import (
     Plan,
     RepairStatus,
     Vehicle,
-    build_loss_table,
     build_remaining_problem,
     evaluate,
+    iterate_losses,
     solve,
 )
 from planner.bounds import ASCENT, explain_infeasibility
@@ -60,7 +60,7 @@ def test_what_is_certainly_impossible_has_no_plan(instance: Instance) -> None:
 @given(instances(least_vehicles=2), st.booleans())
 def test_every_verdict_of_the_table_is_true(instance: Instance, fly_again: bool) -> None:
     plan = solve(instance, cost=Cost.MINCOMB, stop=Iterations(30)).plan
-    for row in build_loss_table(instance, plan, fly_again=fly_again, effort=400):
+    for row in iterate_losses(instance, plan, fly_again=fly_again, effort=400):
         for at_s in (row.from_s, 0.5 * (row.from_s + row.to_s)):
             left = build_remaining_problem(instance, plan, row.vehicle, at_s, fly_again=fly_again)
             if row.plan is not None:
