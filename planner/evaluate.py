@@ -147,11 +147,6 @@ class CostFunction:
         """Return whether nothing but the longest route counts."""
         return self.total == 0
 
-    @property
-    def has_longest_term(self) -> bool:
-        """Return whether the longest route counts beside what all use, or alone."""
-        return self.peak > 0
-
     def peak_weight(self, vehicles: int) -> float:
         """Return the weight of the longest route for a fleet."""
         return self.peak / vehicles if self.shared_peak else self.peak

@@ -118,6 +118,7 @@ class _GraspRuns(Search):
 
     def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
+        from planner.kernels.anneal import compute_objective
         from planner.plan_search import build_empty_state, copy_state
 
         current = build_empty_state(self._problem)
@@ -126,7 +127,7 @@ class _GraspRuns(Search):
             current=current,
             trial=copy_state(current),
             best=copy_state(current),
-            cost=np.array([self._kernels.compute_objective(self._problem, self._weights, current)]),
+            cost=np.array([compute_objective(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
             tabu=np.zeros(max(1, len(self._problem.value) // 4), dtype=np.int64),
@@ -145,6 +146,7 @@ class _GraspRuns(Search):
 
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
+        from planner.kernels.anneal import compute_objective
         from planner.kernels.tours import orient_visits
         from planner.plan_search import build_plan, copy_state
 
@@ -152,7 +154,7 @@ class _GraspRuns(Search):
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
         for route in range(len(state.lengths)):
             orient_visits(self._problem, state, route, came_from)
-        cost = self._kernels.compute_objective(self._problem, self._weights, state)
+        cost = compute_objective(self._problem, self._weights, state)
         if cost < self._lowest:
             self._lowest = cost
             self._plan = build_plan(state)

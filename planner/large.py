@@ -56,7 +56,7 @@ class LargeSearch(Search):
         super().__init__(watch, batch=params.large.spell, starts=starts, impossible=explain_infeasibility(instance))
         self._instance = instance
         self._cost = cost
-        self._balances = cost.function.has_longest_term and not cost.function.is_longest_only
+        self._balances = cost.function.peak > 0 and not cost.function.is_longest_only
         self._all_vehicles = all_vehicles
         self._starts = starts
         self._params = params.large
@@ -147,7 +147,7 @@ class LargeSearch(Search):
         claimed = np.zeros(self._instance.segments, dtype=np.bool_)
         regions: list[_Region] = []
         for place in range(self._starts):
-            longest = place == 0 and self._cost.function.has_longest_term and self._chance.random() < 0.5
+            longest = place == 0 and self._cost.function.peak > 0 and self._chance.random() < 0.5
             seed = self._choose_seed_segment(longest=longest)
             if regions and (claimed[seed] or (self._route_of[seed] >= 0 and taken[self._route_of[seed]])):
                 continue

@@ -249,6 +249,7 @@ def find_pareto_front(
     seed: int = 0,
     all_vehicles: bool = False,
     starts: int = 1,
+    stretches: Sequence[float] = STRETCHES,
     fly_again: bool = True,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
@@ -264,6 +265,7 @@ def find_pareto_front(
         seed: of all randomness.
         all_vehicles: leave no vehicle without a visit.
         starts: searches side by side for each stretch.
+        stretches: how much longer than the best MinMax plan's the longest route may be, as shares of it.
         fly_again: whether vehicles that have landed may fly again after a loss.
         params: what the searches are tuned by.
         on_progress: called whenever ``stop`` is asked.
@@ -290,7 +292,7 @@ def find_pareto_front(
     full = False
     while not (over or full):
         full = number > 0
-        for stretch in STRETCHES:
+        for stretch in sorted(stretches):
             search = RobustSearch(
                 instance, add_progress_report(combine_stop_rules(Iterations(length), ask_over_all), on_progress), watch,
                 seed=seed + 100 * number, all_vehicles=all_vehicles, starts=starts, fly_again=fly_again, params=params,

@@ -108,10 +108,10 @@ def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
     for at_s, began_s, lost in [(0.0, 0.0, {0, 1}), (29.0, 20.0, {0, 1}), (30.0, 30.0, {0, 1}), (79.0, 40.0, {1})]:
         repairs = find_repairs_at(instance, PLAN, at_s)
         assert {left.lost for left, _ in repairs} == lost
-        for one in repairs:
-            left = build_remaining_problem(instance, PLAN, one.remainder.lost, began_s)
-            assert one.remainder.open_segments == left.open_segments
-            assert evaluate(left.instance, one.plan, Cost.MINSUM).violations == ()
+        for found, plan in repairs:
+            left = build_remaining_problem(instance, PLAN, found.lost, began_s)
+            assert found.open_segments == left.open_segments
+            assert evaluate(left.instance, plan, Cost.MINSUM).violations == ()
     assert find_repairs_at(instance, PLAN, 81.0) == ()
 
 
@@ -175,7 +175,7 @@ def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
 def test_a_loss_on_a_line_of_one_segment_is_one() -> None:
     instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (0,)), Route(1, ())))
     assert [(row.from_s, row.to_s) for row in iterate_losses(instance, plan)] == [(10, 20), (0, 10)]
-    assert [one.remainder.open_segments for one in find_repairs_at(instance, plan, 5.0)] == [(0,)]
+    assert [left.open_segments for left, _ in find_repairs_at(instance, plan, 5.0)] == [(0,)]
 
 
 def test_one_vehicle_has_nobody_left() -> None:
@@ -192,9 +192,9 @@ def test_the_re_plans_of_the_earliest_time_are_complete() -> None:
     instance = line(4, 119.0, 90.0)
     window = replan_window(instance, PLAN)
     repairs = find_repairs_at(instance, PLAN, window.earliest_s)
-    assert [repair.remainder.lost for repair in repairs] == [1]
-    for repair in repairs:
-        assert evaluate(repair.remainder.instance, repair.plan, Cost.MINSUM).violations == ()
+    assert [left.lost for left, _ in repairs] == [1]
+    for left, plan in repairs:
+        assert evaluate(left.instance, plan, Cost.MINSUM).violations == ()
 
 
 def test_the_network_of_the_paper() -> None:

@@ -85,7 +85,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
     search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
     for iterations in (1, 7, 40):
         search._advance(iterations)
-        for state in (search._leader.best, search._starts[0]._current, search._starts[0]._trial):
+        for state in (search._leader.best, search._starts[0].current, search._starts[0].trial):
             plan = build_plan(state)
             evaluation = evaluate(instance, plan, cost)
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
@@ -108,7 +108,7 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
     search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch(), starts=2)
     search._advance(150)
     for start in search._starts:
-        memory, state = start._memory, start._current
+        memory, state = start._memory, start.current
         for segment, route in np.argwhere(memory.version == memory.versions).tolist():
             if state.route_of[segment] == route:
                 continue  # it was looked for when the segment was out of the route
