@@ -242,7 +242,7 @@ class ParetoPlan:
     """Its ``earliest_s`` is the third figure."""
 
 
-def find_pareto_front(
+def find_pareto_front(  # noqa: PLR0913 - what is asked for, how long to search, and where
     instance: Instance,
     *,
     stop: StopRule,
