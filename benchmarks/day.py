@@ -21,8 +21,9 @@ from executor.site.site_model import load_site_model
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
-from planner import Iterations, MoveGeometry, Stopwatch, Travel
+from planner import Iterations, MoveGeometry, Stopwatch, Travel, split_flights
 from planner.sorties import (
+    DAYS_PER_CHUNK,
     SortieBase,
     SortieInstance,
     SortieVehicle,
@@ -31,7 +32,6 @@ from planner.sorties import (
     evaluate_sorties,
     simulate_days,
     solve_sorties,
-    split_samples,
     summarise_samples,
 )
 
@@ -203,7 +203,9 @@ def _fleet_row(content: DayPlanFile, mtbf_h: float, spares: int, samples: int, s
     fleet = len(content.vehicles)
     chosen = tuple(number % fleet for number in range(spares))
     campaign = SurvivalCampaign(add_spares(content.build_instance(), chosen), content.plan, mtbf_h, seed)
-    lives = summarise_samples([simulate_days(campaign, part) for part in split_samples(samples)])
+    lives = summarise_samples(
+        [simulate_days(campaign, part) for part in split_flights(samples, 0, per_chunk=DAYS_PER_CHUNK)]
+    )
     return {
         "mtbf_h": mtbf_h,
         "vehicles": fleet + spares,

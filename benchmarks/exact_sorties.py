@@ -13,11 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks import highs
 from benchmarks.row_matrix import build_row_matrix
-from planner import highs
 from planner.errors import InstanceError
-from planner.sorties.sortie_evaluation import TOLERANCE
-from planner.sorties.sortie_model import Sortie, SortieInstance, SortiePlan
+from planner.sorties.sortie_model import TOLERANCE, Sortie, SortieInstance, SortiePlan
 
 MOST_SEGMENTS = 10
 """Wanted segments up to which an instance is taken."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from planner.highs import Matrix
+from benchmarks.highs import Matrix
 
 
 def build_row_matrix(rows: Sequence[Mapping[int, float]], columns: int) -> Matrix:

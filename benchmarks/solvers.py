@@ -27,4 +27,4 @@ def run_solver(
         case PlanSolver.GRASP:
             return solve_grasp(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
         case PlanSolver.EXACT:
-            return solve_exact(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles)
+            return solve_exact(instance, cost=cost, stop=stop, all_vehicles=all_vehicles)

@@ -25,11 +25,10 @@ from missions.relief import FEW_PIECES, Relief, price_uneven_ways
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from missions.vertical_legs import NEVER, VerticalLegs
-from planner import Instance, Moves, MoveTables, Vehicle, Visits
+from planner import ComputedMoves, Instance, Moves, MoveTables, Vehicle, Visits
+from planner.model import TABLES_UP_TO
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
-TABLES_UP_TO = 1000
-"""Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
 BARRED_PCT = 1e5
@@ -242,8 +241,8 @@ def _renumber(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[
 
 
 @dataclass(frozen=True, slots=True)
-class PricedMoves:
-    """Moves priced when they are asked for: memory grows with the segments, not with their square."""
+class PricedMoves(ComputedMoves):
+    """Moves of the vehicles' own flight models."""
 
     first_m: FloatArray
     """(2n, 3) float64: where each visit begins."""
@@ -264,29 +263,14 @@ class PricedMoves:
         """Number of visits."""
         return len(self.first_m)
 
-    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the seconds of moves."""
-        return self._compute_moves(profile, before, after)[0]
-
-    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the energy of moves."""
-        return self._compute_moves(profile, before, after)[1]
-
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
         besides = None if self.besides is None else self.besides[..., which]
         return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tabulate()
 
-    def tabulate(self) -> MoveTables:
-        """Return all moves."""
-        every = np.arange(self.visits)
-        blocks = [self._compute_moves(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
-        shape = (self.profiles, self.visits, self.visits)
-        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
-        return MoveTables(seconds, pct)
-
-    def _compute_moves(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
         facing_m, flier = self.last_m[before] - self.first_m[before], self.fliers[profile]
         seconds, pct = flier.price_moves(
             self.last_m[before], facing_m, self.first_m[after], self.last_m[after],

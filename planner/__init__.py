@@ -10,7 +10,6 @@ Importing this package is cheap; the first plan, or ``warm_up``, loads the compi
 """
 
 from planner.bounds import explain_infeasibility
-from planner.cost import BUDGET_TOLERANCE_PCT, Cost
 from planner.energy import (
     CLIMB_SHARE_PER_M_S,
     PRESETS,
@@ -19,20 +18,25 @@ from planner.energy import (
     power_w,
     top_speed_m_s,
 )
-from planner.errors import InstanceError, ParamsError, PlanError, PlannerError
+from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
+    BUDGET_TOLERANCE_PCT,
+    Cost,
+    CriticalLoss,
+    RepairStatus,
+    ReplanWindow,
+    Result,
     completion_times_s,
     energy_use_pct,
     evaluate,
     route_duration_s,
     route_energy_pct,
 )
-from planner.exact import EXACT_SEGMENTS, OPTIMAL_SEGMENTS, find_covering_plan, solve_exact
+from planner.exact import EXACT_SEGMENTS, find_covering_plan, solve_exact
 from planner.grasp import solve_grasp
-from planner.instance import build_instance
-from planner.loss_row import RepairStatus
-from planner.model import Instance, Plan, Route, Vehicle, is_reversed, segment_of, visit_of
+from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
 from planner.moves import (
+    ComputedMoves,
     Dynamics,
     MoveGeometry,
     Moves,
@@ -43,19 +47,20 @@ from planner.moves import (
     build_steady_wind,
     travel_for,
 )
-from planner.onboard_plan import (
+from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
+from planner.replan import (
     OnboardPlan,
     PlanRating,
+    RemainingProblem,
     build_onboard_plan,
+    build_remaining_problem,
     grant_onboard_budgets,
     is_better_rating,
     rate_plan,
+    replan,
     select_best_plan,
+    warm_start,
 )
-from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
-from planner.pareto_front import ParetoPlan, find_pareto_front
-from planner.replan import RemainingProblem, build_remaining_problem, replan, warm_start
-from planner.result import Result
 from planner.risk import (
     FlightChunk,
     ProbabilityEstimate,
@@ -69,7 +74,6 @@ from planner.risk import (
 )
 from planner.solve import solve, warm_up
 from planner.stop_rules import (
-    AnyOf,
     Cancelled,
     FirstFeasible,
     Iterations,
@@ -81,11 +85,10 @@ from planner.stop_rules import (
     combine_stop_rules,
 )
 from planner.window import (
-    CriticalLoss,
-    LossRepair,
-    ReplanWindow,
-    build_loss_table,
+    ParetoPlan,
+    find_pareto_front,
     find_repairs_at,
+    iterate_losses,
     replan_window,
+    solve_window,
 )
-from planner.window_search import solve_window

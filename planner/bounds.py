@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from planner.cost import BUDGET_TOLERANCE_PCT
-from planner.instance import TABLES_UP_TO
-from planner.model import Instance
+from planner.evaluate import BUDGET_TOLERANCE_PCT
+from planner.model import TABLES_UP_TO, Instance
 from planner.moves import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -17,11 +16,16 @@ ASCENT = 300
 """Iterations of the ascent to a spanning-tree bound."""
 
 
-def explain_infeasibility(instance: Instance) -> str | None:
+def explain_infeasibility(instance: Instance, *, ascent: int = 1) -> str | None:
     """Return why no plan covers everything within the budgets, or None where these conditions do not tell.
 
-    Each vehicle must get home, each segment must be within some vehicle's reach, and the least energy that any
-    plan needs must not be more than the fleet has.
+    Each vehicle must get home, each segment must be within some vehicle's reach, and the energy that all vehicles
+    together have must not be less than a spanning-tree bound on what any plan needs; a vehicle that can inspect nothing
+    adds nothing to it.
+
+    Args:
+        instance: the problem.
+        ascent: iterations to that bound; with ``ASCENT`` it is good, and takes some milliseconds for 50 segments.
     """
     if instance.segments == 0:
         return None
@@ -29,8 +33,10 @@ def explain_infeasibility(instance: Instance) -> str | None:
     budget = np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT
     start = instance.start_pct.reshape(fleet, -1, 2)
     home = instance.home_pct.reshape(fleet, -1, 2)
-    shortest = np.minimum(instance.idle_pct, start.min(axis=(1, 2)) + home.min(axis=(1, 2)))
-    for vehicle, stranded in zip(instance.vehicles, shortest > budget, strict=True):
+    # The first visit of any route takes its start, the last its home; the two need not be the same visit.
+    shortest = start.min(axis=(1, 2)) + home.min(axis=(1, 2))
+    useful = shortest <= budget
+    for vehicle, stranded in zip(instance.vehicles, np.minimum(instance.idle_pct, shortest) > budget, strict=True):
         if stranded:
             return f"{vehicle.name} cannot get home with {vehicle.budget_pct:.3f} %"
     if instance.segments > MATRIX_UP_TO:
@@ -44,9 +50,12 @@ def explain_infeasibility(instance: Instance) -> str | None:
         return f"segment {int(lost[0])} is out of every vehicle's reach"
     if instance.segments > TABLES_UP_TO:
         return None  # the least total takes a table of all moves
-    useful = np.array([_can_reach_any_segment(instance, vehicle) for vehicle in range(fleet)])
-    needed, available = least_total_pct(instance, useful), float(budget[useful].sum())
-    if needed > available:
+    available = float(budget[useful].sum())
+    needed = compute_tree_bound_pct(
+        instance, useful, starts=instance.start_pct[useful], homes=instance.home_pct[useful],
+        idle=instance.idle_pct[useful], enough=available, ascent=ascent,
+    )  # fmt: skip
+    if needed > available * (1 + 1e-12):
         return f"everything takes {needed:.3f} % or more, the fleet has {available:.3f} %"
     return None
 
@@ -75,44 +84,9 @@ def _shortest_pct(direct: FloatArray, moves: FloatArray) -> FloatArray:
         shortest = shorter
 
 
-def explain_infeasibility_fully(instance: Instance) -> str | None:
-    """Return why no plan covers everything within the budgets, or None: what `explain_infeasibility` tells, and more.
-
-    It takes some milliseconds for 50 segments. The energy that all vehicles together have must not be less than a
-    spanning-tree bound on what any plan needs; a vehicle that can inspect nothing adds nothing to it.
-    """
-    said = explain_infeasibility(instance)
-    if said is not None or instance.segments == 0:
-        return said
-    useful = np.array([_can_reach_any_segment(instance, vehicle) for vehicle in range(len(instance.vehicles))])
-    if not useful.any():
-        return "no vehicle reaches any segment"
-    available = sum(
-        vehicle.budget_pct + BUDGET_TOLERANCE_PCT
-        for vehicle, used in zip(instance.vehicles, useful, strict=True)
-        if used
-    )
-    needed = compute_tree_bound_pct(
-        instance, useful, starts=instance.start_pct[useful], homes=instance.home_pct[useful],
-        idle=instance.idle_pct[useful], enough=available,
-    )  # fmt: skip
-    if needed > available * (1 + 1e-12):
-        return f"everything takes {needed:.3f} % or more, the fleet has {available:.3f} %"
-    return None
-
-
-def _can_reach_any_segment(instance: Instance, vehicle: int) -> bool:
-    """Return whether a vehicle may inspect something: the first visit of any route takes its start, the last its home.
-
-    The two need not be the same visit.
-    """
-    least = float(instance.start_pct[vehicle].min() + instance.home_pct[vehicle].min())
-    return least <= instance.vehicles[vehicle].budget_pct + BUDGET_TOLERANCE_PCT
-
-
 def compute_tree_bound_pct(
     instance: Instance, useful: BoolArray, *, starts: FloatArray, homes: FloatArray, idle: FloatArray, enough: float,
-    once: int | None = None,
+    once: int | None = None, ascent: int = ASCENT,
 ) -> float:  # fmt: skip
     """Return the spanning-tree bound for the ``useful`` vehicles; their rows are given, each over all visits.
 
@@ -124,9 +98,10 @@ def compute_tree_bound_pct(
         idle: (r,), of a vehicle that is not used.
         enough: how large a bound needs to be.
         once: the only vehicle that starts once at most; None if all do.
+        ascent: iterations at most.
     """
     # Only here: it loads numba, and the quick conditions do without.
-    from planner.kernels.tree_bound import compute_tree_bound
+    from planner.kernels.proofs import compute_tree_bound
 
     visits = 2 * instance.segments
     moves = _least_moves_pct(instance, useful)
@@ -144,7 +119,7 @@ def compute_tree_bound_pct(
         np.array(idle, dtype=np.float64),
         np.array([once is None or vehicle == once for vehicle in every], dtype=np.int64),
         enough - float(entry.sum()),
-        ASCENT,
+        ascent,
     )
     return float(bound + entry.sum()) - 1e-9 * abs(enough)
 
@@ -163,42 +138,3 @@ def _least_moves_pct(instance: Instance, useful: BoolArray) -> FloatArray:
             moves = instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
             np.minimum(least, min(factors) * moves, out=least)
     return least
-
-
-def least_total_pct(instance: Instance, useful: BoolArray) -> float:
-    """Return a lower bound on the energy of any plan that covers everything with the ``useful`` vehicles.
-
-    Exactly one move leads into each segment. What all moves into it cost at least is paid in any case; the rest of
-    the moves links starts and segments to one tree, so it is at least the minimum spanning tree. The ways home, or
-    idle, come on top.
-    """
-    segments = instance.segments
-    start = instance.start_pct[useful].reshape(-1, segments, 2).min(axis=(0, 2))
-    between = _least_between_pct(instance, useful)
-    np.fill_diagonal(between, np.inf)
-    entry = np.minimum(start, between.min(axis=0))
-    links = between - entry
-    tree = _spanning_tree_weight(start - entry, np.minimum(links, links.T))
-    home = instance.home_pct[useful].min(axis=1)
-    ways_home = np.minimum(home, instance.idle_pct[useful])
-    return float(entry.sum() + tree + ways_home.sum() + (home - ways_home).min())
-
-
-def _least_between_pct(instance: Instance, useful: BoolArray) -> FloatArray:
-    """Return (n, n) float64, the least energy from segment to segment over directions and useful vehicles."""
-    moves = _least_moves_pct(instance, useful)
-    least: FloatArray = moves.reshape(instance.segments, 2, instance.segments, 2).min(axis=(1, 3))
-    return least
-
-
-def _spanning_tree_weight(roots: FloatArray, links: FloatArray) -> float:
-    """Return the weight of the minimum spanning tree of a root, joined to i by ``roots[i]``, and all i (Prim)."""
-    distance = roots.copy()
-    total = 0.0
-    for _ in range(len(roots)):
-        nearest = int(distance.argmin())
-        total += float(distance[nearest])
-        distance = np.minimum(distance, links[nearest])
-        links[:, nearest] = np.inf
-        distance[nearest] = np.inf
-    return total

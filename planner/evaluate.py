@@ -1,14 +1,20 @@
-"""The definition of every figure of a plan: slow, obvious, and what the kernels must agree with."""
+"""The definition of every figure of a plan, what it is chosen by, and what a solver gives back.
+
+It is slow, obvious, and what the kernels must agree with. The cost functions are those of the paper.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import accumulate
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
 
-from planner.cost import Cost, budget_excess_pct
+import numpy as np
+
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
+from planner.moves import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,58 +30,46 @@ class Evaluation:
     """In words; empty if every segment is inspected or named as uncovered, within all budgets."""
 
 
-def route_duration_s(instance: Instance, route: Route) -> float:
-    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home.
+def compute_legs(instance: Instance, route: Route) -> tuple[FloatArray, FloatArray]:
+    """Return (visits + 1,) float64 twice: seconds and percent of a full battery to each visit's end, then home.
+
+    Of a route without a visit it is the vehicle's way home.
 
     Raises:
         PlanError: the vehicle or a visit is not in the instance.
     """
-    _check_known(instance, route)
-    if not route.visits:
-        return float(instance.idle_s[route.vehicle])
-    return completion_times_s(instance, route)[-1] + float(instance.home_s[route.vehicle, route.visits[-1]])
+    number, visits = route.vehicle, np.array(route.visits, dtype=np.int64)
+    if not 0 <= number < len(instance.vehicles):
+        raise PlanError(f"route of vehicle {number}, the instance has {len(instance.vehicles)}")
+    if len(visits) == 0:
+        return instance.idle_s[[number]], instance.idle_pct[[number]]
+    for visit in visits[(visits < 0) | (visits >= 2 * instance.segments)]:
+        raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
+    profile, consumption = instance.profile[number], instance.vehicles[number].consumption
+    start, moves, home = (number, visits[:1]), (visits[:-1], visits[1:]), (number, visits[-1:])
+    seconds = (instance.start_s[start], instance.moves.seconds(profile, *moves), instance.home_s[home])
+    pct = (instance.start_pct[start], consumption * instance.moves.pct(profile, *moves), instance.home_pct[home])
+    return np.concatenate(seconds), np.concatenate(pct)
+
+
+def route_duration_s(instance: Instance, route: Route) -> float:
+    """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home."""
+    return float(np.cumsum(compute_legs(instance, route)[0])[-1])
 
 
 def route_energy_pct(instance: Instance, route: Route) -> float:
-    """Return what a route uses, c(T), in percent of a full battery.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    if not route.visits:
-        return float(instance.idle_pct[route.vehicle])
-    return energy_use_pct(instance, route, len(route.visits)) + float(
-        instance.home_pct[route.vehicle, route.visits[-1]]
-    )
+    """Return what a route uses, c(T), in percent of a full battery."""
+    return float(np.cumsum(compute_legs(instance, route)[1])[-1])
 
 
 def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
-    """Return when each visit ends, in seconds from the route's start.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    if not route.visits:
-        return ()
-    moves_s = instance.moves.seconds(instance.profile[route.vehicle], list(route.visits[:-1]), list(route.visits[1:]))
-    return tuple(accumulate(moves_s.tolist(), initial=float(instance.start_s[route.vehicle, route.visits[0]])))
+    """Return when each visit ends, in seconds from the route's start."""
+    return tuple(np.cumsum(compute_legs(instance, route)[0])[:-1].tolist())
 
 
 def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
-    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first.
-
-    Raises:
-        PlanError: the vehicle or a visit is not in the instance.
-    """
-    _check_known(instance, route)
-    flown = route.visits[:visits]
-    if not flown:
-        return 0.0
-    consumption = instance.vehicles[route.vehicle].consumption
-    moves_pct = consumption * instance.moves.pct(instance.profile[route.vehicle], list(flown[:-1]), list(flown[1:]))
-    return sum(moves_pct.tolist(), start=float(instance.start_pct[route.vehicle, flown[0]]))
+    """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first."""
+    return float(np.cumsum(compute_legs(instance, route)[1])[visits - 1]) if visits > 0 else 0.0
 
 
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:
@@ -119,10 +113,157 @@ def _find_violations(instance: Instance, plan: Plan, energies_pct: tuple[float, 
         yield f"segment {segment} is neither visited nor named as uncovered"
 
 
-def _check_known(instance: Instance, route: Route) -> None:
-    if not 0 <= route.vehicle < len(instance.vehicles):
-        raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
-    visits = 2 * instance.segments
-    if route.visits and not (min(route.visits) >= 0 and max(route.visits) < visits):
-        unknown = next(visit for visit in route.visits if not 0 <= visit < visits)
-        raise PlanError(f"visit {unknown} is not in the instance of {instance.segments} segments")
+K_C = 1000.0
+"""k_c of the paper: the weight of what a tour spends beyond its budget."""
+BUDGET_TOLERANCE_PCT = 1e-6
+"""A route spends more than its budget when it does so by more than this: sums depend on their order."""
+
+
+def budget_excess_pct(energy_pct: float, budget_pct: float) -> float:
+    """Return what a route uses beyond its budget."""
+    over = energy_pct - budget_pct
+    return over if over > BUDGET_TOLERANCE_PCT else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CostFunction:
+    """total * sum(c(T) + excess * max(0, c(T) - budget)) + peak * max c(T).
+
+    c(T) is a route's energy in percent of a full battery. Whatever searches reads its weights from here, so that
+    another cost is another row below.
+    """
+
+    total: float
+    """Weight of what all routes use; 0 if only the longest counts."""
+    peak: float
+    """Weight of the longest route."""
+    shared_peak: bool
+    """Whether that weight is divided by the number of vehicles."""
+    excess: float
+    """Weight of what a route uses beyond its budget, beside what it uses."""
+
+    @property
+    def is_longest_only(self) -> bool:
+        """Return whether nothing but the longest route counts."""
+        return self.total == 0
+
+    def peak_weight(self, vehicles: int) -> float:
+        """Return the weight of the longest route for a fleet."""
+        return self.peak / vehicles if self.shared_peak else self.peak
+
+    def value(self, energies_pct: Sequence[float], budgets_pct: Sequence[float]) -> float:
+        """Return the cost of routes, one energy and one budget for each vehicle."""
+        longest = max(energies_pct)
+        peak = self.peak * longest / (len(energies_pct) if self.shared_peak else 1)
+        if self.is_longest_only:
+            return peak
+        routes = zip(energies_pct, budgets_pct, strict=True)
+        soft_sum = sum(energy + self.excess * budget_excess_pct(energy, budget) for energy, budget in routes)
+        return self.total * soft_sum + peak
+
+
+class Cost(Enum):
+    """What a plan is chosen by, by its name in plan files."""
+
+    MINMAX = "minmax"
+    MINSUM = "minsum"
+    MINCOMB = "mincomb"
+
+    @property
+    def function(self) -> CostFunction:
+        """Return what it computes."""
+        return FUNCTIONS[self]
+
+
+FUNCTIONS: Mapping[Cost, CostFunction] = MappingProxyType({
+    Cost.MINMAX: CostFunction(total=0.0, peak=1.0, shared_peak=False, excess=0.0),
+    # c-MinSum of the paper
+    Cost.MINSUM: CostFunction(total=1.0, peak=0.0, shared_peak=False, excess=K_C),
+    # c-MinSum + MinMax / number of vehicles
+    Cost.MINCOMB: CostFunction(total=1.0, peak=1.0, shared_peak=True, excess=K_C),
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The best plan found, with its figures from the definition, and how the search went."""
+
+    plan: Plan
+    evaluation: Evaluation
+    feasible: bool
+    """Whether every segment is inspected and no budget exceeded."""
+    iterations: int
+    seconds: float
+    stopped_by: str
+    """The stop rule's reason."""
+    impossible: str | None = None
+    """Why no plan can cover everything, where that is certain; None where it is not."""
+    bound: float | None = None
+    """What no plan of as much covered value and as many flying vehicles can cost less than, where that was proved."""
+
+
+@dataclass(frozen=True, slots=True)
+class CriticalLoss:
+    """A loss: one vehicle, at any time of one interval between completions."""
+
+    vehicle: int
+    from_s: float
+    """The interval holds this time..."""
+    to_s: float
+    """...but not this one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplanWindow:
+    """From when on the fleet can absorb any one loss."""
+
+    earliest_s: float
+    """t*: from here to the end of the longest route every loss has a re-plan; 0 for a full window."""
+    certified_earliest_s: float
+    """No window of this plan begins earlier: the end of the latest interval with a loss that nothing repairs."""
+    longest_route_s: float
+    breaking: CriticalLoss | None
+    """The loss just before ``earliest_s`` that has no re-plan; None for a full window."""
+
+    @property
+    def window_pct(self) -> float:
+        """The window as a share of the longest route's time."""
+        return self._share_pct(self.earliest_s)
+
+    @property
+    def certified_window_pct(self) -> float:
+        """No window of this plan is larger."""
+        return self._share_pct(self.certified_earliest_s)
+
+    def _share_pct(self, earliest_s: float) -> float:
+        if self.longest_route_s <= 0:
+            return 100.0
+        return 100.0 * ((self.longest_route_s - earliest_s) / self.longest_route_s)
+
+
+@dataclass(frozen=True, slots=True)
+class WindowResult(Result):
+    """The plan with the largest window found; its value is MinMax, and feasible is no route longer than allowed."""
+
+    window: ReplanWindow = field(kw_only=True)
+    """As ``replan_window`` computes it."""
+
+
+class RepairStatus(Enum):
+    """What is known of a loss."""
+
+    FEASIBLE = "feasible"
+    """A re-plan was found and checked."""
+    IMPOSSIBLE = "impossible"
+    """It is certain that there is none."""
+    NOT_FOUND = "not found"
+    """None was found, and it is not certain that there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class LossRow(CriticalLoss):
+    """What is known of it."""
+
+    verdict: RepairStatus
+    plan: Plan | None
+    """The re-plan, for ``remaining(instance, plan, vehicle, from_s).instance``; None if there is none."""

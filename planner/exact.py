@@ -1,37 +1,138 @@
 """Small instances exactly: whether a plan that covers everything exists, and the best plan with its proof.
 
-The best plan is a choice of routes, one for each vehicle, that share the segments among them: set partitioning over all
-routes within the budgets (the best through each set of segments), solved by HiGHS. Vehicles that are alike share their
-columns and are only counted. Of the columns most go before branching: a plan by the search is an upper bound, the
-linear relaxation a lower one, and a column whose reduced cost is more than lies between them is in no better plan.
+The best route of a vehicle through each set of segments comes first; then vehicle after vehicle takes its part of what
+the others leave, for all sets at once. Both are dynamic programs over sets: a set of segments is a number with a bit
+for each segment. Where the longest route counts beside the sum, that is done again and again, each time with no route
+as long as one that could still make a better plan.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
-from planner.cost import Cost
-from planner.evaluate import evaluate
+from planner.errors import InstanceError
+from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, evaluate
 from planner.model import Instance, Plan, Route
+from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.partition import SAME, build_partition, prove_optimum
-from planner.result import Result
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
-from planner.subset_routes import SubsetRoutes, find_covering_sets, find_most_valuable_sets, find_subset_routes
 
-EXACT_SEGMENTS = 16
-"""Segments up to which ``find_covering_plan`` answers; two more take four times the memory, up to nine times as long.
+EXACT_SEGMENTS = 18
+"""Segments up to which instances are taken; two more take four times the memory, up to nine times as long."""
+SAME = 1e-7
+"""Costs that differ by this share are the same."""
 
-For 3 vehicles it takes some 5 ms with 12 segments, 50 ms with 14, 0.2 s with 16.
-"""
-OPTIMAL_SEGMENTS = 18
-"""Segments up to which ``solve_exact`` takes an instance: for 3 vehicles of different starts and budgets that leave a
-tenth over the optimum, 0.3 s with 14 segments, 1 s with 16, 4 s and 0.5 GB with 18. Where no budget rules any route
-out it is 4 s, 20 s, and 50 s and 3.4 GB."""
+
+@dataclass(frozen=True, slots=True)
+class SubsetRoutes:
+    """The best route of one vehicle through each set of segments."""
+
+    energy_pct: FloatArray
+    """(2^n,) float64: of the best route through exactly this set, inf where none is within the budget."""
+    spent_pct: FloatArray
+    """(2^n, 2n) float64: the least that is spent at the end of visit j when it is the last of the set."""
+    home_pct: FloatArray
+    """(2n,) float64: from the end of a visit home."""
+    move_pct: FloatArray
+    """(2n, 2n) float64: from visit to visit with the vehicle's consumption."""
+
+    def route_of(self, chosen: int) -> tuple[int, ...]:
+        """Return the visits of the best route through a set that has one."""
+        route: list[int] = []
+        onward = self.home_pct
+        while chosen > 0:
+            last = int((self.spent_pct[chosen] + onward).argmin())
+            route.append(last)
+            chosen ^= 1 << (last >> 1)
+            onward = self.move_pct[:, last]
+        return tuple(reversed(route))
+
+
+def find_subset_routes(instance: Instance) -> tuple[SubsetRoutes, ...]:
+    """Return the best routes of each vehicle through all sets of segments; vehicles that are alike share theirs.
+
+    Raises:
+        InstanceError: more segments than EXACT_SEGMENTS.
+    """
+    if instance.segments > EXACT_SEGMENTS:
+        raise InstanceError(f"{instance.segments} segments, expected at most {EXACT_SEGMENTS} for an exact answer")
+    known: dict[tuple[object, ...], SubsetRoutes] = {}
+    answer = []
+    for number, vehicle in enumerate(instance.vehicles):
+        ways = (instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes())
+        kind = (instance.profile[number], vehicle.consumption, vehicle.budget_pct, instance.idle_pct[number], ways)
+        if kind not in known:
+            known[kind] = _find_routes_of(instance, number)
+        answer.append(known[kind])
+    return tuple(answer)
+
+
+def _find_routes_of(instance: Instance, number: int) -> SubsetRoutes:
+    # Only here: it loads numba.
+    from planner.kernels.proofs import find_best_routes
+
+    vehicle, every = instance.vehicles[number], np.arange(2 * instance.segments)
+    start = np.array(instance.start_pct[number], dtype=np.float64)
+    home = np.array(instance.home_pct[number], dtype=np.float64)
+    pct = instance.moves.pct(instance.profile[number], every[:, np.newaxis], every[np.newaxis])
+    move = np.array(vehicle.consumption * pct, dtype=np.float64, order="C")
+    most = vehicle.budget_pct + BUDGET_TOLERANCE_PCT
+    sets = 2**instance.segments
+    spent, energy = np.empty((sets, len(every))), np.empty(sets)
+    idle = float(instance.idle_pct[number])
+    energy[0] = idle if idle <= most else np.inf
+    find_best_routes(start, home, move, most, spent, energy)
+    return SubsetRoutes(energy, spent, home, move)
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedSets:
+    """What vehicles can cover together."""
+
+    cost: FloatArray
+    """(2^n,) float64: the least for each set, infinite where they cannot."""
+    parts_of: tuple[npt.NDArray[np.int64], ...]
+    """For each vehicle (2^n,) int64, its part of what it covers with those before it."""
+
+    def trace_parts(self, chosen: int) -> list[int]:
+        """Return each vehicle's part of a set that they cover together."""
+        parts = []
+        for part_of in reversed(self.parts_of):
+            parts.append(int(part_of[chosen]))
+            chosen ^= parts[-1]
+        return parts[::-1]
+
+
+def join_vehicles(
+    own: Sequence[FloatArray], *, longest: bool, complete: bool, may_go_on: Callable[[], bool] = lambda: True
+) -> JoinedSets | None:
+    """Return the sets that vehicles can cover together, each at the least cost.
+
+    Args:
+        own: for each vehicle (2^n,) float64, what each set costs it, infinite where it cannot cover it.
+        longest: whether the largest of their costs counts instead of the sum.
+        complete: whether only the set of all segments is of interest.
+        may_go_on: asked before each vehicle; None is returned once it says no.
+    """
+    # Only here: it loads numba.
+    from planner.kernels.proofs import join_sets
+
+    cost = np.full(len(own[0]), np.inf)
+    cost[0] = 0.0
+    parts_of = []
+    for number, of_vehicle in enumerate(own, 1):
+        if not may_go_on():
+            return None
+        together, part_of = np.full(len(cost), np.inf), np.zeros(len(cost), dtype=np.int64)
+        join_sets(cost, of_vehicle, longest, complete and number == len(own), together, part_of)
+        parts_of.append(part_of)
+        cost = together
+    return JoinedSets(cost, tuple(parts_of))
 
 
 def find_covering_plan(instance: Instance) -> Plan | None:
@@ -43,10 +144,12 @@ def find_covering_plan(instance: Instance) -> Plan | None:
     Raises:
         InstanceError: more than EXACT_SEGMENTS segments.
     """
-    subsets = find_subset_routes(instance, EXACT_SEGMENTS)
-    fits = [np.isfinite(own.energy_pct) for own in subsets]
-    parts = find_covering_sets(fits)
-    return None if parts is None else _build_plan(instance, subsets, parts)
+    subsets = find_subset_routes(instance)
+    free = [np.where(np.isfinite(own.energy_pct), 0.0, np.inf) for own in subsets]
+    joined = join_vehicles(free, longest=False, complete=True)
+    if joined is None or np.isinf(joined.cost[-1]):
+        return None
+    return _build_plan(instance, subsets, joined.trace_parts(len(joined.cost) - 1))
 
 
 def solve_exact(
@@ -54,151 +157,171 @@ def solve_exact(
     *,
     cost: Cost,
     stop: StopRule,
-    seed: int = 0,
     all_vehicles: bool = False,
     params: SearchParams = DEFAULT_PARAMS,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
-    """Return a plan with the proof of how good it is: ``Result.bound`` and ``Result.gap``.
+    """Return the best plan with the proof that it is: ``Result.bound`` is what it costs, none without a proof.
 
     As with ``solve``, no route exceeds its vehicle's budget and what cannot be covered is left out, the least value
     first; then, if all vehicles are to fly, as many fly as can; then the cost decides.
 
     Args:
-        instance: the problem, of at most OPTIMAL_SEGMENTS segments.
+        instance: the problem, of at most EXACT_SEGMENTS segments.
         cost: what to minimise.
-        stop: ends the proof before the gap is closed. An iteration is a node of the branch and bound. The search for a
-            first plan takes a fraction of a second and is not stopped by it.
-        seed: of that search.
+        stop: ends the proof before it is complete. An iteration is a vehicle that takes its part of all sets. The
+            search for a first plan takes a fraction of a second and is not stopped by it.
         all_vehicles: leave no vehicle without a visit where segments and budgets allow it.
         params: what that search is tuned by.
         on_progress: called whenever ``stop`` is asked.
 
     Raises:
-        InstanceError: more than OPTIMAL_SEGMENTS segments.
+        InstanceError: more than EXACT_SEGMENTS segments.
     """
     if instance.segments == 0:
         done = solve(instance, cost=cost, stop=stop)
         return replace(done, bound=done.evaluation.value)
     watch = Stopwatch()
-    subsets = find_subset_routes(instance, OPTIMAL_SEGMENTS)
-    first = _find_first_plan(instance, subsets, cost, seed, params, all_vehicles=all_vehicles)
-    return _prove(
-        instance,
-        subsets,
-        cost,
-        first,
-        _StopRuleCallback(first, add_progress_report(stop, on_progress), watch),
-        all_vehicles=all_vehicles,
-    )
+    subsets = find_subset_routes(instance)
+    first = solve(
+        instance, cost=cost, stop=Iterations(params.exact.search_iterations), all_vehicles=all_vehicles,
+        params=params,
+    )  # fmt: skip
+    proof = _Proof(instance, subsets, cost, first, add_progress_report(stop, on_progress), watch, all_vehicles)
+    proof.run()
+    return proof.build_result()
 
 
-class _StopRuleCallback:
-    """Asks the stop rule while HiGHS works."""
+class _Proof:
+    """The best plan so far, and what is proved of all others."""
 
-    def __init__(self, first: Result, stop: StopRule, watch: Stopwatch) -> None:
+    def __init__(
+        self,
+        instance: Instance,
+        subsets: Sequence[SubsetRoutes],
+        cost: Cost,
+        first: Result,
+        stop: StopRule,
+        watch: Stopwatch,
+        all_vehicles: bool,
+    ) -> None:
+        from planner.plan_search import build_kernel_problem, build_true_weights
+
+        numbers = build_kernel_problem(instance)
+        self._instance = instance
+        self._subsets = subsets
+        self._cost = cost
         self._first = first
         self._stop = stop
         self._watch = watch
-        self.reason = "no better bound"
+        self._grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
+        """What a vehicle without a visit adds to the cost."""
+        self._joins = 0
+        self._reason: str | None = None
+        sets = np.arange(2**instance.segments)
+        worth = (sets[:, np.newaxis] >> np.arange(instance.segments) & 1) @ numbers.value
+        self._allowed = sets == len(sets) - 1
+        self._take(first.plan)
+        if first.plan.uncovered:
+            self._leave_out_least(worth)
+        self._energies, self._prices = self._price_sets()
 
-    def __call__(self, nodes: int) -> bool:
-        """Return whether to stop."""
+    def _take(self, plan: Plan) -> None:
+        self._plan = plan
+        self._evaluation = evaluate(self._instance, plan, self._cost)
+        self._ceiling = self._evaluation.value + self._grounded * sum(not route.visits for route in plan.routes)
+
+    def _leave_out_least(self, worth: FloatArray) -> None:
+        """Allow the sets that are worth most of all that can be covered, and have a plan for one of them."""
+        free = [np.where(np.isfinite(own.energy_pct), 0.0, np.inf) for own in self._subsets]
+        for own in free:
+            own[0] = 0.0  # one that cannot get home has the empty set
+        joined = join_vehicles(free, longest=False, complete=False)
+        if joined is None:
+            return
+        worth = np.where(np.isfinite(joined.cost), worth, -np.inf)
+        self._allowed = worth >= worth.max() * (1 - SAME)
+        if not self._allowed[-1 - sum(1 << segment for segment in self._plan.uncovered)]:
+            self._take(_build_plan(self._instance, self._subsets, joined.trace_parts(int(worth.argmax()))))
+
+    def _price_sets(self) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Return for each vehicle the energy of its route through each set, and what that adds to the cost.
+
+        The longest route is not in it. Without a visit it is what it is, even if the vehicle cannot get home.
+        """
+        function, energies, prices = self._cost.function, [], []
+        for number, own in enumerate(self._subsets):
+            energy, idle = own.energy_pct.copy(), float(self._instance.idle_pct[number])
+            energy[0] = idle
+            price = np.where(np.isfinite(energy), function.total * np.nan_to_num(energy, posinf=0.0), np.inf)
+            over = max(0.0, idle - self._instance.vehicles[number].budget_pct)
+            price[0] += function.total * function.excess * over + self._grounded
+            energies.append(energy)
+            prices.append(price)
+        return energies, prices
+
+    def run(self) -> None:
+        """Prove that no plan is better, or find it, until the stop rule says so."""
+        weight = self._cost.function.peak_weight(len(self._subsets))
+        shortest = self._choose_parts(self._energies, longest=True) if weight > 0 else 0.0
+        least = 0.0
+        while self._reason is None:
+            tolerance = SAME * (1 + self._ceiling)
+            if least + weight * shortest >= self._ceiling - tolerance:
+                self._reason = "optimal"
+                return
+            # A plan with a longer route costs no less than the one that is known.
+            most = (self._ceiling - tolerance - least) / weight if weight > 0 else np.inf
+            pairs = zip(self._energies, self._prices, strict=True)
+            least = self._choose_parts([np.where(energy <= most, price, np.inf) for energy, price in pairs])
+
+    def _choose_parts(self, own: Sequence[FloatArray], *, longest: bool = False) -> float:
+        """Return the least cost of the allowed sets, infinite without any; take the plan if it is the best so far."""
+        complete = bool(self._allowed[-1])
+        joined = join_vehicles(own, longest=longest, complete=complete, may_go_on=self._may_go_on)
+        if joined is None:
+            return 0.0
+        cost = np.where(self._allowed, joined.cost, np.inf)
+        chosen = int(cost.argmin())
+        if np.isfinite(cost[chosen]):
+            plan, known = _build_plan(self._instance, self._subsets, joined.trace_parts(chosen)), self._plan
+            ceiling = self._ceiling
+            self._take(plan)
+            if self._ceiling >= ceiling - SAME * (1 + ceiling):
+                self._take(known)
+        return float(cost[chosen])
+
+    def _may_go_on(self) -> bool:
+        plan = self._plan
         progress = Progress(
-            iterations=nodes,
-            since_improvement=nodes,
-            seconds=self.seconds,
-            value=self._first.evaluation.value,
-            uncovered=len(self._first.plan.uncovered),
-            feasible=self._first.feasible,
-            impossible=not self._first.feasible,
+            iterations=self._joins,
+            since_improvement=self._joins,
+            seconds=self._watch.seconds,
+            value=self._evaluation.value,
+            uncovered=len(plan.uncovered),
+            feasible=not plan.uncovered and not self._evaluation.violations,
+            impossible=bool(plan.uncovered),
         )
         verdict = self._stop(progress)
+        self._joins += 1
         if verdict.allowed <= 0:
-            self.reason = verdict.reason
-        return verdict.allowed <= 0
+            self._reason = verdict.reason
+        return verdict.allowed > 0
 
-    @property
-    def seconds(self) -> float:
-        """Seconds since the call of the solver."""
-        return self._watch.seconds
-
-
-def _find_first_plan(
-    instance: Instance,
-    subsets: Sequence[SubsetRoutes],
-    cost: Cost,
-    seed: int,
-    params: SearchParams,
-    *,
-    all_vehicles: bool,
-) -> Result:
-    """Return a good plan that covers as much value as any."""
-    from planner.construct import build_kernel_problem
-
-    stop = Iterations(params.exact.search_iterations)
-    found = solve(instance, cost=cost, stop=stop, seed=seed, all_vehicles=all_vehicles, params=params)
-    if not found.plan.uncovered:
-        return found
-    plan = _build_plan(instance, subsets, find_most_valuable_sets(subsets, build_kernel_problem(instance).value))
-    again = solve(instance, cost=cost, stop=stop, seed=seed, initial=plan, all_vehicles=all_vehicles, params=params)
-    if _plan_value(instance, again.plan) >= _plan_value(instance, plan) * (1 - SAME):
-        return again
-    # A route within the last of the tolerance, from which the search takes a visit.
-    return replace(again, plan=plan, evaluation=evaluate(instance, plan, cost))
-
-
-def _prove(
-    instance: Instance,
-    subsets: Sequence[SubsetRoutes],
-    cost: Cost,
-    first: Result,
-    ask: _StopRuleCallback,
-    *,
-    all_vehicles: bool,
-) -> Result:
-    """Return the best plan and what is proved of it, beginning with a plan of the value that a plan can have."""
-    from planner.construct import build_kernel_problem, build_true_weights
-
-    numbers = build_kernel_problem(instance)
-    grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
-    everybody = len(instance.vehicles)
-
-    def charge(plan: Plan) -> float:
-        """Return what vehicles without a visit add to the cost."""
-        return grounded * (everybody - sum(bool(route.visits) for route in plan.routes))
-
-    ceiling = first.evaluation.value + charge(first.plan)
-    least_value = _plan_value(instance, first.plan) if first.plan.uncovered else np.inf
-    program = build_partition(
-        instance, subsets, cost, ceiling=ceiling, grounded=grounded, value=numbers.value, least_value=least_value
-    )
-    proof = prove_optimum(program, ceiling, ask)
-    plan = first.plan if proof.parts is None else _build_plan(instance, subsets, proof.parts)
-    evaluation = evaluate(instance, plan, cost)
-    bound = None if proof.bound is None else min(evaluation.value, proof.bound - charge(plan))
-    return Result(
-        plan=plan,
-        evaluation=evaluation,
-        feasible=not plan.uncovered and not evaluation.violations,
-        iterations=proof.nodes,
-        seconds=ask.seconds,
-        stopped_by="optimal" if bound is not None and _is_same(bound, evaluation.value) else ask.reason,
-        impossible=first.impossible or ("the budgets do not suffice for every segment" if plan.uncovered else None),
-        bound=bound,
-    )
-
-
-def _is_same(one: float, other: float) -> bool:
-    return abs(one - other) <= SAME * (1 + abs(other))
-
-
-def _plan_value(instance: Instance, plan: Plan) -> float:
-    """Return the value of what a plan inspects, as the search weighs it."""
-    from planner.construct import build_kernel_problem
-
-    value = build_kernel_problem(instance).value
-    return float(value.sum() - value[list(plan.uncovered)].sum())
+    def build_result(self) -> Result:
+        """Return the best plan and what is proved of it."""
+        plan = self._plan
+        return Result(
+            plan=plan,
+            evaluation=self._evaluation,
+            feasible=not plan.uncovered and not self._evaluation.violations,
+            iterations=self._joins,
+            seconds=self._watch.seconds,
+            stopped_by=self._reason or "",
+            impossible=self._first.impossible
+            or ("the budgets do not suffice for every segment" if plan.uncovered else None),
+            bound=self._evaluation.value if self._reason == "optimal" else None,
+        )
 
 
 def _build_plan(instance: Instance, subsets: Sequence[SubsetRoutes], parts: Sequence[int]) -> Plan:

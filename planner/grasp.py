@@ -34,12 +34,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.bounds import explain_infeasibility
-from planner.cost import Cost
 from planner.errors import InstanceError
-from planner.evaluate import Evaluation, evaluate
+from planner.evaluate import Cost, Evaluation, Result, evaluate
 from planner.model import Instance, Plan
-from planner.result import Result
-from planner.search import Search, Standing
+from planner.search import Search
 from planner.solve import solve
 from planner.stop_rules import Progress, StopRule, StopVerdict, Stopwatch, add_progress_report
 
@@ -95,8 +93,8 @@ class _GraspRuns(Search):
 
     def __init__(self, instance: Instance, cost: Cost, seed: int, *, all_vehicles: bool) -> None:
         # Only here, as in solve.py: it loads numba.
-        from planner.construct import build_kernel_problem, build_random_state, build_true_weights
         from planner.kernels import grasp_walk
+        from planner.plan_search import build_kernel_problem, build_random_state, build_true_weights
 
         super().__init__(Stopwatch(), batch=BATCH, impossible=explain_infeasibility(instance))
         self._kernels = grasp_walk
@@ -120,21 +118,19 @@ class _GraspRuns(Search):
 
     def _start_walk(self) -> GraspWalk:
         """Return a run that has been constructed only."""
-        from planner.construct import build_empty_state, copy_state
+        from planner.kernels.anneal import compute_objective
+        from planner.plan_search import build_empty_state, copy_state
 
-        fleet, segments = len(self._problem.budget), len(self._problem.value)
         current = build_empty_state(self._problem)
         self._kernels.construct(self._problem, self._weights, current, self._rng)
-        tabu = max(1, segments // 4)
         walk = self._kernels.GraspWalk(
             current=current,
             trial=copy_state(current),
             best=copy_state(current),
-            cost=np.array([self._kernels.compute_plan_cost(self._problem, self._weights, current)]),
+            cost=np.array([compute_objective(self._problem, self._weights, current)]),
             scores=np.zeros(4, dtype=np.int64),
             counts=np.zeros(3, dtype=np.int64),
-            tabu_visits=np.zeros((tabu, segments), dtype=np.int64),
-            tabu_lengths=np.zeros((tabu, fleet), dtype=np.int64),
+            tabu=np.zeros(max(1, len(self._problem.value) // 4), dtype=np.int64),
         )
         self._kernels.forbid_current(walk)
         return walk
@@ -150,19 +146,20 @@ class _GraspRuns(Search):
 
     def _keep_better(self) -> None:
         """Keep the best of the run, its visits turned the best way, if it is better than that of all runs."""
-        from planner.construct import build_plan, copy_state
+        from planner.kernels.anneal import compute_objective
         from planner.kernels.tours import orient_visits
+        from planner.plan_search import build_plan, copy_state
 
         state = copy_state(self._walk.best)
         came_from = np.zeros((len(self._problem.value), 2), dtype=np.int64)
         for route in range(len(state.lengths)):
             orient_visits(self._problem, state, route, came_from)
-        cost = self._kernels.compute_plan_cost(self._problem, self._weights, state)
+        cost = compute_objective(self._problem, self._weights, state)
         if cost < self._lowest:
             self._lowest = cost
             self._plan = build_plan(state)
             self._evaluation = evaluate(self._instance, self._plan, self._cost)
             self._improved_at = self._iterations
 
-    def _rate_best(self) -> Standing:
-        return Standing(self._evaluation.value, 0, not self._evaluation.violations)
+    def _rate_best(self) -> tuple[float, int, bool]:
+        return self._evaluation.value, 0, not self._evaluation.violations

@@ -15,15 +15,18 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.bounds import explain_infeasibility
-from planner.cost import BUDGET_TOLERANCE_PCT, Cost
-from planner.decomposition import build_part_instance, sort_along_curve, split_into_routes
-from planner.evaluate import cost_of, evaluate, route_energy_pct
-from planner.model import Instance, Plan, Route, renumber_visits, segment_of
+from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, cost_of, evaluate, route_energy_pct
+from planner.model import Instance, Plan, Route, build_part_instance, renumber_visits, segment_of
+from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import PlanSearch
-from planner.result import Result
-from planner.search import Search, Standing, run_in_threads
+from planner.search import Search, run_in_threads
 from planner.stop_rules import Iterations, StopRule, Stopwatch
+
+CURVE_BITS = 12
+"""Fineness of the Hilbert curve: 4096 x 4096 cells."""
+BISECTIONS = 20
+"""Halvings of the interval in which the least common share of the budgets lies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,7 @@ class LargeSearch(Search):
         super().__init__(watch, batch=params.large.spell, starts=starts, impossible=explain_infeasibility(instance))
         self._instance = instance
         self._cost = cost
-        self._balances = cost.function.has_longest_term and not cost.function.is_longest_only
+        self._balances = cost.function.peak > 0 and not cost.function.is_longest_only
         self._all_vehicles = all_vehicles
         self._starts = starts
         self._params = params.large
@@ -121,17 +124,16 @@ class LargeSearch(Search):
 
     def _put_back(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         """Take over a region's routes; with MinComb only if what they save is not lost by a longer longest."""
-        old = [self._routes[vehicle] for vehicle in region.vehicles]
-        before = self._objective_key()
+        old, before = [self._routes[vehicle] for vehicle in region.vehicles], self._objective_key()
+        self._set_routes(region, routes)
+        if self._balances and not self._all_vehicles and self._objective_key() > before:
+            self._set_routes(region, old)
+
+    def _set_routes(self, region: _Region, routes: Sequence[tuple[int, ...]]) -> None:
         for vehicle, visits in zip(region.vehicles, routes, strict=True):
             self._routes[vehicle] = visits
         self._route_of[list(region.segments)] = -1
         self._record_routes(region.vehicles)
-        if self._balances and not self._all_vehicles and self._objective_key() > before:
-            for vehicle, visits in zip(region.vehicles, old, strict=True):
-                self._routes[vehicle] = visits
-            self._route_of[list(region.segments)] = -1
-            self._record_routes(region.vehicles)
 
     def _record_routes(self, vehicles: Sequence[int]) -> None:
         for vehicle in vehicles:
@@ -145,7 +147,7 @@ class LargeSearch(Search):
         claimed = np.zeros(self._instance.segments, dtype=np.bool_)
         regions: list[_Region] = []
         for place in range(self._starts):
-            longest = place == 0 and self._cost.function.has_longest_term and self._chance.random() < 0.5
+            longest = place == 0 and self._cost.function.peak > 0 and self._chance.random() < 0.5
             seed = self._choose_seed_segment(longest=longest)
             if regions and (claimed[seed] or (self._route_of[seed] >= 0 and taken[self._route_of[seed]])):
                 continue
@@ -198,7 +200,83 @@ class LargeSearch(Search):
         left = float(self._instance.value[self._route_of < 0].sum())
         return left, cost_of(self._instance, self._energies.tolist(), self._cost)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         uncovered = len(self._find_open_segments())
         within = bool(np.all(self._energies <= self._budgets + BUDGET_TOLERANCE_PCT))
-        return Standing(self._objective_key()[1], uncovered, within and not uncovered)
+        return self._objective_key()[1], uncovered, within and not uncovered
+
+
+def sort_along_curve(places_m: FloatArray) -> npt.NDArray[np.int64]:
+    """Return (n,) int64, the numbers of the places (n, 2) in the order of a Hilbert curve through them.
+
+    The conversion is that of Skilling (2004, doi 10.1063/1.1751381) for two dimensions.
+    """
+    low = places_m.min(axis=0)
+    extent = max(float((places_m.max(axis=0) - low).max()), 1e-9)
+    cells = ((places_m - low) / extent * (2**CURVE_BITS - 1)).astype(np.int64)
+    x, y = cells[:, 0].copy(), cells[:, 1].copy()
+    distance = np.zeros(len(cells), dtype=np.int64)
+    for bit in reversed(range(CURVE_BITS)):
+        side = 1 << bit
+        right, upper = (x & side) > 0, (y & side) > 0
+        distance += side * side * ((3 * right.astype(np.int64)) ^ upper.astype(np.int64))
+        flip = ~upper & right
+        x, y = np.where(flip, side - 1 - (x & (side - 1)), x), np.where(flip, side - 1 - (y & (side - 1)), y)
+        x, y = np.where(upper, x, y), np.where(upper, y, x)
+    return np.argsort(distance, kind="stable")
+
+
+def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, everybody: bool) -> list[tuple[int, ...]]:
+    """Return routes for all vehicles: the order cut into pieces.
+
+    Vehicles fly as far as their budgets go, or, if ``everybody`` is to share, to the least common share of them that
+    does. What even the whole budgets do not carry is left out at the end of the order.
+    """
+    tour = _direct_visits(instance, order)
+    low, high = 0.0, 1.0
+    routes = _fill_routes(instance, tour, high)
+    if not everybody or sum(map(len, routes)) < len(tour):
+        return routes
+    for _ in range(BISECTIONS):
+        share = (low + high) / 2
+        trial = _fill_routes(instance, tour, share)
+        if sum(map(len, trial)) == len(tour):
+            high, routes = share, trial
+        else:
+            low = share
+    return routes
+
+
+def _direct_visits(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended."""
+    tour = np.empty(len(order), dtype=np.int64)
+    here = np.array([*instance.landing_m, 0.0])
+    for place, segment in enumerate(order.tolist()):
+        last = instance.end_m[2 * segment : 2 * segment + 2]
+        # Visit v begins where visit v ^ 1 ends.
+        away = np.abs(last - here).sum(axis=1)
+        visit = 2 * segment + int(away[0] < away[1])
+        tour[place] = visit
+        here = instance.end_m[visit]
+    return tour
+
+
+def _fill_routes(instance: Instance, tour: npt.NDArray[np.int64], share: float) -> list[tuple[int, ...]]:
+    """Return the tour cut into routes that take ``share`` of the budgets, one vehicle after the other."""
+    sums = [
+        np.concatenate([[0.0], np.cumsum(instance.moves.pct(profile, tour[:-1], tour[1:]))])
+        for profile in range(instance.moves.profiles)
+    ]
+    routes: list[tuple[int, ...]] = []
+    begin = 0
+    for number, vehicle in enumerate(instance.vehicles):
+        if begin == len(tour):
+            routes.append(())
+            continue
+        along = vehicle.consumption * (sums[instance.profile[number]][begin:] - sums[instance.profile[number]][begin])
+        energy = instance.start_pct[number, tour[begin]] + along + instance.home_pct[number, tour[begin:]]
+        over = np.flatnonzero(energy > share * vehicle.budget_pct)
+        end = begin + (int(over[0]) if len(over) > 0 else len(energy))
+        routes.append(tuple(tour[begin:end].tolist()))
+        begin = end
+    return routes

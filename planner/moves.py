@@ -8,9 +8,9 @@ which adds acceleration from and to rest and turns on the spot.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -155,34 +155,36 @@ def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, f
     return SteadyWind(wind_m_s[0], wind_m_s[1], airspeed, tuple(pct_per_s(drone, speed) for speed in airspeed))
 
 
-class Moves(Protocol):
+class Moves(ABC):
     """The moves between an instance's visits. Vehicles of equal travel share a *profile*."""
 
+    __slots__ = ()
+
     @property
+    @abstractmethod
     def profiles(self) -> int:
         """Number of profiles."""
-        ...
 
     @property
+    @abstractmethod
     def visits(self) -> int:
         """Number of visits, two for each segment."""
-        ...
 
+    @abstractmethod
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds from the end of visits ``before`` to the end of visits ``after``."""
-        ...
 
+    @abstractmethod
     def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the energy of the same moves for a consumption of 1, in percent of a full battery."""
-        ...
 
-    def select_visits(self, visits: Sequence[int]) -> Moves:
-        """Return the moves between some of the visits, numbered anew in the order given."""
-        ...
+    @abstractmethod
+    def select_visits(self, visits: Sequence[int]) -> MoveTables:
+        """Return the moves between some of the visits as tables, numbered anew in the order given."""
 
 
 @dataclass(frozen=True, slots=True)
-class MoveTables:
+class MoveTables(Moves):
     """All moves beside each other: what networks up to some hundred segments take."""
 
     table_s: FloatArray
@@ -227,9 +229,35 @@ class MoveTables:
         return MoveTables(self.table_s[block], self.table_pct[block])
 
 
+class ComputedMoves(Moves):
+    """Moves computed when they are asked for: memory grows with the segments, not with their square."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return self.compute(profile, before, after)[0]
+
+    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the energy of moves."""
+        return self.compute(profile, before, after)[1]
+
+    def tabulate(self) -> MoveTables:
+        """Return all moves."""
+        every = np.arange(self.visits)
+        blocks = [self.compute(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
+        shape = (self.profiles, self.visits, self.visits)
+        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
+        return MoveTables(seconds, pct)
+
+
 @dataclass(frozen=True, slots=True)
-class MoveGeometry:
-    """Moves computed from places when they are asked for: memory grows with the segments, not with their square."""
+class MoveGeometry(ComputedMoves):
+    """Moves between places."""
 
     first_m: FloatArray
     """(2n, 2) float64: where each visit begins, local east and north in metres."""
@@ -248,40 +276,14 @@ class MoveGeometry:
         """Number of visits."""
         return len(self.first_m)
 
-    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the seconds of moves."""
-        return self._compute_moves(profile, before, after)[0]
-
-    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the energy of moves."""
-        return self._compute_moves(profile, before, after)[1]
-
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
-        chosen = MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels)
-        return tabulate_moves(chosen)
+        return MoveGeometry(self.first_m[list(visits)], self.last_m[list(visits)], self.travels).tabulate()
 
-    def _compute_moves(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
         places, headings = self.last_m[before], self.last_m[before] - self.first_m[before]
         return compute_moves(places, headings, self.first_m[after], self.last_m[after], self.travels[profile])
-
-
-def tabulate_moves(geometry: MoveGeometry) -> MoveTables:
-    """Return all moves of a geometry."""
-    visits = np.arange(geometry.visits)
-    blocks = [
-        compute_moves(
-            geometry.last_m[:, np.newaxis],
-            (geometry.last_m - geometry.first_m)[:, np.newaxis],
-            geometry.first_m[np.newaxis],
-            geometry.last_m[np.newaxis],
-            travel,
-        )
-        for travel in geometry.travels
-    ]
-    shape = (len(blocks), len(visits), len(visits))
-    seconds = np.array([block[0] for block in blocks]).reshape(shape)
-    return MoveTables(seconds, np.array([block[1] for block in blocks]).reshape(shape))
 
 
 def compute_moves(

@@ -1,4 +1,4 @@
-"""The search for the routes of a single flight.
+"""The search for the routes of a single flight, with instances and plans as the kernels' arrays.
 
 While the best plan leaves something out, every second cycle is soft: it may pass through routes beyond their budgets.
 Where budgets just suffice that finds the complete plan five times as often; where they do not it finds nothing, so
@@ -7,47 +7,32 @@ the hard cycles between choose what to leave out.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from planner.bounds import explain_infeasibility
-from planner.construct import (
-    build_guide_weights,
-    build_kernel_problem,
-    build_kernel_state,
-    build_plan,
-    build_random_state,
-    build_search_workspace,
-    build_true_weights,
-    copy_state,
-    insert_open_segments,
-)
-from planner.cost import Cost
-from planner.evaluate import Evaluation, evaluate
+from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Evaluation, Result, evaluate
 from planner.kernels.anneal import anneal, compute_objective, uncovered_value
-from planner.kernels.arrays import Problem, RandomState, State, Weights
-from planner.kernels.tours import copy_all
-from planner.model import Instance, Plan
-from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.result import Result
-from planner.search import AnnealingSearch, Cycle, Standing
+from planner.kernels.arrays import Problem, RandomState, SearchWorkspace, State, Weights
+from planner.kernels.tours import copy_all, insert_by_regret, measure
+from planner.model import Instance, Plan, Route, segment_of
+from planner.moves import FloatArray
+from planner.params import DEFAULT_PARAMS, AnnealingParams, SearchParams
+from planner.search import AnnealingSearch, Cycle, SearchStart
 from planner.stop_rules import StopRule, Stopwatch
 
 
-class PlanStart:
-    """One walk of the annealing kernel: where it stands, the best that it found, its chance."""
+class PlanStart(SearchStart[State]):
+    """One walk of the annealing kernel."""
 
     def __init__(self, problem: Problem, truth: Weights, first: State, rng: RandomState) -> None:
-        self.best = copy_state(first)
+        super().__init__((copy_state(first), copy_state(first), copy_state(first)), copy_all, rng)
         self.key = np.array([uncovered_value(problem, first)[0], compute_objective(problem, truth, first)])
         """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
-        self.done = 0
         self._problem = problem
         self._truth = truth
-        self._current = copy_state(first)
-        self._trial = copy_state(first)
         self._memory = build_search_workspace(problem)
-        self._temperature = np.zeros(1)
-        self._rng = rng
 
     @property
     def rank(self) -> list[float]:
@@ -57,19 +42,15 @@ class PlanStart:
 
     def begin(self, leader: PlanStart, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
-        for state in (self._current, self._trial, self.best):
-            if state is not leader.best:
-                copy_all(leader.best, state)
+        super().begin(leader, temperature)
         self.key[:] = leader.key
         self._memory.versions[:] += 1
-        self._temperature[0] = temperature
-        self.done = 0
 
     def run(self, guide: Weights, cooling: float, iterations: int) -> int:
         """Run iterations of the cycle; return the last that found a new best, counted from 1, or 0."""
         improved: int = anneal(
-            self._problem, guide, self._truth, self._current, self._trial, self.best,
-            self.key, self._temperature, cooling, iterations, self._rng, self._memory,
+            self._problem, guide, self._truth, self.current, self.trial, self.best,
+            self.key, self.temperature, cooling, iterations, self.rng, self._memory,
         )  # fmt: skip
         return improved
 
@@ -96,7 +77,8 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         self._problem: Problem = build_kernel_problem(instance)
         self._inspections = self._problem.move.reshape(-1, len(self._problem.value), 2).min(axis=(0, 2))
         truth = build_true_weights(self._problem, cost, all_vehicles=all_vehicles)
-        first = self._build_first_state(initial)
+        routes = [route.visits for route in initial.routes] if initial is not None else []
+        first = build_first_state(self._problem, cost, routes, self._params, all_vehicles=all_vehicles)
         self._soft = False
         super().__init__(
             [PlanStart(self._problem, truth, first, build_random_state(seed + number)) for number in range(starts)],
@@ -107,19 +89,6 @@ class PlanSearch(AnnealingSearch[PlanStart]):
         """Improve until ``stop`` says so."""
         reason = self._run_rounds(stop)
         return self._build_result(self._plan, self._evaluation, reason)
-
-    def _build_first_state(self, initial: Plan | None) -> State:
-        routes = [route.visits for route in initial.routes] if initial is not None else []
-        state = build_kernel_state(self._problem, routes)
-        weights = self._build_weights(float(self._problem.effort.max()), self._params.powers[0], soft=False)
-        insert_open_segments(self._problem, weights, state)
-        return state
-
-    def _build_weights(self, scale: float, power: float, *, soft: bool) -> Weights:
-        return build_guide_weights(
-            self._problem, self._cost, self._params,
-            scale=scale, all_vehicles=self._all_vehicles, power=power, soft=soft,
-        )  # fmt: skip
 
     def _build_cycle(self, before: Cycle | None) -> Cycle:
         """Return a cycle twice as long as the one before; after a soft one a hard one of its length."""
@@ -142,13 +111,243 @@ class PlanSearch(AnnealingSearch[PlanStart]):
 
     def _improve(self, start: PlanStart, iterations: int) -> int:
         power = self._params.powers[self._cycle.stage(start.done)]
-        return start.run(self._build_weights(self._scale, power, soft=self._soft), self._cycle.cooling, iterations)
+        weights = build_guide_weights(
+            self._problem, self._cost, self._params,
+            scale=self._scale, all_vehicles=self._all_vehicles, power=power, soft=self._soft,
+        )  # fmt: skip
+        return start.run(weights, self._cycle.cooling, iterations)
 
     def _publish(self) -> None:
         super()._publish()
         self._plan = build_plan(self._leader.best)
         self._evaluation: Evaluation = evaluate(self._instance, self._plan, self._cost)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         uncovered = len(self._plan.uncovered)
-        return Standing(self._evaluation.value, uncovered, not uncovered and not self._evaluation.violations)
+        return self._evaluation.value, uncovered, not uncovered and not self._evaluation.violations
+
+
+NEAREST = 128
+"""How many neighbours of a segment are listed for the removal of strings."""
+
+
+def build_kernel_problem(instance: Instance) -> Problem:
+    """Return the instance's energies as the kernels take them."""
+    fleet, segments = len(instance.vehicles), instance.segments
+    alone = (instance.start_pct + instance.home_pct).reshape(fleet, segments, 2)
+    effort = alone.min(axis=(0, 2))
+    # A plan that leaves out a segment without length is still worse than one that does not.
+    value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
+    worth = value * float(np.median(effort / value))
+    every = np.arange(2 * segments)
+    move = np.array([
+        instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+        for profile in range(instance.moves.profiles)
+    ]).reshape(instance.moves.profiles, 2 * segments, 2 * segments)  # fmt: skip
+    return Problem(
+        profile=np.array(instance.profile, dtype=np.int64),
+        move=move,
+        move_into=np.array(move.transpose(0, 2, 1), order="C"),
+        start=np.array(instance.start_pct, dtype=np.float64, order="C"),
+        home=np.array(instance.home_pct, dtype=np.float64, order="C"),
+        idle=np.array(instance.idle_pct, dtype=np.float64),
+        consumption=np.array([vehicle.consumption for vehicle in instance.vehicles], dtype=np.float64),
+        # Half the tolerance: the kernels add the same figures in another order than evaluate.py.
+        budget=np.array([vehicle.budget_pct for vehicle in instance.vehicles]) + BUDGET_TOLERANCE_PCT / 2,
+        value=value,
+        prize=np.maximum(worth, effort) + 1e-6,
+        effort=effort,
+        near=_find_nearest_segments(move[0]),
+        twin=_find_twins(instance),
+    )
+
+
+def build_guide_weights(
+    problem: Problem,
+    cost: Cost,
+    params: AnnealingParams,
+    *,
+    scale: float,
+    all_vehicles: bool,
+    power: float,
+    soft: bool = False,
+) -> Weights:
+    """Return the objective that guides the search for a cost function.
+
+    Args:
+        problem: the instance.
+        cost: the cost function.
+        params: of the search.
+        scale: about the largest load, for the p-norm.
+        all_vehicles: whether routes without a visit are to be avoided.
+        power: the p of the p-norm.
+        soft: whether the search may pass through routes beyond their budgets.
+    """
+    return Weights(
+        total=0.02 if cost.function.is_longest_only else cost.function.total,
+        peak=0.0 if cost.function.is_longest_only else cost.function.peak_weight(len(problem.budget)),
+        norm=1.0 if cost.function.is_longest_only else 0.0,
+        power=power,
+        scale=scale if scale > 0 else 1.0,
+        prize=params.prize_weight,
+        empty=_empty_route_weight(problem) if all_vehicles else 0.0,
+        excess=params.excess_weight,
+        slack=params.slack if soft else 0.0,
+    )
+
+
+def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> Weights:
+    """Return the cost function itself; among plans of equal MinMax the one that uses less is better."""
+    return Weights(
+        total=1e-6 if cost.function.is_longest_only else cost.function.total,
+        peak=cost.function.peak_weight(len(problem.budget)),
+        empty=_empty_route_weight(problem) if all_vehicles else 0.0,
+    )
+
+
+def build_empty_state(problem: Problem) -> State:
+    """Return the state in which nobody visits anything."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    state = State(
+        visits=np.zeros((fleet, segments), dtype=np.int64),
+        legs=np.zeros((fleet, segments + 1)),
+        lengths=np.zeros(fleet, dtype=np.int64),
+        loads=np.zeros(fleet),
+        route_of=np.full(segments, -1, dtype=np.int64),
+    )
+    for route in range(fleet):
+        measure(problem, state, route)
+    return state
+
+
+def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
+    """Return the state of routes given as visits, budgets or not."""
+    state = build_empty_state(problem)
+    for route, visits in enumerate(routes):
+        set_route(problem, state, route, visits)
+    return state
+
+
+def build_search_workspace(problem: Problem) -> SearchWorkspace:
+    """Return the work space of an annealing that has not begun."""
+    fleet, segments = len(problem.budget), len(problem.value)
+    return SearchWorkspace(
+        waiting=np.zeros(segments, dtype=np.int64),
+        pending=np.zeros(segments, dtype=np.int64),
+        keys=np.zeros(segments),
+        touched=np.zeros(fleet, dtype=np.int64),
+        came_from=np.zeros((segments, 2), dtype=np.int64),
+        versions=np.ones(fleet, dtype=np.int64),
+        version=np.zeros((segments, fleet), dtype=np.int64),
+        added=np.zeros((segments, fleet)),
+        place=np.zeros((segments, fleet), dtype=np.int64),
+    )
+
+
+def build_kernel_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
+    """Return the state of routes given as visits; routes over budget lose visits until they hold.
+
+    What goes first is the visit that spares most energy for its value.
+    """
+    state = build_state(problem, routes)
+    for route in range(len(state.lengths)):
+        while state.loads[route] > problem.budget[route] and state.lengths[route] > 0:
+            _drop_one(problem, state, route)
+    return state
+
+
+def build_first_state(
+    problem: Problem,
+    cost: Cost,
+    routes: Iterable[Sequence[int]],
+    params: AnnealingParams = DEFAULT_PARAMS.annealing,
+    *,
+    all_vehicles: bool = False,
+) -> State:
+    """Return the state that keeps ``routes`` and inserts by regret what they leave open, all within the budgets."""
+    state = build_kernel_state(problem, routes)
+    scale = float(problem.effort.max())
+    weights = build_guide_weights(problem, cost, params, scale=scale, all_vehicles=all_vehicles, power=params.powers[0])
+    waiting = np.flatnonzero(state.route_of < 0).astype(np.int64)
+    insert_by_regret(problem, weights, state, waiting, build_random_state(0))
+    return state
+
+
+def build_plan(state: State) -> Plan:
+    """Return a state as a plan."""
+    routes = tuple(
+        Route(vehicle, tuple(int(visit) for visit in state.visits[vehicle, :length]))
+        for vehicle, length in enumerate(state.lengths)
+    )
+    return Plan(routes, tuple(int(segment) for segment in np.flatnonzero(state.route_of < 0)))
+
+
+def copy_state(state: State) -> State:
+    """Return an independent copy."""
+    return State._make(array.copy() for array in state)
+
+
+def build_random_state(seed: int) -> RandomState:
+    """Return the kernels' random state for a seed: splitmix64, so that near seeds start far apart."""
+    mask = 2**64 - 1
+    mixed = (seed + 0x9E3779B97F4A7C15) & mask
+    mixed = ((mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    mixed = ((mixed ^ (mixed >> 27)) * 0x94D049BB133111EB) & mask
+    return np.array([(mixed ^ (mixed >> 31)) or 1], dtype=np.uint64)
+
+
+def set_route(problem: Problem, state: State, route: int, visits: Sequence[int]) -> None:
+    """Have a route make these visits, and measure it."""
+    state.route_of[state.route_of == route] = -1
+    state.visits[route, : len(visits)] = visits
+    state.lengths[route] = len(visits)
+    measure(problem, state, route)
+
+
+def _drop_one(problem: Problem, state: State, route: int) -> None:
+    visits = [int(visit) for visit in state.visits[route, : state.lengths[route]]]
+    load = float(state.loads[route])
+
+    def spared_per_value(place: int) -> float:
+        set_route(problem, state, route, visits[:place] + visits[place + 1 :])
+        return (load - float(state.loads[route])) / float(problem.value[segment_of(visits[place])])
+
+    worst = max(range(len(visits)), key=spared_per_value)
+    set_route(problem, state, route, visits[:worst] + visits[worst + 1 :])
+
+
+def _empty_route_weight(problem: Problem) -> float:
+    """Return more than any first visit of a vehicle costs."""
+    return 2 * float((problem.start + problem.home).max(initial=0.0)) + 1
+
+
+def _find_twins(instance: Instance) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return (k,) int64, for each vehicle the one before it that differs in nothing but its name, or -1."""
+    before: dict[object, int] = {}
+    twins = np.full(len(instance.vehicles), -1, dtype=np.int64)
+    for number, vehicle in enumerate(instance.vehicles):
+        ways = (instance.start_pct[number].tobytes(), instance.home_pct[number].tobytes())
+        kind = (vehicle.budget_pct, vehicle.consumption, instance.profile[number], instance.idle_pct[number], ways)
+        twins[number] = before.get(kind, -1)
+        before[kind] = number
+    return twins
+
+
+def _find_nearest_segments(move: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    """Return (n, m) int64, for each segment itself and the nearest others by the least transit between them."""
+    segments = len(move) // 2
+    # As a `min` over two axes this takes ten times as long, and a re-plan waits for it.
+    by_end = np.minimum(move[:, 0::2], move[:, 1::2])
+    between = np.minimum(by_end[0::2], by_end[1::2])
+    np.fill_diagonal(between, np.inf)
+    # The move into j contains j's inspection; what is common to all moves into j says nothing about nearness.
+    if segments > 1:
+        between = between - between.min(axis=0)
+    between = np.minimum(between, between.T)
+    np.fill_diagonal(between, -1.0)
+    if segments > NEAREST:
+        near = np.sort(np.argpartition(between, NEAREST - 1, axis=1)[:, :NEAREST], axis=1)
+    else:
+        near = np.broadcast_to(np.arange(segments), between.shape)
+    order = np.argsort(np.take_along_axis(between, near, axis=1), axis=1, kind="stable")
+    return np.array(np.take_along_axis(near, order, axis=1), dtype=np.int64, order="C")

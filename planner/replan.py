@@ -1,31 +1,55 @@
-"""A vehicle is lost: what is left to do, who is left to do it, and the plan for that.
+"""A vehicle is lost: what is left, who is left to do it, the plan for that, and whether it is worth new missions.
 
 Every visit that the lost vehicle has not finished is open again, the one under way included. Each survivor finishes
 the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts
 from there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly
 again from the landing place with what it then has left.
+
+What everybody carries is a plan to compare a re-plan with: an answer that is worse is none. More covered first, by
+number and by value, then the longest route. What the first plan left out counts after all else.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.cost import Cost
-from planner.decomposition import build_part_instance
 from planner.errors import PlanError
-from planner.evaluate import completion_times_s, energy_use_pct, route_duration_s, route_energy_pct
-from planner.model import Instance, Plan, Route, Vehicle, is_reversed, renumber_visits, segment_of, visit_of
+from planner.evaluate import (
+    Cost,
+    Result,
+    budget_excess_pct,
+    completion_times_s,
+    energy_use_pct,
+    evaluate,
+    route_duration_s,
+    route_energy_pct,
+)
+from planner.model import (
+    Instance,
+    Plan,
+    Route,
+    Vehicle,
+    build_part_instance,
+    is_reversed,
+    renumber_visits,
+    segment_of,
+    visit_of,
+)
 from planner.moves import FloatArray
-from planner.result import Result
 from planner.solve import check_tails, solve
 from planner.stop_rules import StopRule
 
 SAME_TIME_S = 1e-9
 """A visit that ends this little after the loss has ended."""
+SAME_S = 5.0
+"""Longest routes that differ by no more are as long as each other: nobody is given a new mission for that."""
+SAME_SHARE = 0.5
+"""Of a mean segment's value: as many segments that are worth no more beyond others than this are worth as much."""
+SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +116,18 @@ def build_remaining_problem(
         raise PlanError(f"{instance.vehicles[lost].name} is the only vehicle: nobody is left")
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
+    completed, survivors, open_segments = find_survivors(instance, plan, lost, at_s, fly_again=fly_again)
+    starts = [build_survivor_start(instance, survivor) for survivor in survivors]
+    reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)
+    number = {segment: place for place, segment in enumerate(open_segments)}
+    tails = [renumber_visits(survivor.tail, number) for survivor in survivors]
+    return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
+
+
+def find_survivors(
+    instance: Instance, plan: Plan, lost: int, at_s: float, *, fly_again: bool
+) -> tuple[tuple[int, ...], tuple[FreeVehicle, ...], tuple[int, ...]]:
+    """Return the lost vehicle's visits that have ended, who goes on, and the segments that are open."""
     until_s, others = at_s + instance.answer_s, [route for route in plan.routes if route.vehicle != lost]
     survivors = tuple(_build_survivor(instance, route, until_s, fly_again=fly_again) for route in others)
     completed = _find_completed_visits(instance, plan.routes[lost], at_s)
@@ -100,12 +136,7 @@ def build_remaining_problem(
         settled.update(segment_of(visit) for visit in survivor.completed)
         if survivor.finishing is not None:
             settled.add(segment_of(survivor.finishing))
-    open_segments = tuple(segment for segment in range(instance.segments) if segment not in settled)
-    starts = [build_survivor_start(instance, survivor) for survivor in survivors]
-    reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)
-    number = {segment: place for place, segment in enumerate(open_segments)}
-    tails = [renumber_visits(survivor.tail, number) for survivor in survivors]
-    return RemainingProblem(lost, at_s, completed, survivors, open_segments, reduced, warm_start(reduced, tails))
+    return completed, survivors, tuple(segment for segment in range(instance.segments) if segment not in settled)
 
 
 def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
@@ -123,9 +154,9 @@ def warm_start(instance: Instance, tails: Sequence[Sequence[int]]) -> Plan:
     if instance.segments == 0:
         return Plan(tuple(Route(vehicle, ()) for vehicle in range(len(tails))))
     # Only here, as in solve.py: it loads numba.
-    from planner.construct import build_first_state, build_plan
+    from planner.plan_search import build_first_state, build_kernel_problem, build_plan
 
-    return build_plan(build_first_state(instance, Cost.MINSUM, tails))
+    return build_plan(build_first_state(build_kernel_problem(instance), Cost.MINSUM, tails))
 
 
 def replan(instance: Instance, *, warm: Plan, cost: Cost = Cost.MINCOMB, stop: StopRule, seed: int = 0) -> Result:
@@ -167,10 +198,10 @@ class RouteStart:
     """Where a vehicle's route starts: the vehicle, its rows over all original visits, its way home from there."""
 
     vehicle: Vehicle
-    row_s: FloatArray
-    row_pct: FloatArray
-    idle_s: float
-    idle_pct: float
+    row: FloatArray
+    """(2, 2n) float64: seconds and percent."""
+    idle: FloatArray
+    """(2,) float64: the same."""
 
 
 def reduce_instance(
@@ -181,10 +212,10 @@ def reduce_instance(
     return replace(
         build_part_instance(instance, fleet, segments),
         vehicles=tuple(start.vehicle for start in starts),
-        start_s=np.array([start.row_s[visits] for start in starts]),
-        idle_s=np.array([start.idle_s for start in starts]),
-        start_pct=np.array([start.row_pct[visits] for start in starts]),
-        idle_pct=np.array([start.idle_pct for start in starts]),
+        start_s=np.array([start.row[0, visits] for start in starts]),
+        idle_s=np.array([start.idle[0] for start in starts]),
+        start_pct=np.array([start.row[1, visits] for start in starts]),
+        idle_pct=np.array([start.idle[1] for start in starts]),
     )
 
 
@@ -194,29 +225,135 @@ def build_survivor_start(instance: Instance, survivor: FreeVehicle) -> RouteStar
     profile, every = instance.profile[number], np.arange(2 * instance.segments)
     vehicle = replace(instance.vehicles[number], budget_pct=survivor.budget_left_pct)
     if visit is not None:
-        east_m, north_m, up_m = (float(coordinate) for coordinate in instance.end_m[visit])
-        east_along_m, north_along_m = (
-            float(along) for along in (instance.end_m[visit] - instance.end_m[visit ^ 1])[:2]
-        )
-        return RouteStart(
-            replace(
-                vehicle,
-                start_m=(east_m, north_m),
-                start_up_m=up_m,
-                facing_m=(east_along_m, north_along_m),
-                airborne=True,
-            ),
+        end_m = instance.end_m[visit].tolist()
+        along_m = (instance.end_m[visit] - instance.end_m[visit ^ 1]).tolist()
+        row = (
             instance.moves.seconds(profile, visit, every),
             vehicle.consumption * instance.moves.pct(profile, visit, every),
-            float(instance.home_s[number, visit]),
-            float(instance.home_pct[number, visit]),
         )
+        home = np.array([instance.home_s[number, visit], instance.home_pct[number, visit]])
+        return RouteStart(
+            replace(vehicle, start_m=tuple(end_m[:2]), start_up_m=end_m[2], facing_m=tuple(along_m[:2]), airborne=True),
+            np.array(row), home,
+        )  # fmt: skip
     if not survivor.completed and not vehicle.airborne:
-        return RouteStart(vehicle, instance.start_s[number], instance.start_pct[number], 0.0, 0.0)
+        return RouteStart(vehicle, np.array([instance.start_s[number], instance.start_pct[number]]), np.zeros(2))
     return RouteStart(
         replace(vehicle, start_m=instance.landing_m, start_up_m=0.0, facing_m=(0.0, 0.0), airborne=False),
-        instance.depot_s[number],
-        vehicle.consumption * instance.depot_pct[number],
-        0.0,
-        0.0,
-    )
+        np.array([instance.depot_s[number], vehicle.consumption * instance.depot_pct[number]]), np.zeros(2),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardPlan:
+    """The routes that vehicles have on board, as far as their budgets last."""
+
+    plan: Plan
+    short: tuple[int, ...]
+    """Vehicles whose budgets do not last for all that they carry: theirs ends with the last visit that they do."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRating:
+    """What a plan is compared by."""
+
+    segments: int
+    """Covered, without those to spare."""
+    value: float
+    """Of them."""
+    spare_segments: int
+    spare_value: float
+    grain: float
+    """What a difference in value must be more than."""
+    longest_s: float
+    largest_pct: float
+
+
+def grant_onboard_budgets(instance: Instance, tails: Sequence[Sequence[int]], most_pct: Sequence[float]) -> Instance:
+    """Return the instance with budgets by which vehicles may go on with what they carry.
+
+    Budgets are for planning, and rounded down: a vehicle that spends a little more with what it has on board flies on
+    with it, as long as its battery lasts for all of it.
+
+    Args:
+        instance: the problem.
+        tails: the visits that each vehicle has on board.
+        most_pct: what the battery of each gives at most.
+    """
+    vehicles = []
+    for number, (vehicle, tail, most) in enumerate(zip(instance.vehicles, tails, most_pct, strict=True)):
+        needed = route_energy_pct(instance, Route(number, tuple(tail)))
+        budget = max(vehicle.budget_pct, needed) if needed <= most else vehicle.budget_pct
+        vehicles.append(replace(vehicle, budget_pct=budget))
+    return replace(instance, vehicles=tuple(vehicles))
+
+
+def build_onboard_plan(instance: Instance, tails: Sequence[Sequence[int]]) -> OnboardPlan:
+    """Return the plan of everybody going on with what is on board.
+
+    Raises:
+        PlanError: the tails do not belong to the instance.
+    """
+    check_tails(instance, tails)
+    routes = tuple(Route(number, _trim_to_budget(instance, number, tuple(tail))) for number, tail in enumerate(tails))
+    covered = {segment_of(visit) for route in routes for visit in route.visits}
+    uncovered = tuple(segment for segment in range(instance.segments) if segment not in covered)
+    short = tuple(route.vehicle for route, tail in zip(routes, tails, strict=True) if len(route.visits) < len(tail))
+    return OnboardPlan(Plan(routes, uncovered), short)
+
+
+def rate_plan(instance: Instance, plan: Plan, spare: Collection[int] = ()) -> PlanRating:
+    """Return what a plan is compared by.
+
+    Args:
+        instance: of the plan.
+        plan: within its budgets.
+        spare: segments that count only where all else is equal.
+    """
+    covered = {segment_of(visit) for route in plan.routes for visit in route.visits}
+    own, extra = sorted(covered - set(spare)), sorted(covered & set(spare))
+    figures = evaluate(instance, plan, Cost.MINMAX)
+    return PlanRating(
+        len(own), float(instance.value[own].sum()), len(extra), float(instance.value[extra].sum()),
+        SAME_SHARE * float(instance.value.mean()) if instance.segments else 0.0,
+        figures.longest_route_s, max(figures.energies_pct),
+    )  # fmt: skip
+
+
+def is_better_rating(one: PlanRating, other: PlanRating) -> bool:
+    """Return whether one plan is better than another, and worse in nothing that comes before."""
+    if one.segments < other.segments or one.value < other.value - SAME:
+        return False
+    if one.segments > other.segments or one.value > other.value + one.grain + SAME:
+        return True
+    if one.spare_segments < other.spare_segments or one.spare_value < other.spare_value - SAME:
+        return False
+    if one.spare_segments > other.spare_segments:
+        return True
+    return one.longest_s < other.longest_s - SAME_S and budget_excess_pct(one.largest_pct, other.largest_pct) <= 0
+
+
+def select_best_plan(instance: Instance, carried: Plan, others: Iterable[Plan], spare: Collection[int] = ()) -> Plan:
+    """Return the best of some plans: what is carried unless another one is better.
+
+    Args:
+        instance: of them all.
+        carried: what is flown without a re-plan.
+        others: what might be flown instead, the most wanted first.
+        spare: segments that count only where all else is equal.
+    """
+    best, best_worth = carried, rate_plan(instance, carried, spare)
+    for plan in others:
+        found = rate_plan(instance, plan, spare)
+        if is_better_rating(found, best_worth):
+            best, best_worth = plan, found
+    return best
+
+
+def _trim_to_budget(instance: Instance, vehicle: int, tail: tuple[int, ...]) -> tuple[int, ...]:
+    """Return as much of a route, from its beginning, as a vehicle's budget lasts for, its way home included."""
+    budget_pct = instance.vehicles[vehicle].budget_pct
+    kept = tail
+    while kept and budget_excess_pct(route_energy_pct(instance, Route(vehicle, kept)), budget_pct) > 0:
+        kept = kept[:-1]
+    return kept

@@ -10,30 +10,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from planner.construct import build_kernel_problem, build_plan, build_random_state, build_state, copy_state
-from planner.cost import Cost
-from planner.evaluate import evaluate, route_duration_s, route_energy_pct
+from planner.evaluate import Cost, WindowResult, evaluate, route_duration_s, route_energy_pct
 from planner.kernels.arrays import FloatArray, RandomState, State
-from planner.kernels.loss_problem import Loss
-from planner.kernels.repair import RepairWorkspace
+from planner.kernels.repair import Loss, Repairs, RepairWorkspace, find_broken_interval, set_clock
 from planner.kernels.robust_walk import (
     RobustWalk,
     WalkLimits,
     anneal_plan,
     assess_repairs,
-    find_window_begin,
-    set_clocks,
     take_repairs,
 )
-from planner.kernels.tours import measure
-from planner.kernels.window_scan import Repairs
 from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.search import Search, Standing, run_in_threads
+from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state, set_route
+from planner.search import Search, run_in_threads
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, StopVerdict, Stopwatch, combine_stop_rules
-from planner.window import WindowResult, replan_window
+from planner.window import merge_times, replan_window
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +153,9 @@ class RobustSearch(Search):
         verdict = self._stop(progress)
         return replace(verdict, allowed=verdict.allowed // self._starts * self._starts)
 
-    def _rate_best(self) -> Standing:
+    def _rate_best(self) -> tuple[float, int, bool]:
         known = math.isfinite(self.earliest_s)
-        return Standing(self.earliest_s, 0 if known else 1, known)
+        return self.earliest_s, 0 if known else 1, known
 
     def _measure_flight_power(self, minmax: Plan) -> None:
         """Take from the best MinMax plan how much energy a second of flight costs."""
@@ -287,17 +281,21 @@ class RobustSearch(Search):
         for walk_at in (walker.here, walker.there):
             walk_at.base.route_of[:] = -1
             for route, visits in enumerate(routes):
-                walk_at.base.visits[route, : len(visits)] = visits
-                walk_at.base.lengths[route] = len(visits)
-                measure(self._problem, walk_at.base, route)
-            set_clocks(self._problem, self._timing, walk_at.base, walk_at.clock)
+                set_route(self._problem, walk_at.base, route, visits)
+                set_clock(self._problem, self._timing, walk_at.base, walk_at.clock, route)
             walk_at.repairs.known[:] = 0
 
     def _find_window_begin(self, walker: Walker) -> tuple[float, float]:
-        return find_window_begin(
-            self._problem, self._timing, walker.here.base, walker.here.clock, self._fly_again, walker.loss,
-            walker.full, walker.desk, self._params.look, walker.rng,
+        """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
+        base, clock = walker.here.base, walker.here.clock
+        visits_end_s = [clock.ends_s[route, :length] for route, length in enumerate(base.lengths)]
+        events_s = np.array(merge_times(np.concatenate([clock.durations_s, *visits_end_s]), self._instance.answer_s))
+        walker.full.known[:] = 0
+        interval = find_broken_interval(
+            self._problem, self._timing, base, clock, events_s, self._fly_again, walker.loss, walker.full, walker.desk,
+            self._params.look, walker.rng,
         )  # fmt: skip
+        return (0.0, -1.0) if interval < 0 else (float(events_s[interval + 1]), float(events_s[interval]))
 
     def _walk(self, walker: Walker, iterations: int) -> None:
         while iterations > 0 and not walker.waits:

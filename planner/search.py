@@ -13,23 +13,18 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
-from planner.evaluate import Evaluation
+import numpy as np
+import numpy.typing as npt
+
+from planner.evaluate import Evaluation, Result
 from planner.model import Plan
-from planner.result import Result
 from planner.stop_rules import Progress, StopRule, Stopwatch
 
 R = TypeVar("R")
-
-
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """How good the best plan is, in the words of ``Progress``."""
-
-    value: float
-    uncovered: int
-    feasible: bool
+StateT = TypeVar("StateT")
+RandomState = npt.NDArray[np.uint64]
 
 
 class Search(ABC):
@@ -49,8 +44,8 @@ class Search(ABC):
         """Run ``iterations``, and count them."""
 
     @abstractmethod
-    def _rate_best(self) -> Standing:
-        """Return how good the best plan is."""
+    def _rate_best(self) -> tuple[float, int, bool]:
+        """Return how good the best plan is: value, uncovered and feasible of ``Progress``."""
 
     def _run_rounds(self, stop: StopRule) -> str:
         """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
@@ -60,14 +55,14 @@ class Search(ABC):
         return verdict.reason
 
     def _build_progress(self) -> Progress:
-        best = self._rate_best()
+        value, uncovered, feasible = self._rate_best()
         return Progress(
             iterations=self._iterations,
             since_improvement=max(0, self._iterations - self._improved_at),
             seconds=self._watch.seconds,
-            value=best.value,
-            uncovered=best.uncovered,
-            feasible=best.feasible,
+            value=value,
+            uncovered=uncovered,
+            feasible=feasible,
             impossible=self._impossible is not None,
         )
 
@@ -75,7 +70,7 @@ class Search(ABC):
         return Result(
             plan=plan,
             evaluation=evaluation,
-            feasible=self._rate_best().feasible,
+            feasible=self._rate_best()[2],
             iterations=self._iterations,
             seconds=self._watch.seconds,
             stopped_by=stopped_by,
@@ -114,23 +109,35 @@ class Cycle:
         return -(-(self.stage(done) + 1) * self.length // self.stages) - done
 
 
-class SearchStart(Protocol):
+class SearchStart(ABC, Generic[StateT]):
     """One of the walks of a search; they share nothing that changes, so each may run in a thread of its own."""
 
-    done: int
-    """Iterations of the cycle under way."""
+    def __init__(
+        self, states: tuple[StateT, StateT, StateT], copy: Callable[[StateT, StateT], None], rng: RandomState
+    ) -> None:
+        self.current, self.trial, self.best = states
+        """Where it stands, work space, and the best plan that it found."""
+        self.done = 0
+        """Iterations of the cycle under way."""
+        self.temperature = np.zeros(1)
+        self.rng = rng
+        self._copy = copy
 
     @property
+    @abstractmethod
     def rank(self) -> list[float]:
         """Of the best plan that it found: less is better, the first figure that differs decides."""
-        ...
 
     def begin(self, leader: Self, temperature: float) -> None:
         """Begin a cycle from the best plan of ``leader``."""
-        ...
+        for state in (self.current, self.trial, self.best):
+            if state is not leader.best:
+                self._copy(leader.best, state)
+        self.temperature[0] = temperature
+        self.done = 0
 
 
-SearchStartT = TypeVar("SearchStartT", bound=SearchStart)
+SearchStartT = TypeVar("SearchStartT", bound=SearchStart[Any])
 
 
 class AnnealingSearch(Search, Generic[SearchStartT]):

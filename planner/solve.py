@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from planner.cost import Cost
 from planner.errors import PlanError
-from planner.evaluate import evaluate
-from planner.instance import build_instance
-from planner.model import Instance, Plan, Route, Vehicle, segment_of
+from planner.evaluate import Cost, Result, evaluate
+from planner.model import Instance, Plan, Route, Vehicle, build_instance, segment_of
 from planner.moves import Travel
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.result import Result
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
 

@@ -102,21 +102,14 @@ class Cancelled:
         return StopVerdict(0 if self.cancelled() else UNLIMITED, "cancelled")
 
 
-@dataclass(frozen=True, slots=True)
-class AnyOf:
-    """Stop as soon as one of several rules does; without a rule, never."""
+def combine_stop_rules(*rules: StopRule) -> StopRule:
+    """Return the rule that stops when the first of ``rules`` does; without a rule, never."""
 
-    rules: tuple[StopRule, ...]
-
-    def __call__(self, progress: Progress) -> StopVerdict:
-        """Allow what the strictest rule does."""
-        verdicts = (rule(progress) for rule in self.rules)
+    def ask_strictest(progress: Progress) -> StopVerdict:
+        verdicts = (rule(progress) for rule in rules)
         return min(verdicts, key=lambda verdict: verdict.allowed, default=StopVerdict(UNLIMITED, "never"))
 
-
-def combine_stop_rules(*rules: StopRule) -> StopRule:
-    """Return the rule that stops when the first of ``rules`` does."""
-    return AnyOf(rules)
+    return ask_strictest
 
 
 def add_progress_report(stop: StopRule, on_progress: Callable[[Progress], None] | None) -> StopRule:

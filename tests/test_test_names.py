@@ -320,7 +320,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/checklist_only.py",
         "executor/site/plan_summary.py",
     ),
-    "tests/executor/site/test_campaign_risk.py": (
+    "tests/executor/site/test_campaign_runner_risk.py": (
         "executor/analysis/pictures/risk_figure.py",
         "executor/cli/risk.py",
     ),
@@ -333,59 +333,39 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
-    "tests/planner/test_exact.py": (
-        "planner/highs.py",
-        "planner/partition.py",
-    ),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
-    "tests/planner/test_large.py": (
-        "planner/decomposition.py",
-        "benchmarks/synthetic.py",
-    ),
-    "tests/planner/test_risk.py": ("planner/after_losses.py",),
-    "tests/planner/test_window_search.py": (
+    "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
+    "tests/planner/test_window_solve.py": (
         "benchmarks/table/window_bound.py",
-        "planner/kernels/plan_changes.py",
         "planner/kernels/robust_walk.py",
-        "planner/pareto_front.py",
     ),
     "tests/planner/test_search.py": (
-        "planner/construct.py",
-        "planner/cost.py",
-        "planner/kernels/ruin.py",
-        "planner/model.py",
-        "planner/result.py",
-        "planner/solve.py",
         "planner/plan_search.py",
+        "planner/solve.py",
     ),
     "tests/planner/test_window.py": (
-        "planner/kernels/loss_problem.py",
         "planner/kernels/repair.py",
-        "planner/kernels/window_scan.py",
         "planner/loss_scan.py",
     ),
     "tests/properties/test_geometry.py": ("missions/geometry.py",),
     "tests/properties/test_planner_bounds.py": (
         "planner/bounds.py",
-        "planner/kernels/tree_bound.py",
+        "planner/kernels/proofs.py",
     ),
     "tests/properties/test_planner_kernels.py": (
         "planner/kernels/anneal.py",
-        "planner/kernels/random_numbers.py",
-        "planner/kernels/compiled.py",
-        "planner/kernels/insertion.py",
         "planner/kernels/tours.py",
     ),
     "tests/properties/test_planner_sorties.py": (
-        "planner/kernels/sortie_insertion.py",
         "planner/kernels/sortie_schedule.py",
         "planner/kernels/sortie_search.py",
-        "planner/sorties/sortie_state.py",
-        "planner/sorties/sortie_evaluation.py",
         "planner/sorties/sortie_annealing.py",
-        "planner/sorties/sortie_solve.py",
+        "planner/sorties/sortie_model.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "planner/sorties/sortie_model.py"),
+    "tests/benchmarks/test_exact_sorties.py": (
+        "benchmarks/highs.py",
+        "benchmarks/row_matrix.py",
+    ),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
@@ -396,10 +376,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",
-    ),
-    "tests/properties/test_planner_subsets.py": (
-        "planner/kernels/subset_dynamics.py",
-        "planner/subset_routes.py",
     ),
     "tests/test_docs.py": (
         "scripts/pages/page_types.py",

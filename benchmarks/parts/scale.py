@@ -16,7 +16,7 @@ from benchmarks.problems import PAPER_S, line_instance
 from benchmarks.store import Json
 from benchmarks.synthetic import generate_network
 from planner import Cost, Progress, Seconds, Stopwatch, solve, warm_up
-from planner.instance import TABLES_UP_TO
+from planner.model import TABLES_UP_TO
 
 TITLE = "Scale"
 SIZES = (100, 300, 1000, 3000, 10_000)

@@ -16,9 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks import highs
 from benchmarks.row_matrix import build_row_matrix
 from benchmarks.scenarios.day import TOLERANCE_S
-from planner import InstanceError, Stopwatch, highs
+from planner import InstanceError, Stopwatch
 from planner.sorties import SortieInstance
 
 MOST_COLUMNS = 200_000

@@ -30,15 +30,15 @@ from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, build_plan_document, check_day_plan, write_plan
 from missions.files import json_text
-from planner import Progress
+from planner import Progress, split_flights
 from planner.sorties import (
+    DAYS_PER_CHUNK,
     Objective,
     SparesEstimate,
     SurvivalCampaign,
     add_spares,
     find_loss_windows,
     simulate_days,
-    split_samples,
     summarise_samples,
 )
 
@@ -202,7 +202,8 @@ def _evaluate_spares(
 
         chosen = tuple(order[number % len(order)] for number in range(count))
         campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, asked.mtbf_h, seed)
-        lives = summarise_samples(asked.fly(simulate_days, campaign, split_samples(asked.samples), told))
+        parts = split_flights(asked.samples, 0, per_chunk=DAYS_PER_CHUNK)
+        lives = summarise_samples(asked.fly(simulate_days, campaign, parts, told))
         found.append(SparesEstimate(chosen, lives))
         if lives.finished.estimate >= max(shares):
             break
@@ -236,13 +237,11 @@ def build_day_document(
     document["needed"] = [
         {
             "probability": share,
-            "vehicles": None if lives is None else next(
-                fleet + len(one.spares) for one in spares if one.lives is lives
-            ),
-            "packs": None if lives is None else dict(
-                zip((place.name for place in content.bases), lives.packs_for_share(share), strict=True)
+            "vehicles": None if one is None else fleet + len(one.spares),
+            "packs": None if one is None else dict(
+                zip((place.name for place in content.bases), one.lives.packs_for_share(share), strict=True)
             ),
         }
-        for share, lives in enough
+        for share, one in enough
     ]  # fmt: skip
     return document

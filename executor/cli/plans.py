@@ -71,7 +71,7 @@ from executor.site.plan_summary import (
 )
 from executor.site.planned_heights import PlannedHeights, compute_planned_heights
 from executor.site.site_file import read_site
-from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
+from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver, read_search_params
 from missions import (
     DayPlanFile,
     PlanFile,
@@ -83,7 +83,7 @@ from missions import (
     write_plan,
 )
 from missions.files import json_text
-from planner import ReplanWindow, SearchParams, find_repairs_at, replan_window
+from planner import ReplanWindow, find_repairs_at, replan_window
 from planner.sorties import Objective
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def plan(
         PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts
     )
     if search is not None:
-        wanted = replace(wanted, params=SearchParams.load(search))
+        wanted = replace(wanted, params=read_search_params(search))
     check_can_write(None if front else output)
     check_can_draw("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)

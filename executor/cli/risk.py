@@ -11,11 +11,17 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, require_finite
 from executor.cli.plan_inputs import check_can_draw, write_named_file
-from executor.site.campaign_risk import compute_campaign_risks, describe_policy, sweep_mtbf
-from executor.site.campaign_runner import open_campaign_runner
+from executor.site.campaign_runner import describe_policy, open_campaign_runner, sweep_mtbf
 from missions import read_plan
 from missions.files import json_text
-from planner import RiskCampaign, RiskEstimate, build_risk_campaign, split_flights
+from planner import (
+    RiskCampaign,
+    RiskEstimate,
+    build_risk_campaign,
+    estimate_risks,
+    simulate_chunk,
+    split_flights,
+)
 
 MtbfOption = Annotated[
     float,
@@ -82,9 +88,10 @@ def risk(
             reserve_pct=reserve,
             max_losses=max_losses, fly_again=content.fly_again,
         )  # fmt: skip
-        (found,) = compute_campaign_risks(fly, wanted, split_flights(samples, seed), done)
+        (found,) = estimate_risks(wanted, fly(simulate_chunk, wanted, split_flights(samples, seed), done))
         if picture is not None:
-            swept = compute_campaign_risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
+            sweep, parts = sweep_mtbf(wanted, seed, flights=samples)
+            swept = estimate_risks(sweep, fly(simulate_chunk, sweep, parts, done))
     console.show_progress("")
     if picture is not None:
         from executor.analysis.pictures import draw_risk_figure, save_figure

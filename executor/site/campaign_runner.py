@@ -1,7 +1,7 @@
 """Many flights on paper at once: on this computer's processors, or on a Dask cluster; the answer is the same.
 
-The flights come in parts with chance of their own (``planner.split_flights``, ``planner.sorties.split_samples``). Who
-flies one, and when, changes nothing.
+The flights come in parts with chance of their own (``planner.split_flights``). Who flies one, and when, changes
+nothing. The risk of one flight is such a campaign, and a sweep over times between failures is some.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.interrupts import defer_ctrl_c, end_children
 from executor.adapters.worker_pool import start_worker_pool
 from executor.errors import ConnectionFailed, ExecutorError
+from planner import FlightChunk, RiskCampaign, split_flights
 
 if TYPE_CHECKING:
     import distributed  # an extra; whoever flies here does without
@@ -29,17 +30,7 @@ ProgressCallback = Callable[[int, int], None]
 """Told how many flights of how many are done."""
 
 
-class Part(Protocol):
-    """Some of a campaign's flights."""
-
-    @property
-    def flights(self) -> int:
-        """Return how many."""
-        ...
-
-
 CampaignT = TypeVar("CampaignT")
-PartT = TypeVar("PartT", bound=Part)
 AnswerT = TypeVar("AnswerT")
 
 
@@ -54,9 +45,9 @@ class CampaignRunner:
 
     def __call__(
         self,
-        flown: Callable[[CampaignT, PartT], AnswerT],
+        flown: Callable[[CampaignT, FlightChunk], AnswerT],
         campaign: CampaignT,
-        parts: Sequence[PartT],
+        parts: Sequence[FlightChunk],
         told: ProgressCallback,
     ) -> list[AnswerT]:
         """Return the answer to each part, in their order.
@@ -72,12 +63,12 @@ class CampaignRunner:
         """
         total, done = sum(part.flights for part in parts), 0
 
-        def count(part: PartT) -> None:
+        def count(part: FlightChunk) -> None:
             nonlocal done
             done += part.flights
             told(done, total)
 
-        processes, jobs = min(self.processes, len(parts)), dict[Future[AnswerT], PartT]()
+        processes, jobs = min(self.processes, len(parts)), dict[Future[AnswerT], FlightChunk]()
         if self.client is None and processes == 1:
             answers = []
             for part in parts:
@@ -145,3 +136,26 @@ def open_campaign_runner(*, jobs: int | None, dask: str | None) -> Iterator[Camp
         except TimeoutError as error:
             raise ConnectionFailed(f"--dask: {dask} has no workers, expected one or more") from error
         yield CampaignRunner(0, client)
+
+
+SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Times the given mean time between failures: where a sweep looks."""
+SWEEP_FLIGHTS = 2_000
+"""For each of them: short times mean many losses each, and so many different re-plans."""
+SWEEP_CHUNK = 500
+
+
+def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskCampaign, tuple[FlightChunk, ...]]:
+    """Return a campaign over a range of times between failures around the given one, and its chunks.
+
+    It shares the table of first losses, so what it costs are its flights.
+    """
+    hours = tuple(factor * content.mtbf_h[0] for factor in SWEEP)
+    return replace(content, mtbf_h=hours), split_flights(min(flights, SWEEP_FLIGHTS), seed, per_chunk=SWEEP_CHUNK)
+
+
+def describe_policy(replans: int) -> str:
+    """Return in words how many losses are re-planned."""
+    if replans == 0:
+        return "as planned, without a re-plan"
+    return "re-planned after one loss" if replans == 1 else f"re-planned after up to {replans} losses"

@@ -9,7 +9,7 @@ import numpy as np
 
 from executor.site.plan_summary import describe_left_over
 from missions import DayPlanFile
-from planner.sorties import SparesEstimate, SurvivalEstimate
+from planner.sorties import SparesEstimate
 
 DAY_S = 86_400.0
 
@@ -150,9 +150,9 @@ def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: l
             continue
         packs = ", ".join(
             f"{count} at {place.name}"
-            for count, place in zip(enough.packs_for_share(share), content.bases, strict=True)
+            for count, place in zip(enough.lives.packs_for_share(share), content.bases, strict=True)
         )
-        spares = next(len(one.spares) for one in found if one.lives is enough)
+        spares = len(enough.spares)
         yield f"{100 * share:g} %: {fleet + spares} vehicles, {spares} of them spare; packs: {packs}"
 
 
@@ -162,6 +162,6 @@ def describe_day(content: DayPlanFile) -> list[str]:
     return [line for lines in (*told, describe_loss_windows(content)) for line in lines]
 
 
-def find_enough_spares(found: list[SparesEstimate], share: float) -> SurvivalEstimate | None:
-    """Return what the fewest spares came to with which such a share was finished."""
-    return next((one.lives for one in found if one.lives.finished.estimate >= share), None)
+def find_enough_spares(found: list[SparesEstimate], share: float) -> SparesEstimate | None:
+    """Return the fewest spares with which such a share was finished, and what they came to."""
+    return next((one for one in found if one.lives.finished.estimate >= share), None)

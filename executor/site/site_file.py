@@ -237,17 +237,25 @@ def read_site(path: Path) -> Site:
     Raises:
         SiteError: one line that names the file, the key and what was expected.
     """
+    return check_site(read_toml(path, "a site file"), str(path))
+
+
+def read_toml(path: Path, expected: str) -> dict[str, Any]:
+    """Read a TOML file; `expected` says what it is, in words.
+
+    Raises:
+        SiteError: one line that names the file and what was expected.
+    """
     try:
-        content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
-        raise SiteError(f"{path}: no such file; expected a site file (TOML)") from None
+        raise SiteError(f"{path}: no such file; expected {expected} (TOML)") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SiteError(f"{path}: cannot be read: {error}") from error
     except ValueError as error:  # beside TOMLDecodeError: whole numbers of thousands of digits
         raise SiteError(f"{path}: not TOML: {error}") from error
     except RecursionError:
         raise SiteError(f"{path}: not TOML: {NESTED}") from None
-    return check_site(content, str(path))
 
 
 def check_site(content: dict[str, Any], source: str) -> Site:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from enum import Enum
+from pathlib import Path
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
+from executor.errors import SiteError
 from executor.site import site_model
+from executor.site.site_file import read_toml
 from executor.site.site_model import SiteModel
 from missions import (
     BreakingLoss,
@@ -23,6 +27,7 @@ from missions import (
     Window,
     build_plan_document,
     check_plan,
+    format_first_error,
     make_plan_file,
 )
 from missions.areas import Area, AreaKind
@@ -142,6 +147,25 @@ class PlanRequest:
         able = self.solver is PlanSolver.SEARCH and len(task.instance.vehicles) > 1
         searched = able and 0 < len(task.segment_ids) <= WINDOW_UP_TO
         return replace(self, cost=None if searched else Cost.MINMAX, usual=False)
+
+
+def read_search_params(path: Path) -> SearchParams:
+    """Read what a TOML file sets of what a search is tuned by; the rest is as it is by default.
+
+    Raises:
+        SiteError: one line that names the file, the key and what was expected.
+    """
+    try:
+        return TypeAdapter(SearchParams).validate_python(read_toml(path, "search parameters"))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        reason = format_first_error(error)
+        if first["type"] == "unexpected_keyword_argument":
+            *table, key = map(str, first["loc"])
+            part = getattr(DEFAULT_PARAMS, table[0]) if table else DEFAULT_PARAMS
+            known = ", ".join(one.name for one in fields(part))
+            reason = f"{'.'.join([*table, key])}: not known; expected one of {known}"
+        raise SiteError(f"{path}: {reason}") from error
 
 
 DEFAULT = PlanRequest(cost=None, seconds=5.0, seed=1, stretch=0.05, usual=True)

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 
-from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
-from planner.kernels.compiled import inner, kernel
-from planner.kernels.insertion import insert_cheapest, max_load, raise_to_power, sort_by_key
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_route, measure, orient_visits, total_excess
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights, inner, kernel
+from planner.kernels.tours import (
+    copy_all,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    insert_cheapest,
+    max_load,
+    measure,
+    orient_visits,
+    raise_to_power,
+    remove_strings,
+    sort_pending,
+    total_excess,
+)
 
 
 @kernel()
@@ -59,27 +68,6 @@ def choose_seed(state: State, waiting: Ints, rng: RandomState, balance: bool) ->
         if state.lengths[route] > 0:
             return int(state.visits[route, draw_integer(rng, state.lengths[route])] >> 1)
     return draw_integer(rng, len(state.route_of))
-
-
-@inner()
-def sort_pending(problem: Problem, pending: Ints, keys: Floats, rng: RandomState) -> None:
-    """Sort ``pending`` for insertion: 4 in 11 at random, 4 valuable first, 2 far first, 1 near first.
-
-    The shares are those of Christiaens and Vanden Berghe (2020); the value stands for their demand. ``keys`` is work
-    space, at least as long.
-    """
-    kind = draw_integer(rng, 11)
-    for place in range(len(pending)):
-        segment = pending[place]
-        if kind < 4:
-            keys[place] = draw_uniform(rng)
-        elif kind < 8:
-            keys[place] = -problem.prize[segment]
-        elif kind < 10:
-            keys[place] = -problem.effort[segment]
-        else:
-            keys[place] = problem.effort[segment]
-    sort_by_key(pending, keys)
 
 
 @inner()
@@ -174,7 +162,8 @@ def anneal(
         for place in range(waits):
             pending[taken] = waiting[place]
             taken += 1
-        sort_pending(problem, pending[:taken], keys, rng)
+        # The shares are those of Christiaens and Vanden Berghe (2020); the value stands for their demand.
+        sort_pending(problem, pending[:taken], keys, 4, 4, 2, 1, rng)
         for place in range(taken):
             route = insert_cheapest(problem, weights, trial, pending[place], blink, touched, memory, rng)
             if route >= 0:

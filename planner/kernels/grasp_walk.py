@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Weights
-from planner.kernels.compiled import kernel
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.tours import copy_route, insert, measure
+from planner.kernels.anneal import compute_objective
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights, kernel
+from planner.kernels.tours import copy_route, draw_integer, draw_uniform, insert, measure
 
 
 class GraspWalk(NamedTuple):
@@ -27,32 +26,14 @@ class GraspWalk(NamedTuple):
     """(4,): how often each neighbourhood is drawn, in relation to the others."""
     counts: Ints
     """(3,): solutions that entered the tabu list, rounds, rounds since the last improvement."""
-    tabu_visits: IntTable
-    """(m, n): the visits of the last m solutions, route after route."""
-    tabu_lengths: IntTable
-    """(m, k): the lengths of their routes."""
+    tabu: Ints
+    """(m,): fingerprints of the last m solutions."""
 
 
 @kernel(counted=True)
 def penalised_cost(problem: Problem, weights: Weights, route: int, load: float) -> float:
     """Return what a route of this load costs: the load, and what is beyond the budget at its weight."""
     return float(load + weights.excess * max(0.0, load - problem.budget[route]))
-
-
-@kernel(counted=True)
-def compute_plan_cost(problem: Problem, weights: Weights, state: State) -> float:
-    """Return the cost function of the plan; unlike the search's objective it lets routes go beyond their budgets."""
-    total = 0.0
-    over = 0.0
-    peak = 0.0
-    empty = 0
-    for route in range(len(state.lengths)):
-        load = state.loads[route]
-        total += load
-        over += max(0.0, load - problem.budget[route])
-        peak = max(peak, load)
-        empty += int(state.lengths[route] == 0)
-    return float(weights.total * total + weights.excess * over + weights.peak * peak + weights.empty * empty)
 
 
 @kernel(counted=True)
@@ -257,38 +238,30 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
 
 
 @kernel(counted=True)
+def fingerprint(state: State) -> int:
+    """Return a number that two different solutions hardly ever share."""
+    print_of = 0
+    for route in range(len(state.lengths)):
+        for position in range(state.lengths[route]):
+            print_of = (16_777_619 * print_of + state.visits[route, position] + 1) % 2**38
+        print_of = 16_777_619 * print_of % 2**38
+    return print_of
+
+
+@kernel(counted=True)
 def is_trial_tabu(walk: GraspWalk) -> bool:
     """Return whether ``trial`` is in the tabu list."""
-    for entry in range(min(walk.counts[0], len(walk.tabu_visits))):
-        same = True
-        place = 0
-        for route in range(len(walk.trial.lengths)):
-            length = walk.trial.lengths[route]
-            if length != walk.tabu_lengths[entry, route]:
-                same = False
-                break
-            for position in range(length):
-                if walk.trial.visits[route, position] != walk.tabu_visits[entry, place]:
-                    same = False
-                    break
-                place += 1
-            if not same:
-                break
-        if same:
-            return True
-    return False
+    trial = fingerprint(walk.trial)
+    tabu = False
+    for entry in range(min(walk.counts[0], len(walk.tabu))):
+        tabu = tabu or walk.tabu[entry] == trial
+    return tabu
 
 
 @kernel(counted=True)
 def forbid_current(walk: GraspWalk) -> None:
     """Enter ``current`` in the tabu list, in the place of its oldest entry if it is full."""
-    entry = walk.counts[0] % len(walk.tabu_visits)
-    place = 0
-    for route in range(len(walk.current.lengths)):
-        walk.tabu_lengths[entry, route] = walk.current.lengths[route]
-        for position in range(walk.current.lengths[route]):
-            walk.tabu_visits[entry, place] = walk.current.visits[route, position]
-            place += 1
+    walk.tabu[walk.counts[0] % len(walk.tabu)] = fingerprint(walk.current)
     walk.counts[0] += 1
 
 
@@ -325,7 +298,7 @@ def improve_by_neighbours(
             one, other = swap_best(problem, weights, walk.trial, rng)
         else:
             one, other = turn_at_random(problem, walk.trial, rng)
-        cost = compute_plan_cost(problem, weights, walk.trial)
+        cost = compute_objective(problem, weights, walk.trial)
         if cost < lowest and not is_trial_tabu(walk):
             lowest = cost
             winner = kind
@@ -364,7 +337,7 @@ def improve(problem: Problem, weights: Weights, walk: GraspWalk, rounds: int, pa
         if winner >= 0:
             forbid_current(walk)
             walk.scores[winner] += score_of_round
-            cost = compute_plan_cost(problem, weights, walk.current)
+            cost = compute_objective(problem, weights, walk.current)
             if cost < walk.cost[0]:
                 walk.cost[0] = cost
                 walk.scores[last] += score_of_best

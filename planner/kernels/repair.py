@@ -1,6 +1,11 @@
-"""Repairs of a loss: states that visit exactly the open segments.
+"""What a loss leaves, its repairs, and all losses of a plan from its end on.
 
-A repair's *excess* is the energy that its routes lack, in percent of a battery.
+A loss changes where survivors start, what they may still spend, and which segments are open; ``begin_loss`` writes
+that into arrays of its own, in the numbering of the whole instance: nothing is copied for what is left open.
+``planner.replan`` is the definition of the state after a loss.
+
+A repair is a state that visits exactly the open segments. Its *excess* is the energy that its routes lack, in percent
+of a battery.
 """
 
 from __future__ import annotations
@@ -10,14 +15,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Weights
-from planner.kernels.compiled import inner
-from planner.kernels.insertion import find_cheapest_place, insert_by_regret, sort_by_key
-from planner.kernels.loss_problem import Loss
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.ruin import remove_strings
-from planner.kernels.tours import copy_all, copy_owners, copy_route, insert, measure, orient_visits, total_excess
+from planner.kernels.arrays import (
+    Cube,
+    Floats,
+    IntCube,
+    Ints,
+    IntTable,
+    Problem,
+    RandomState,
+    State,
+    Table,
+    Weights,
+    inner,
+    kernel,
+)
+from planner.kernels.tours import (
+    copy_all,
+    copy_owners,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    find_cheapest_place,
+    insert,
+    insert_by_regret,
+    measure,
+    orient_visits,
+    remove_strings,
+    sort_pending,
+    total_excess,
+)
 
+SAME_TIME_S = 1e-9
+"""As in replan.py: a visit that ends this little after the loss has ended."""
 EXCESS_WEIGHT = 1.5
 """What a percent beyond a budget costs a repair besides itself."""
 HOT = 0.5
@@ -28,6 +57,111 @@ COLD = 0.005
 """Temperature at the end."""
 LONG = 200
 """Iterations from which on a repair is long."""
+
+
+class LossTiming(NamedTuple):
+    """What a loss needs besides the energies of ``Problem``."""
+
+    move_s: Cube
+    """(p, 2n, 2n): seconds of the moves."""
+    start_s: Table
+    """(k, 2n)"""
+    home_s: Table
+    """(k, 2n)"""
+    idle_s: Floats
+    """(k,)"""
+    depot: Table
+    """(k, 2n): energy from the landing place to the end of a visit, with the vehicle's own consumption."""
+    airborne: Ints
+    """(k,): 1 for vehicles that are in the air when the plan starts."""
+    answer_s: float
+    """How long after a loss survivors fly on as planned."""
+
+
+class LossClock(NamedTuple):
+    """When and at what expense the visits of a plan end."""
+
+    ends_s: Table
+    """(k, n): when visit p of a route ends."""
+    spent: Table
+    """(k, n): what its vehicle has spent by then."""
+    durations_s: Floats
+    """(k,): landing place reached."""
+
+
+class Loss(NamedTuple):
+    """The problem that a loss leaves."""
+
+    problem: Problem
+    """With ``start``, ``idle`` and ``budget`` of its own; a budget below 0 is that of a vehicle that does not fly."""
+    is_open: Ints
+    """(n,): 1 for segments to be visited."""
+    done: Ints
+    """(k,): how many visits of the plan have ended."""
+
+
+@kernel()
+def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossClock, route: int) -> None:
+    """Set times and expenses of a route that is measured."""
+    length = base.lengths[route]
+    if length == 0:
+        clock.durations_s[route] = timing.idle_s[route]
+        return
+    move_s = timing.move_s[problem.profile[route]]
+    visits = base.visits[route]
+    now_s = timing.start_s[route, visits[0]]
+    spent = base.legs[route, 0]
+    clock.ends_s[route, 0] = now_s
+    clock.spent[route, 0] = spent
+    for position in range(1, length):
+        now_s += move_s[visits[position - 1], visits[position]]
+        spent += base.legs[route, position]
+        clock.ends_s[route, position] = now_s
+        clock.spent[route, position] = spent
+    clock.durations_s[route] = now_s + timing.home_s[route, visits[length - 1]]
+
+
+@inner()
+def begin_loss(
+    problem: Problem,
+    timing: LossTiming,
+    base: State,
+    clock: LossClock,
+    lost: int,
+    at_s: float,
+    fly_again: bool,
+    loss: Loss,
+) -> None:
+    """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
+    for segment in range(len(base.route_of)):
+        loss.is_open[segment] = int(base.route_of[segment] < 0)
+    for route in range(len(base.lengths)):
+        length = base.lengths[route]
+        until_s = at_s if route == lost else at_s + timing.answer_s
+        done = 0
+        while done < length and clock.ends_s[route, done] <= until_s + SAME_TIME_S:
+            done += 1
+        loss.done[route] = done
+        loss.problem.idle[route] = 0.0
+        first_open = done
+        if route == lost:
+            loss.problem.budget[route] = -1.0
+        elif done < length:
+            visit = base.visits[route, done]
+            loss.problem.budget[route] = max(0.0, problem.budget[route] - clock.spent[route, done])
+            move = problem.move[problem.profile[route], visit]
+            for other in range(len(move)):
+                loss.problem.start[route, other] = problem.consumption[route] * move[other]
+            loss.problem.idle[route] = problem.home[route, visit]
+            first_open = done + 1
+        else:
+            left = max(0.0, problem.budget[route] - base.loads[route])
+            loss.problem.budget[route] = left if fly_again else -1.0
+            start = problem.start if length == 0 and timing.airborne[route] == 0 else timing.depot
+            for other in range(start.shape[1]):
+                loss.problem.start[route, other] = start[route, other]
+        for position in range(first_open, length):
+            loss.is_open[base.visits[route, position] >> 1] = 1
 
 
 class RepairWorkspace(NamedTuple):
@@ -53,10 +187,12 @@ class RepairWorkspace(NamedTuple):
 
 
 @inner()
-def insert_over_budget(problem: Problem, state: State, segment: int, blink: float, rng: RandomState) -> int:
-    """Insert a segment where energy and what it lacks grow least, whatever the budgets; return the route.
+def insert_at_least_cost(
+    problem: Problem, state: State, segment: int, blink: float, within: bool, rng: RandomState
+) -> int:
+    """Insert a segment where energy and what it lacks grow least; return the route, -1 if there is no place.
 
-    Where nobody flies it is -1 and nothing is inserted.
+    ``within`` the budgets, or else wherever somebody flies.
     """
     best = np.inf
     best_route = -1
@@ -67,12 +203,14 @@ def insert_over_budget(problem: Problem, state: State, segment: int, blink: floa
         if budget < 0.0:
             continue
         added, position, visit = find_cheapest_place(problem, state, route, segment, blink, rng)
-        if added == np.inf:  # all places were overlooked
+        if added == np.inf and not within:  # all places were overlooked
             added, position, visit = find_cheapest_place(problem, state, route, segment, 0.0, rng)
-        load = state.loads[route]
+        over = state.loads[route] + added - budget
         gain = added
-        if load + added > budget:
-            gain += EXCESS_WEIGHT * min(added, load + added - budget)
+        if over > 0.0:
+            if within:
+                continue
+            gain += EXCESS_WEIGHT * min(added, over)
         if gain < best:
             best = gain
             best_route = route
@@ -127,7 +265,7 @@ def begin_repair(
     insert_by_regret(problem, weights, state, missing[:count], rng)
     for place in range(count):
         if state.route_of[missing[place]] < 0:
-            insert_over_budget(problem, state, missing[place], 0.0, rng)
+            insert_at_least_cost(problem, state, missing[place], 0.0, False, rng)
 
 
 @inner()
@@ -147,25 +285,11 @@ def choose_ruin_seed(problem: Problem, state: State, opened: Ints, count: int, r
 
 
 @inner()
-def shuffle_pending(problem: Problem, pending: Ints, count: int, keys: Floats, rng: RandomState) -> None:
-    """Order ``count`` segments to be inserted: at random, the far ones first, or the near ones first."""
-    kind = draw_integer(rng, 4)
-    for place in range(count):
-        if kind < 2:
-            keys[place] = draw_uniform(rng)
-        elif kind == 2:
-            keys[place] = -problem.effort[pending[place]]
-        else:
-            keys[place] = problem.effort[pending[place]]
-    sort_by_key(pending[:count], keys)
-
-
-@inner()
-def total_energy(state: State) -> float:
-    """Return what all routes use."""
+def sum_of(figures: Floats) -> float:
+    """Return the sum."""
     total = 0.0
-    for route in range(len(state.loads)):
-        total += state.loads[route]
+    for figure in figures:
+        total += figure
     return total
 
 
@@ -207,22 +331,22 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
     if least <= 0.0 or iterations <= 0 or count == 0:
         return least
     copy_all(current, trial)
-    here = EXCESS_WEIGHT * least + total_energy(current)
+    here = EXCESS_WEIGHT * least + sum_of(current.loads)
     hot = HOT if iterations >= LONG else WARM
     temperature = hot * alone / count
     cooling = (COLD / hot) ** (1.0 / iterations)
     for _ in range(iterations):
         seed = choose_ruin_seed(problem, trial, desk.opened, count, rng)
         removed = remove_strings(problem, trial, pending, touched, seed, 6.0, 8.0, rng)
-        shuffle_pending(problem, pending, removed, desk.keys, rng)
+        sort_pending(problem, pending[:removed], desk.keys, 2, 0, 1, 1, rng)
         for place in range(removed):
-            touched[insert_over_budget(problem, trial, pending[place], 0.02, rng)] = 1
+            touched[insert_at_least_cost(problem, trial, pending[place], 0.02, False, rng)] = 1
         for route in range(routes):
             if touched[route] == 1:
                 measure(problem, trial, route)
                 orient_visits(problem, trial, route, desk.came_from)
         lacks = total_excess(problem, trial)
-        there = EXCESS_WEIGHT * lacks + total_energy(trial)
+        there = EXCESS_WEIGHT * lacks + sum_of(trial.loads)
         if lacks < least:
             least = lacks
             copy_all(trial, best)
@@ -245,3 +369,87 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
             copy_owners(current, trial)
         temperature *= cooling
     return least
+
+
+class Repairs(NamedTuple):
+    """For each vehicle the latest repair of its loss; ``k`` states beside each other."""
+
+    visits: IntCube
+    """(k, k, n)"""
+    legs: Cube
+    """(k, k, n + 1)"""
+    lengths: IntTable
+    """(k, k)"""
+    loads: Table
+    """(k, k)"""
+    route_of: IntTable
+    """(k, n)"""
+    known: Ints
+    """(k,): 1 where there is one."""
+
+
+@inner()
+def repair_of(repairs: Repairs, lost: int) -> State:
+    """Return the repair of a vehicle's loss, as views."""
+    return State(
+        repairs.visits[lost], repairs.legs[lost], repairs.lengths[lost], repairs.loads[lost], repairs.route_of[lost]
+    )
+
+
+@kernel()
+def try_loss(
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, lost: int, at_s: float, fly_again: bool,
+    loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
+) -> float:  # fmt: skip
+    """Look for a repair of a loss, from the known one and from the survivors' tails; return what the best lacks.
+
+    It is left in ``repairs``. ``loss`` and ``desk`` are work space; ``effort`` are the iterations from either
+    beginning.
+    """
+    begin_loss(problem, timing, base, clock, lost, at_s, fly_again, loss)
+    best = repair_of(repairs, lost)
+    least = np.inf
+    if repairs.known[lost] == 1:
+        begin_repair(loss, base, best, True, desk.current, desk, rng)
+        least = repair(loss, best, desk, effort, rng)
+        if least <= 0.0:
+            return least
+    begin_repair(loss, base, best, False, desk.current, desk, rng)
+    if repairs.known[lost] == 0:
+        repairs.known[lost] = 1
+        return repair(loss, best, desk, effort, rng)
+    # The best repair so far is in ``best``: this one is worked on beside it.
+    lacks = repair(loss, desk.other, desk, effort, rng)
+    if lacks < least:
+        copy_all(desk.other, best)
+    return min(lacks, least)
+
+
+@kernel()
+def find_broken_interval(
+    problem: Problem, timing: LossTiming, base: State, clock: LossClock, events_s: Floats, fly_again: bool,
+    loss: Loss, repairs: Repairs, desk: RepairWorkspace, effort: int, rng: RandomState,
+) -> int:  # fmt: skip
+    """Return the last interval between events that has a loss without a repair, -1 if there is none.
+
+    Args:
+        problem: the instance.
+        timing: its times.
+        base: the plan, measured.
+        clock: its clock.
+        events_s: (e,) ascending.
+        fly_again: whether vehicles that have landed may fly again.
+        loss: work space.
+        repairs: the known repairs; changed.
+        desk: work space.
+        effort: iterations for a loss.
+        rng: random state.
+    """
+    for interval in range(len(events_s) - 2, -1, -1):
+        at_s = events_s[interval]
+        for lost in range(len(base.lengths)):
+            if clock.durations_s[lost] > at_s + SAME_TIME_S:
+                lacks = try_loss(problem, timing, base, clock, lost, at_s, fly_again, loss, repairs, desk, effort, rng)
+                if lacks > 0.0:
+                    return interval
+    return -1

@@ -3,6 +3,8 @@
 A few *probe* times stand for the window: the search looks for a plan all of whose losses at those times can be
 repaired. What the repairs lack gives plateaus a slope. A repair is never made anew: it follows the one of the plan
 that the search stands at, which differs by a few visits.
+
+The plan is changed a little at a time, mostly where the losses that are looked at leave something else of it.
 """
 
 from __future__ import annotations
@@ -10,16 +12,33 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
-from planner.kernels.compiled import inner, kernel
-from planner.kernels.loss_problem import SAME_TIME_S, Loss, LossClock, LossTiming, begin_loss, set_clock
-from planner.kernels.plan_changes import change_plan
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.repair import RepairWorkspace, begin_repair, repair, total_energy
-from planner.kernels.tours import copy_all, copy_owners, copy_route, measure, orient_visits
-from planner.kernels.window_scan import Repairs, repair_of, scan_losses
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table, inner, kernel
+from planner.kernels.repair import (
+    SAME_TIME_S,
+    Loss,
+    LossClock,
+    LossTiming,
+    Repairs,
+    RepairWorkspace,
+    begin_loss,
+    begin_repair,
+    insert_at_least_cost,
+    repair,
+    repair_of,
+    set_clock,
+    sum_of,
+)
+from planner.kernels.tours import (
+    copy_all,
+    copy_owners,
+    copy_route,
+    draw_integer,
+    draw_uniform,
+    measure,
+    orient_visits,
+    position_of,
+    remove_strings,
+)
 
 UNKNOWN = 200
 """How much more effort a repair takes that follows none."""
@@ -27,6 +46,8 @@ NOBODY, GROUND = -2, -1
 """In place of a visit."""
 SAME = 2
 """In place of 1, for known: as the repair that it would have followed."""
+TRIES = 6
+"""How often a place early in the plan is looked for."""
 
 
 class RobustWalk(NamedTuple):
@@ -67,50 +88,127 @@ class WalkLimits(NamedTuple):
     """How often a repair that lacks something is worked on although its loss leaves what it left before."""
 
 
-@kernel()
-def set_clocks(problem: Problem, timing: LossTiming, base: State, clock: LossClock) -> None:
-    """Set times and expenses of all routes."""
-    for route in range(len(base.lengths)):
-        set_clock(problem, timing, base, clock, route)
+@inner()
+def reverse_visits(base: State, route: int, begin: int, end: int) -> None:
+    """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
+    visits = base.visits[route]
+    while begin < end:
+        end -= 1
+        visits[begin], visits[end] = visits[end] ^ 1, visits[begin] ^ 1
+        begin += 1
 
 
-@kernel(counted=True)
-def events_of(timing: LossTiming, base: State, clock: LossClock) -> Floats:
-    """Return 0 and the times at which a visit ends or a vehicle lands, or will once survivors answer, ascending."""
-    times = np.empty(1 + 2 * (len(base.lengths) + base.lengths.sum()))
-    times[0] = 0.0
-    count = 1
-    for route in range(len(base.lengths)):
-        times[count] = clock.durations_s[route]
-        times[count + 1] = max(0.0, clock.durations_s[route] - timing.answer_s)
-        count += 2
-        for position in range(base.lengths[route]):
-            times[count] = clock.ends_s[route, position]
-            times[count + 1] = max(0.0, clock.ends_s[route, position] - timing.answer_s)
-            count += 2
-    times.sort()
-    kept = 1
-    for place in range(1, count):
-        if times[place] > times[kept - 1] + SAME_TIME_S:
-            times[kept] = times[place]
-            kept += 1
-    return times[:kept].copy()
+@inner()
+def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: Ints) -> None:
+    """Exchange what two routes do from a position of each on; ``measure`` follows."""
+    kept = base.lengths[one] - begin
+    count = base.lengths[other] - other_begin
+    for place in range(kept):
+        spare[place] = base.visits[one, begin + place]
+    for place in range(count):
+        base.visits[one, begin + place] = base.visits[other, other_begin + place]
+    for place in range(kept):
+        base.visits[other, other_begin + place] = spare[place]
+    base.lengths[one] = begin + count
+    base.lengths[other] = other_begin + kept
 
 
-@kernel(counted=True)
-def find_window_begin(
-    problem: Problem, timing: LossTiming, base: State, clock: LossClock, fly_again: bool, loss: Loss, repairs: Repairs,
-    desk: RepairWorkspace, effort: int, rng: RandomState,
-) -> tuple[float, float]:  # fmt: skip
-    """Return where a plan's window begins and the begin of the interval that breaks it, -1 if none does."""
-    events_s = events_of(timing, base, clock)
-    repairs.known[:] = 0
-    interval = scan_losses(
-        problem, timing, base, clock, events_s, len(events_s) - 2, 0, fly_again, loss, repairs, desk, effort, rng
-    )[0]
-    if interval < 0:
-        return 0.0, -1.0
-    return events_s[interval + 1], events_s[interval]
+@inner()
+def shift_string(base: State, one: int, begin: int, count: int, other: int, place: int, spare: Ints) -> None:
+    """Move ``count`` visits of a route before position ``place`` of another one, or of what is left of itself."""
+    for position in range(count):
+        spare[position] = base.visits[one, begin + position]
+    for position in range(begin, base.lengths[one] - count):
+        base.visits[one, position] = base.visits[one, position + count]
+    base.lengths[one] -= count
+    for position in range(base.lengths[other] - 1, place - 1, -1):
+        base.visits[other, position + count] = base.visits[other, position]
+    for position in range(count):
+        base.visits[other, place + position] = spare[position]
+    base.lengths[other] += count
+
+
+@inner()
+def choose_segment(base: State, clock: LossClock, until_s: float, early: float, rng: RandomState) -> int:
+    """Return a segment at random, ``early`` of all times one whose visit begins before a time."""
+    segment = draw_integer(rng, len(base.route_of))
+    if draw_uniform(rng) >= early:
+        return segment
+    for _ in range(TRIES):
+        route = base.route_of[segment]
+        position = position_of(base, route, segment)
+        if position == 0 or clock.ends_s[route, position - 1] <= until_s:
+            break
+        segment = draw_integer(rng, len(base.route_of))
+    return segment
+
+
+@inner()
+def reinsert_neighbours(problem: Problem, base: State, desk: RepairWorkspace, segment: int, rng: RandomState) -> bool:
+    """Take a few visits about one out and put them back within the budgets; return whether all found a place."""
+    pending, touched = desk.pending, desk.touched
+    removed = remove_strings(problem, base, pending, touched, segment, 3.0, 4.0, rng)
+    for place in range(removed - 1, 0, -1):
+        other = draw_integer(rng, place + 1)
+        pending[place], pending[other] = pending[other], pending[place]
+    blink = 0.02 if draw_uniform(rng) < 0.5 else 0.3
+    for place in range(removed):
+        route = insert_at_least_cost(problem, base, pending[place], blink, True, rng)
+        if route < 0:
+            return False
+        touched[route] = 1
+    return True
+
+
+@inner()
+def change_plan(
+    problem: Problem,
+    base: State,
+    clock: LossClock,
+    until_s: float,
+    early: float,
+    desk: RepairWorkspace,
+    rng: RandomState,
+) -> bool:
+    """Change a plan at random, a little; return whether it is one still. Routes that are touched need ``measure``."""
+    touched = desk.touched
+    kind = draw_uniform(rng)
+    segment = choose_segment(base, clock, until_s, early, rng)
+    if kind < 0.4:
+        return bool(reinsert_neighbours(problem, base, desk, segment, rng))
+    one = base.route_of[segment]
+    begin = position_of(base, one, segment)
+    length = base.lengths[one]
+    touched[one] = 1
+    if kind < 0.5:
+        reverse_visits(base, one, 0, length)
+        return True
+    if kind < 0.65:
+        reverse_visits(base, one, begin, begin + 1 + draw_integer(rng, length - begin))
+        return True
+    near = problem.near[segment, draw_integer(rng, min(12, problem.near.shape[1]))]
+    other = base.route_of[near]
+    place = position_of(base, other, near) + draw_integer(rng, 2)
+    if kind < 0.9:
+        count = 1 + draw_integer(rng, min(4, length - begin))
+        if other == one:
+            if begin <= place <= begin + count:
+                return False
+            if place > begin:
+                place -= count
+        if draw_uniform(rng) < 0.5:
+            reverse_visits(base, one, begin, begin + count)
+        shift_string(base, one, begin, count, other, place, desk.spare)
+        touched[other] = 1
+        return True
+    if other == one:
+        return False
+    touched[other] = 1
+    if draw_uniform(rng) < 0.5:
+        reverse_visits(base, other, 0, base.lengths[other])
+        place = base.lengths[other] - place
+    exchange_tails(base, one, begin, other, place, desk.spare)
+    return True
 
 
 @inner()
@@ -209,27 +307,7 @@ def check_limits(
             good = good and not limits.all_vehicles
         elif base.loads[route] > problem.budget[route] or clock.durations_s[route] > limits.longest_s:
             good = False
-    return good and total_energy(base) <= most
-
-
-@inner()
-def copy_timed(source: State, clock: LossClock, target: State, target_clock: LossClock, route: int) -> None:
-    """Copy a route with its clock; ``route_of`` is the caller's."""
-    copy_route(source, target, route)
-    length = source.lengths[route]
-    for position in range(length):
-        target_clock.ends_s[route, position] = clock.ends_s[route, position]
-        target_clock.spent[route, position] = clock.spent[route, position]
-    target_clock.durations_s[route] = clock.durations_s[route]
-
-
-@inner()
-def sum_of(lacks: Floats) -> float:
-    """Return the sum."""
-    total = 0.0
-    for lack in lacks:
-        total += lack
-    return total
+    return good and sum_of(base.loads) <= most
 
 
 @kernel()
@@ -291,7 +369,7 @@ def anneal_plan(
         most = lacks - temperature[0] * math.log(1.0 - draw_uniform(rng))
         accepted = False
         if whole and check_limits(
-            problem, timing, there.base, there.clock, touched, limits, total_energy(here.base) + limits.rise
+            problem, timing, there.base, there.clock, touched, limits, sum_of(here.base.loads) + limits.rise
         ):
             found = assess_repairs(problem, timing, here, there, loss, desk, probes_s, limits, most, rng)
             if found <= most:
@@ -301,10 +379,9 @@ def anneal_plan(
         for route in range(fleet):
             if touched[route] == 1:
                 touched[route] = 0
-                if accepted:
-                    copy_timed(there.base, there.clock, here.base, here.clock, route)
-                else:
-                    copy_timed(here.base, here.clock, there.base, there.clock, route)
+                source, target = (there, here) if accepted else (here, there)
+                copy_route(source.base, target.base, route)
+                set_clock(problem, timing, target.base, target.clock, route)
         if accepted:
             copy_owners(there.base, here.base)
         else:

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import math
 
-from planner.kernels.arrays import Floats, RandomState
-from planner.kernels.compiled import inner, kernel
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.sortie_insertion import choose_bases_of_touched, enter_sortie, put_all_segments
-from planner.kernels.sortie_schedule import SortieProblem, SortieState, SortieWorkspace, measure_row, schedule_sorties
+from planner.kernels.arrays import Floats, RandomState, inner, kernel
+from planner.kernels.sortie_schedule import (
+    SortieProblem,
+    SortieState,
+    SortieWorkspace,
+    choose_bases_of_touched,
+    enter_sortie,
+    find_position,
+    may_fly_visits,
+    measure_row,
+    put_all_segments,
+    schedule_sorties,
+    set_row_figures,
+)
+from planner.kernels.tours import draw_integer, draw_uniform, sort_by_key
 
 MOST_REMOVED = 12
 """Segments that are taken out at a time, but for whole sorties."""
@@ -72,12 +82,7 @@ def cut_sortie(
         state.ends[vehicle] -= before + problem.turnaround[state.land[row]]
         return count
     measure_row(problem, state, row)
-    first, last = state.visits[row, 0], state.visits[row, state.size[row] - 1]
-    for figure in range(2):
-        state.whole[row, figure] = (
-            problem.out[vehicle, state.base[row], first, figure] + state.between[row, figure]
-            + problem.home[vehicle, last, state.land[row], figure]
-        )  # fmt: skip
+    set_row_figures(problem, state, row)
     state.ends[vehicle] += state.whole[row, 0] - before
     return count
 
@@ -99,9 +104,7 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorks
         row = state.where[segment]
         if row < 0:
             continue
-        position = 0
-        while state.visits[row, position] >> 1 != segment:
-            position += 1
+        position = find_position(state, row, segment)
         size = state.size[row]
         if kind < 0.35:
             count = cut_sortie(problem, state, memory, row, position, position + 1, count)
@@ -126,12 +129,7 @@ def arrange_segments(problem: SortieProblem, memory: SortieWorkspace, count: int
             for base in range(problem.out.shape[1]):
                 far = min(far, problem.out[0, base, 2 * removed[number], 0])
             keys[number] = -far if kind < 0.8 else far
-    for last in range(1, count):
-        position = last
-        while position > 0 and keys[position - 1] > keys[position]:
-            keys[position - 1], keys[position] = keys[position], keys[position - 1]
-            removed[position - 1], removed[position] = removed[position], removed[position - 1]
-            position -= 1
+    sort_by_key(removed[:count], keys)
 
 
 @inner()
@@ -161,9 +159,8 @@ def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorksp
         return False
     number = draw_integer(rng, state.counts[giver])
     row = state.order[giver, number]
-    for position in range(state.size[row]):
-        if problem.able[taker, state.visits[row, position] >> 1] == 0:
-            return False
+    if not may_fly_visits(problem, state, taker, row, 0, state.size[row]):
+        return False
     for later in range(number + 1, state.counts[giver]):
         state.order[giver, later - 1] = state.order[giver, later]
     state.counts[giver] -= 1
@@ -173,6 +170,22 @@ def move_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorksp
     memory.touched[giver] = 1
     memory.touched[taker] = 1
     return True
+
+
+@inner()
+def move_visits(state: SortieState, row: int, begin: int, end: int, other: int, to: int, turned: bool) -> None:
+    """Move positions [begin, end) of a sortie into another one before position ``to``, perhaps turned around."""
+    length = end - begin
+    for position in range(state.size[other] - 1, to - 1, -1):
+        state.visits[other, position + length] = state.visits[other, position]
+    for number in range(length):
+        visit = state.visits[row, end - 1 - number] ^ 1 if turned else state.visits[row, begin + number]
+        state.visits[other, to + number] = visit
+        state.where[visit >> 1] = other
+    for position in range(end, state.size[row]):
+        state.visits[row, position - length] = state.visits[row, position]
+    state.size[other] += length
+    state.size[row] -= length
 
 
 @inner()
@@ -190,21 +203,13 @@ def split_sortie(problem: SortieProblem, state: SortieState, memory: SortieWorks
         return False
     at = 1 + draw_integer(rng, size - 1)
     begin, end = (at, size) if draw_uniform(rng) < 0.5 else (0, at)
-    for position in range(begin, end):
-        if problem.able[taker, state.visits[row, position] >> 1] == 0:
-            return False
+    if not may_fly_visits(problem, state, taker, row, begin, end):
+        return False
     new = 0
     while state.size[new] > 0:
         new += 1
-    state.size[new] = end - begin
     state.owner[new] = taker
-    for position in range(begin, end):
-        visit = state.visits[row, position]
-        state.visits[new, position - begin] = visit
-        state.where[visit >> 1] = new
-    for position in range(end, size):
-        state.visits[row, position - (end - begin)] = state.visits[row, position]
-    state.size[row] = size - (end - begin)
+    move_visits(state, row, begin, end, new, 0, False)
     enter_sortie(state, taker, draw_integer(rng, state.counts[taker] + 1), new)
     measure_row(problem, state, row)
     measure_row(problem, state, new)
@@ -222,31 +227,15 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace
     if row < 0 or other < 0 or row == other:
         return False
     taker = state.owner[other]
-    at = 0
-    while state.visits[row, at] >> 1 != segment:
-        at += 1
-    to = 0
-    while state.visits[other, to] >> 1 != near:
-        to += 1
-    to += draw_integer(rng, 2)
+    at = find_position(state, row, segment)
+    to = find_position(state, other, near) + draw_integer(rng, 2)
     begin, end = (at, state.size[row]) if draw_uniform(rng) < 0.5 else (0, at + 1)
     length = end - begin
     if length == state.size[row] or state.size[other] + length > state.visits.shape[1]:
         return False
-    for position in range(begin, end):
-        if problem.able[taker, state.visits[row, position] >> 1] == 0:
-            return False
-    turned = draw_uniform(rng) < 0.5
-    for position in range(state.size[other] - 1, to - 1, -1):
-        state.visits[other, position + length] = state.visits[other, position]
-    for number in range(length):
-        visit = state.visits[row, end - 1 - number] ^ 1 if turned else state.visits[row, begin + number]
-        state.visits[other, to + number] = visit
-        state.where[visit >> 1] = other
-    for position in range(end, state.size[row]):
-        state.visits[row, position - length] = state.visits[row, position]
-    state.size[other] += length
-    state.size[row] -= length
+    if not may_fly_visits(problem, state, taker, row, begin, end):
+        return False
+    move_visits(state, row, begin, end, other, to, draw_uniform(rng) < 0.5)
     measure_row(problem, state, row)
     measure_row(problem, state, other)
     memory.touched[state.owner[row]] = 1
@@ -265,11 +254,8 @@ def toggle_shunned_base(state: SortieState, memory: SortieWorkspace, most: float
 @kernel()
 def has_better_sums(problem: SortieProblem, sums: Floats, other: Floats) -> bool:
     """Return whether figures are better than others: what finds no day first, then by the objective."""
-    for rank in range(4):
-        entry = rank
-        if rank > 0:
-            first = 1 + problem.objective
-            entry = first if rank == 1 else (rank - 1 if rank - 1 < first else rank)
+    for rank in range(5):
+        entry = 0 if rank == 0 else (1 + problem.objective if rank == 1 else rank - 1)
         if abs(sums[entry] - other[entry]) > SAME:
             return bool(sums[entry] < other[entry])
     return False

@@ -9,29 +9,29 @@ as for a single flight, so that one sortie of one vehicle is what ``planner.solv
 cheap; the first plan loads the compiled kernels.
 """
 
-from planner.sorties.sortie_evaluation import (
-    SortieEvaluation,
-    count_packs_needed,
-    evaluate_sorties,
-    sortie_duration_s,
-)
-from planner.sorties.sortie_losses import LossWindow, build_sorties_after_loss, find_loss_windows
-from planner.sorties.sortie_model import (
-    Objective,
-    Sortie,
-    SortieBase,
-    SortieInstance,
-    SortiePlan,
-    SortieVehicle,
-    subtract_quiet_times,
-)
-from planner.sorties.sortie_solve import solve_sorties
-from planner.sorties.survival import (
+from planner.sorties.sortie_losses import (
+    DAYS_PER_CHUNK,
+    LossWindow,
     SparesEstimate,
     SurvivalCampaign,
     SurvivalEstimate,
     add_spares,
+    build_sorties_after_loss,
+    find_loss_windows,
     simulate_days,
-    split_samples,
+    solve_sorties,
     summarise_samples,
+)
+from planner.sorties.sortie_model import (
+    Objective,
+    Sortie,
+    SortieBase,
+    SortieEvaluation,
+    SortieInstance,
+    SortiePlan,
+    SortieVehicle,
+    count_packs_needed,
+    evaluate_sorties,
+    sortie_duration_s,
+    subtract_quiet_times,
 )

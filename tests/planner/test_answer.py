@@ -14,9 +14,9 @@ from planner import (
     Plan,
     RepairStatus,
     Route,
-    build_loss_table,
     build_remaining_problem,
     evaluate,
+    iterate_losses,
     replan_window,
     solve,
     solve_window,
@@ -59,7 +59,7 @@ def test_a_window_is_never_larger_for_it() -> None:
 def test_every_re_plan_holds_by_the_definition(seed: int, answer_s: float) -> None:
     instance = answered(random_instance(seed, 8, fleet(400.0, 400.0, 400.0)), answer_s)
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(500), seed=seed).plan
-    rows = build_loss_table(instance, plan, effort=500)
+    rows = list(iterate_losses(instance, plan, effort=500))
     assert any(row.verdict is RepairStatus.FEASIBLE for row in rows)
     for row in rows:
         if row.plan is not None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import (
-    OPTIMAL_SEGMENTS,
+    EXACT_SEGMENTS,
     PRESETS,
     Cancelled,
     Cost,
@@ -70,7 +70,7 @@ def test_the_search_finds_the_optimum_of_small_instances(instance: Instance, cos
     exact = solve_exact(instance, cost=cost, stop=TO_THE_END, all_vehicles=all_vehicles)
     found = solve(instance, cost=cost, stop=Iterations(4000), all_vehicles=all_vehicles, seed=1)
     assert exact.stopped_by == "optimal"
-    assert exact.gap == pytest.approx(0.0, abs=1e-6)
+    assert exact.bound == exact.evaluation.value
     assert exact.evaluation.violations == found.evaluation.violations
     assert worth(instance, exact.plan) == pytest.approx(worth(instance, found.plan))
     assert exact.evaluation.value == pytest.approx(found.evaluation.value, rel=2e-6, abs=1e-6)
@@ -113,7 +113,7 @@ def test_the_optimum_is_the_best_of_all_plans(budgets_pct: tuple[float, float], 
 def test_twelve_segments_are_closed(cost: Cost) -> None:
     instance = random_instance(8, 12, fleet(60.0, 60.0, 60.0), dynamics=True)
     exact = solve_exact(instance, cost=cost, stop=TO_THE_END)
-    assert exact.gap == pytest.approx(0.0, abs=1e-6)
+    assert exact.bound == exact.evaluation.value
     found = solve(instance, cost=cost, stop=Iterations(6000))
     assert exact.evaluation.value == pytest.approx(found.evaluation.value, rel=2e-6)
 
@@ -150,7 +150,7 @@ def test_a_vehicle_that_cannot_get_home_is_left_alone() -> None:
 def test_a_stopped_proof_keeps_its_plan() -> None:
     instance = random_instance(8, 11, fleet(60.0, 50.0, 40.0))
     at_once = solve_exact(instance, cost=Cost.MINSUM, stop=Iterations(0))
-    assert (at_once.stopped_by, at_once.bound, at_once.gap) == ("iterations", None, None)
+    assert (at_once.stopped_by, at_once.bound) == ("iterations", None)
     assert at_once.feasible
     seen: list[Progress] = []
     stop = combine_stop_rules(TO_THE_END, Cancelled(lambda: len(seen) > 1))
@@ -162,9 +162,9 @@ def test_a_stopped_proof_keeps_its_plan() -> None:
 
 def test_without_segments_and_with_too_many() -> None:
     nothing = solve_exact(line(0, 10.0), cost=Cost.MINMAX, stop=TO_THE_END)
-    assert (nothing.gap, nothing.feasible) == (0.0, True)
-    with pytest.raises(InstanceError, match=f"expected at most {OPTIMAL_SEGMENTS} for an exact answer"):
-        solve_exact(line(OPTIMAL_SEGMENTS + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
+    assert (nothing.bound, nothing.feasible) == (0.0, True)
+    with pytest.raises(InstanceError, match=f"expected at most {EXACT_SEGMENTS} for an exact answer"):
+        solve_exact(line(EXACT_SEGMENTS + 1, 1.0), cost=Cost.MINMAX, stop=TO_THE_END)
 
 
 @pytest.mark.parametrize(("cost", "optimum_s"), [(Cost.MINMAX, 1098.019), (Cost.MINSUM, 4201.960)])

@@ -28,9 +28,9 @@ from planner import (
     solve,
     solve_grasp,
 )
-from planner.construct import build_plan
 from planner.grasp import _GraspRuns
-from planner.kernels.grasp_walk import compute_plan_cost
+from planner.kernels.anneal import compute_objective
+from planner.plan_search import build_plan
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 
 FOR_ALL_RUNS = Seconds(1e9)
@@ -69,7 +69,7 @@ def test_every_segment_stays_in_and_the_figures_are_those_of_the_definition(
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
             weights = runs._weights._replace(empty=0.0)
             # The kernels' budgets are half a tolerance wider; MinMax has a trace of the sum to break ties.
-            assert compute_plan_cost(runs._problem, weights, state) == pytest.approx(
+            assert compute_objective(runs._problem, weights, state) == pytest.approx(
                 evaluation.value, rel=1e-5, abs=2e-3
             )
         assert runs._evaluation.value <= evaluate(instance, build_plan(runs._walk.best), cost).value + 1e-3

@@ -22,8 +22,8 @@ from planner import (
     evaluate,
     solve,
 )
-from planner.decomposition import build_part_instance, sort_along_curve, split_into_routes
-from planner.large import LargeSearch
+from planner.large import LargeSearch, sort_along_curve, split_into_routes
+from planner.model import build_part_instance
 from planner.params import DEFAULT_PARAMS
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import fleet, random_instance, table_pct

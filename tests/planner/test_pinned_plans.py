@@ -8,8 +8,10 @@ from collections.abc import Iterable
 from planner import (
     Cost,
     Iterations,
+    LargeParams,
     Plan,
     SearchParams,
+    WindowSearchParams,
     build_remaining_problem,
     build_risk_campaign,
     estimate_risks,
@@ -24,8 +26,8 @@ from tests.planner.builders import fleet, random_instance
 
 INSTANCE = random_instance(5, 25, fleet(60.0, 50.0, 70.0), dynamics=True)
 SMALL = random_instance(3, 8, fleet(34.0, 34.0, 34.0))
-REGIONS = SearchParams.from_mapping({"large": {"above": 20, "region": 15, "spell": 300}})
-SHORT_ROUNDS = SearchParams.from_mapping({"window": {"front_round": 8_000}})
+REGIONS = SearchParams(large=LargeParams(above=20, region=15, spell=300))
+SHORT_ROUNDS = SearchParams(window=WindowSearchParams(front_round=8_000))
 
 
 def digest(plans: Iterable[Plan]) -> str:

@@ -34,7 +34,7 @@ from planner import (
     solve,
     split_flights,
 )
-from planner.after_losses import build_state_before_losses, repair_plan
+from planner.risk import build_state_before_losses, repair_plan
 from tests.planner.builders import UNIT, fleet, line, random_instance
 
 FLIGHTS = 20_000

@@ -26,8 +26,7 @@ from planner import (
     route_energy_pct,
     solve,
 )
-from planner.construct import build_plan
-from planner.plan_search import PlanSearch
+from planner.plan_search import PlanSearch, build_plan
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
 
@@ -58,8 +57,8 @@ def test_the_seed_and_the_iterations_decide(cost: Cost) -> None:
     other._advance(600)
     for batch in (1, 99, 500):
         short._advance(batch)
-    assert other._starts[0]._current.visits.tolist() == short._starts[0]._current.visits.tolist()
-    assert other._starts[0]._rng.tolist() == short._starts[0]._rng.tolist()
+    assert other._starts[0].current.visits.tolist() == short._starts[0].current.visits.tolist()
+    assert other._starts[0].rng.tolist() == short._starts[0].rng.tolist()
 
 
 def test_two_seeds_walk_differently() -> None:
@@ -68,7 +67,7 @@ def test_two_seeds_walk_differently() -> None:
     for seed in (0, 1):
         search = PlanSearch(instance, cost=Cost.MINSUM, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch())
         search._advance(50)
-        walks.append(search._starts[0]._current.visits.tolist())
+        walks.append(search._starts[0].current.visits.tolist())
     assert walks[0] != walks[1]
 
 

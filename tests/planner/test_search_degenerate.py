@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner import Cost, Iterations, Plan, Route, Vehicle, build_instance, evaluate, solve
-from planner.construct import build_kernel_problem
+from planner.plan_search import build_kernel_problem
 from tests.planner.builders import UNIT, fleet, line
 
 

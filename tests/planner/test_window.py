@@ -17,10 +17,10 @@ from planner import (
     Route,
     Vehicle,
     build_instance,
-    build_loss_table,
     build_remaining_problem,
     evaluate,
     find_repairs_at,
+    iterate_losses,
     replan_window,
     solve,
     travel_for,
@@ -35,7 +35,7 @@ PLAN = Plan((Route(0, (0, 2)), Route(1, (4, 6))))
 
 def check_rows(instance: Instance, plan: Plan, *, fly_again: bool = True) -> None:
     """Hold every re-plan of the table against the definition."""
-    for row in build_loss_table(instance, plan, fly_again=fly_again, effort=1_000):
+    for row in iterate_losses(instance, plan, fly_again=fly_again, effort=1_000):
         assert (row.plan is not None) == (row.verdict is RepairStatus.FEASIBLE)
         if row.plan is not None:
             left = build_remaining_problem(instance, plan, row.vehicle, row.from_s, fly_again=fly_again)
@@ -72,7 +72,7 @@ def test_the_loss_that_ends_the_window() -> None:
     assert window.earliest_s == 40
     assert window.certified_earliest_s == 40
     assert window.window_pct == pytest.approx(50)
-    rows = {(row.vehicle, row.from_s): row.verdict for row in build_loss_table(instance, PLAN)}
+    rows = {(row.vehicle, row.from_s): row.verdict for row in iterate_losses(instance, PLAN)}
     assert rows == {
         (1, 40): RepairStatus.FEASIBLE,
         (1, 30): RepairStatus.IMPOSSIBLE,
@@ -95,23 +95,23 @@ def test_nobody_flies_twice_where_it_is_not_allowed() -> None:
 def test_vehicles_fly_again_unless_it_is_forbidden() -> None:
     instance = line(4, 200.0, 200.0)
     assert replan_window(instance, PLAN) == replan_window(instance, PLAN, fly_again=True)
-    assert build_loss_table(instance, PLAN) == build_loss_table(instance, PLAN, fly_again=True)
-    grounded = {(row.vehicle, row.from_s): row.verdict for row in build_loss_table(instance, PLAN, fly_again=False)}
+    assert list(iterate_losses(instance, PLAN)) == list(iterate_losses(instance, PLAN, fly_again=True))
+    grounded = {(row.vehicle, row.from_s): row.verdict for row in iterate_losses(instance, PLAN, fly_again=False)}
     assert grounded[1, 30] is not RepairStatus.FEASIBLE
     # Lost at 35 s, b leaves segment 3, and a is on its way home.
     assert len(find_repairs_at(instance, PLAN, 35.0)) == len(find_repairs_at(instance, PLAN, 35.0, fly_again=True)) == 2
-    assert [one.remainder.lost for one in find_repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
+    assert [left.lost for left, _ in find_repairs_at(instance, PLAN, 35.0, fly_again=False)] == [0]
 
 
 def test_the_re_plans_of_a_time_are_those_of_its_interval() -> None:
     instance = line(4, 200.0, 200.0)
     for at_s, began_s, lost in [(0.0, 0.0, {0, 1}), (29.0, 20.0, {0, 1}), (30.0, 30.0, {0, 1}), (79.0, 40.0, {1})]:
         repairs = find_repairs_at(instance, PLAN, at_s)
-        assert {one.remainder.lost for one in repairs} == lost
-        for one in repairs:
-            left = build_remaining_problem(instance, PLAN, one.remainder.lost, began_s)
-            assert one.remainder.open_segments == left.open_segments
-            assert evaluate(left.instance, one.plan, Cost.MINSUM).violations == ()
+        assert {left.lost for left, _ in repairs} == lost
+        for found, plan in repairs:
+            left = build_remaining_problem(instance, PLAN, found.lost, began_s)
+            assert found.open_segments == left.open_segments
+            assert evaluate(left.instance, plan, Cost.MINSUM).violations == ()
     assert find_repairs_at(instance, PLAN, 81.0) == ()
 
 
@@ -132,7 +132,7 @@ def test_a_spare_on_the_ground_repairs_what_others_cannot() -> None:
     plan = Plan((*PLAN.routes, Route(2, ())))
     assert replan_window(line(4, 80.0, 80.0, 80.0), plan).window_pct == 100
     assert replan_window(line(4, 80.0, 80.0, 79.0), plan).window_pct < 100
-    assert {row.vehicle for row in build_loss_table(line(4, 80.0, 80.0, 80.0), plan)} == {
+    assert {row.vehicle for row in iterate_losses(line(4, 80.0, 80.0, 80.0), plan)} == {
         0,
         1,
     }  # the spare is not flying
@@ -154,28 +154,28 @@ def test_nothing_to_do_is_a_full_window() -> None:
     assert replan_window(line(0, 1.0, 1.0), idle).window_pct == 100
     assert replan_window(line(0, 1.0, 1.0), idle).certified_window_pct == 100
     assert find_repairs_at(line(0, 1.0, 1.0), idle, 0.0) == ()
-    assert build_loss_table(line(0, 1.0, 1.0), idle) == ()
+    assert list(iterate_losses(line(0, 1.0, 1.0), idle)) == []
 
 
 def test_nobody_who_flies_can_be_lost() -> None:
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
     assert find_repairs_at(line(1, 99.0, 99.0), idle, 0.0) == ()
-    assert build_loss_table(line(1, 99.0, 99.0), idle) == ()
+    assert list(iterate_losses(line(1, 99.0, 99.0), idle)) == []
 
 
 def test_the_only_one_who_flies_and_has_nothing_to_do_can_be_lost() -> None:
     vehicles = [*fleet(200.0), Vehicle("b", (0.0, 10.0), 200.0, airborne=True)]
     instance = build_instance([[[0.0, 0.0], [10.0, 0.0]]], (0.0, 0.0), vehicles, UNIT)
     idle = Plan((Route(0, ()), Route(1, ())), (0,))
-    [row] = build_loss_table(instance, idle)
+    [row] = iterate_losses(instance, idle)
     assert (row.vehicle, row.from_s, row.to_s, row.verdict) == (1, 0, 10, RepairStatus.FEASIBLE)
-    assert [one.remainder.lost for one in find_repairs_at(instance, idle, 5.0)] == [1]
+    assert [left.lost for left, _ in find_repairs_at(instance, idle, 5.0)] == [1]
 
 
 def test_a_loss_on_a_line_of_one_segment_is_one() -> None:
     instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (0,)), Route(1, ())))
-    assert [(row.from_s, row.to_s) for row in build_loss_table(instance, plan)] == [(10, 20), (0, 10)]
-    assert [one.remainder.open_segments for one in find_repairs_at(instance, plan, 5.0)] == [(0,)]
+    assert [(row.from_s, row.to_s) for row in iterate_losses(instance, plan)] == [(10, 20), (0, 10)]
+    assert [left.open_segments for left, _ in find_repairs_at(instance, plan, 5.0)] == [(0,)]
 
 
 def test_one_vehicle_has_nobody_left() -> None:
@@ -183,7 +183,7 @@ def test_one_vehicle_has_nobody_left() -> None:
     with pytest.raises(PlanError, match="when it is lost"):
         replan_window(instance, plan)
     with pytest.raises(PlanError, match="when it is lost"):
-        build_loss_table(instance, plan)
+        iterate_losses(instance, plan)
     with pytest.raises(PlanError, match="when it is lost"):
         find_repairs_at(instance, plan, 5.0)
 
@@ -192,9 +192,9 @@ def test_the_re_plans_of_the_earliest_time_are_complete() -> None:
     instance = line(4, 119.0, 90.0)
     window = replan_window(instance, PLAN)
     repairs = find_repairs_at(instance, PLAN, window.earliest_s)
-    assert [repair.remainder.lost for repair in repairs] == [1]
-    for repair in repairs:
-        assert evaluate(repair.remainder.instance, repair.plan, Cost.MINSUM).violations == ()
+    assert [left.lost for left, _ in repairs] == [1]
+    for left, plan in repairs:
+        assert evaluate(left.instance, plan, Cost.MINSUM).violations == ()
 
 
 def test_the_network_of_the_paper() -> None:
@@ -223,6 +223,6 @@ def test_an_airborne_vehicle_without_a_visit_may_take_some() -> None:
 
 def test_a_plan_of_another_instance_is_refused() -> None:
     instance, plan = line(1, 99.0, 99.0), Plan((Route(0, (99,)), Route(1, ())))
-    for look in (replan_window, build_loss_table, lambda one, other: find_repairs_at(one, other, 5.0)):
+    for look in (replan_window, iterate_losses, lambda one, other: find_repairs_at(one, other, 5.0)):
         with pytest.raises(PlanError, match="99"):
             look(instance, plan)

@@ -16,7 +16,7 @@ from planner import (
     route_energy_pct,
     solve,
 )
-from planner.bounds import least_total_pct
+from planner.bounds import compute_tree_bound_pct
 from tests.planner.builders import fleet, random_instance
 
 
@@ -30,7 +30,13 @@ def test_where_a_plan_is_found_it_was_not_impossible(
     if result.feasible:
         assert explain_infeasibility(instance) is None
         everybody = np.ones(vehicles, dtype=np.bool_)
-        assert least_total_pct(instance, everybody) <= sum(result.evaluation.energies_pct) + 1e-9
+        used = sum(result.evaluation.energies_pct)
+        for ascent in (1, 300):
+            bound = compute_tree_bound_pct(
+                instance, everybody, starts=instance.start_pct, homes=instance.home_pct, idle=instance.idle_pct,
+                enough=used, ascent=ascent,
+            )  # fmt: skip
+            assert bound <= used + 1e-9
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)

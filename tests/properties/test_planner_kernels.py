@@ -24,7 +24,17 @@ from planner import (
     evaluate,
     route_energy_pct,
 )
-from planner.construct import (
+from planner.kernels.anneal import compute_objective
+from planner.kernels.tours import (
+    draw_integer,
+    draw_uniform,
+    find_cheapest_place,
+    insert,
+    insert_by_regret,
+    orient_visits,
+)
+from planner.plan_search import (
+    PlanSearch,
     build_guide_weights,
     build_kernel_problem,
     build_kernel_state,
@@ -32,11 +42,6 @@ from planner.construct import (
     build_random_state,
     build_true_weights,
 )
-from planner.kernels.anneal import compute_objective
-from planner.kernels.insertion import find_cheapest_place, insert_by_regret
-from planner.kernels.random_numbers import draw_integer, draw_uniform
-from planner.kernels.tours import insert, orient_visits
-from planner.plan_search import PlanSearch
 from planner.stop_rules import Stopwatch
 
 # A coarse grid, so that coincident pylons and segments without length are common.
@@ -80,7 +85,7 @@ def test_a_search_keeps_exact_loads_and_never_exceeds_a_budget(
     search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=all_vehicles, watch=Stopwatch())
     for iterations in (1, 7, 40):
         search._advance(iterations)
-        for state in (search._leader.best, search._starts[0]._current, search._starts[0]._trial):
+        for state in (search._leader.best, search._starts[0].current, search._starts[0].trial):
             plan = build_plan(state)
             evaluation = evaluate(instance, plan, cost)
             assert state.loads.tolist() == pytest.approx(evaluation.energies_pct, abs=1e-9)
@@ -103,7 +108,7 @@ def test_what_is_remembered_of_places_is_so(instance: Instance, seed: int, cost:
     search = PlanSearch(instance, cost=cost, seed=seed, initial=None, all_vehicles=False, watch=Stopwatch(), starts=2)
     search._advance(150)
     for start in search._starts:
-        memory, state = start._memory, start._current
+        memory, state = start._memory, start.current
         for segment, route in np.argwhere(memory.version == memory.versions).tolist():
             if state.route_of[segment] == route:
                 continue  # it was looked for when the segment was out of the route

@@ -33,7 +33,7 @@ from planner import (
     solve,
     travel_for,
 )
-from planner.subset_routes import find_subset_routes
+from planner.exact import find_subset_routes
 from tests.planner.builders import fleet, line, random_instance
 
 # A coarse grid, so that coincident pylons and segments without length are common.
@@ -75,7 +75,7 @@ def orders(segments: list[int]) -> Iterator[tuple[int, ...]]:
 @settings(max_examples=60, **LOOSE)
 @given(instances(most_segments=4, most_vehicles=2))
 def test_the_best_route_of_a_set_is_the_best_of_all_its_orders(instance: Instance) -> None:
-    for number, own in enumerate(find_subset_routes(instance, EXACT_SEGMENTS)):
+    for number, own in enumerate(find_subset_routes(instance)):
         budget = instance.vehicles[number].budget_pct
         for chosen in range(2**instance.segments):
             inside = [segment for segment in range(instance.segments) if chosen >> segment & 1]

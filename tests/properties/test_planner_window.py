@@ -16,12 +16,12 @@ from planner import (
     Plan,
     RepairStatus,
     Vehicle,
-    build_loss_table,
     build_remaining_problem,
     evaluate,
+    iterate_losses,
     solve,
 )
-from planner.bounds import explain_infeasibility, explain_infeasibility_fully
+from planner.bounds import ASCENT, explain_infeasibility
 from planner.exact import find_covering_plan
 from planner.window import replan_window
 from tests.planner.builders import random_instance
@@ -50,17 +50,17 @@ def instances(draw: st.DrawFn, most_segments: int = 7, least_vehicles: int = 1) 
 @settings(max_examples=150, **LOOSE)
 @given(instances())
 def test_what_is_certainly_impossible_has_no_plan(instance: Instance) -> None:
-    if explain_infeasibility_fully(instance) is not None:
+    if explain_infeasibility(instance, ascent=ASCENT) is not None:
         assert find_covering_plan(instance) is None
     if explain_infeasibility(instance) is not None:
-        assert explain_infeasibility_fully(instance) is not None
+        assert explain_infeasibility(instance, ascent=ASCENT) is not None
 
 
 @settings(max_examples=25, **LOOSE)
 @given(instances(least_vehicles=2), st.booleans())
 def test_every_verdict_of_the_table_is_true(instance: Instance, fly_again: bool) -> None:
     plan = solve(instance, cost=Cost.MINCOMB, stop=Iterations(30)).plan
-    for row in build_loss_table(instance, plan, fly_again=fly_again, effort=400):
+    for row in iterate_losses(instance, plan, fly_again=fly_again, effort=400):
         for at_s in (row.from_s, 0.5 * (row.from_s + row.to_s)):
             left = build_remaining_problem(instance, plan, row.vehicle, at_s, fly_again=fly_again)
             if row.plan is not None:

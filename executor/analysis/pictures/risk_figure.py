@@ -10,7 +10,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.analysis.pictures.style import FAINT, INK, PAPER, WIDTH_IN, make_white_edge, style_of
-from executor.site.campaign_risk import describe_policy
+from executor.site.campaign_runner import describe_policy
 from planner import RiskEstimate
 
 HEIGHT_IN = 6.6

@@ -26,15 +26,17 @@ from executor.analysis.pictures.battery_figure import (
 )
 from executor.analysis.pictures.style import INK, LOSS, PAPER, WIDTH_IN, style_of
 from missions import PlanFile
-from planner import LossRepair, ReplanWindow
-from planner.after_losses import RouteProgress, build_state_before_losses
+from planner import Plan, RemainingProblem, ReplanWindow
+from planner.risk import RouteProgress, build_state_before_losses
 
+Repair = tuple[RemainingProblem, Plan]
+"""What a loss leaves, and the plan for it."""
 SHADE = "#f3e3c3"
 LEGEND_COLUMNS = 5
 LEGEND_ROW_IN = 0.21
 
 
-def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence[LossRepair]) -> Figure:
+def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence[Repair]) -> Figure:
     """Return percent used over seconds since the launch, as in the paper's figure of re-plans.
 
     Plans are solid. Re-plans are dashed: a line's colour is the vehicle that flies it, its dashes say who is lost.
@@ -75,13 +77,13 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
     return figure
 
 
-def _compute_replanned_progress(content: PlanFile, repair: LossRepair) -> list[tuple[int, RouteProgress]]:
+def _compute_replanned_progress(content: PlanFile, repair: Repair) -> list[tuple[int, RouteProgress]]:
     """Return what each survivor will have done by when, from when it can follow the re-plan."""
-    left = repair.remainder
-    state = build_state_before_losses(content.build_instance(), content.plan).apply_plan(left, repair.plan)
+    left, plan = repair
+    state = build_state_before_losses(content.build_instance(), content.plan).apply_plan(left, plan)
     lines = []
     for place, survivor in enumerate(left.survivors):
-        if not repair.plan.routes[place].visits and survivor.finishing is None:
+        if not plan.routes[place].visits and survivor.finishing is None:
             continue
         whole = state.progress_of(place)
         since = np.flatnonzero(whole.time_s >= survivor.free_s - 1e-6)
@@ -93,13 +95,13 @@ def _compute_replanned_progress(content: PlanFile, repair: LossRepair) -> list[t
 def _draw_lines(
     axes: Axes,
     planned: Sequence[RouteProgress],
-    repairs: Sequence[LossRepair],
+    repairs: Sequence[Repair],
     anew: Sequence[list[tuple[int, RouteProgress]]],
 ) -> None:
     for vehicle, flown in enumerate(planned):
         axes.plot(flown.time_s, flown.used_pct, color=style_of(vehicle).colour, lw=2.4, zorder=3)
-    for repair, lines in zip(repairs, anew, strict=True):
-        lost = repair.remainder.lost
+    for (left, _), lines in zip(repairs, anew, strict=True):
+        lost = left.lost
         for vehicle, flown in lines:
             colour, dashes = style_of(vehicle).colour, style_of(lost).dashes
             axes.plot(flown.time_s, flown.used_pct, color=colour, lw=1.5, ls=dashes, zorder=4)
@@ -122,7 +124,7 @@ def _collect_limits(content: PlanFile) -> dict[str, float]:
 def _collect_line_ends(
     content: PlanFile,
     planned: Sequence[RouteProgress],
-    repairs: Sequence[LossRepair],
+    repairs: Sequence[Repair],
     anew: Sequence[list[tuple[int, RouteProgress]]],
 ) -> list[LineEnd]:
     ends = []
@@ -144,10 +146,10 @@ def _compose_title(found: ReplanWindow) -> str:
     return f"{title}: from {found.earliest_s:.0f} s the fleet can absorb any one loss"
 
 
-def _build_legend(content: PlanFile, found: ReplanWindow, repairs: Sequence[LossRepair]) -> list[Artist]:
+def _build_legend(content: PlanFile, found: ReplanWindow, repairs: Sequence[Repair]) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=INK, lw=2.4, label="plan")]
-    for repair in repairs:
-        lost = repair.remainder.lost
+    for left, _ in repairs:
+        lost = left.lost
         look, name = style_of(lost), content.vehicles[lost].name
         handles.append(Line2D([], [], color=INK, lw=1.5, ls=look.dashes, marker=look.marker, ms=5.5, mec=PAPER,
                               label=f"re-plan without {name}"))  # fmt: skip

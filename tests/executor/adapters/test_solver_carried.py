@@ -13,7 +13,7 @@ from executor.core.interface.events import SolveEnded
 from executor.site import site_model
 from missions import Network, Pricing
 from planner import Plan, Route, build_onboard_plan, evaluate, rate_plan, segment_of
-from planner.cost import Cost
+from planner.evaluate import Cost
 from tests.executor.builders import ground_for, site_of
 from tests.executor.tight import branching
 from tests.missions.builders import line_east

@@ -8,10 +8,9 @@ import distributed
 import pytest
 
 from executor.errors import ExtraMissing
-from executor.site.campaign_risk import compute_campaign_risks
 from executor.site.campaign_runner import open_campaign_runner
-from planner import RiskCampaign, split_flights
-from planner.sorties import SurvivalCampaign, simulate_days, split_samples, summarise_samples
+from planner import RiskCampaign, estimate_risks, simulate_chunk, split_flights
+from planner.sorties import DAYS_PER_CHUNK, SurvivalCampaign, simulate_days, summarise_samples
 from tests.executor.flights import first_campaign
 from tests.planner.sorties.builders import short_day
 
@@ -30,10 +29,12 @@ def ignored(done: int, total: int) -> None:
 def test_one_process_or_two_give_the_same_answer(content: RiskCampaign) -> None:
     told: list[tuple[int, int]] = []
     with open_campaign_runner(jobs=1, dask=None) as fly:
-        alone = compute_campaign_risks(fly, content, PARTS, lambda done, total: told.append((done, total)))
+        alone = estimate_risks(
+            content, fly(simulate_chunk, content, PARTS, lambda done, total: told.append((done, total)))
+        )
     assert told == [(100, 300), (200, 300), (300, 300)]
     with open_campaign_runner(jobs=2, dask=None) as fly:
-        assert compute_campaign_risks(fly, content, PARTS, ignored) == alone
+        assert estimate_risks(content, fly(simulate_chunk, content, PARTS, ignored)) == alone
     assert 0 < alone[0].finished[0].estimate < alone[0].finished[1].estimate <= 1
 
 
@@ -48,8 +49,8 @@ def test_a_cluster_gives_the_same_answer_as_this_computer(content: RiskCampaign)
         open_campaign_runner(jobs=None, dask=cluster.scheduler_address) as fly,
         open_campaign_runner(jobs=1, dask=None) as fly_here,
     ):  # fmt: skip
-        assert compute_campaign_risks(fly, content, PARTS, ignored) == compute_campaign_risks(
-            fly_here, content, PARTS, ignored
+        assert estimate_risks(content, fly(simulate_chunk, content, PARTS, ignored)) == estimate_risks(
+            content, fly_here(simulate_chunk, content, PARTS, ignored)
         )
 
 
@@ -61,7 +62,7 @@ def test_without_the_extra_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch
 
 def test_days_are_flown_by_the_same_crew() -> None:
     instance, plan = short_day(end_s=1_500.0)
-    campaign, parts = SurvivalCampaign(instance, plan, 0.5, 2), split_samples(25)
+    campaign, parts = SurvivalCampaign(instance, plan, 0.5, 2), split_flights(25, 0, per_chunk=DAYS_PER_CHUNK)
     told: list[tuple[int, int]] = []
     with open_campaign_runner(jobs=2, dask=None) as fly:
         together = summarise_samples(fly(simulate_days, campaign, parts, lambda done, of: told.append((done, of))))

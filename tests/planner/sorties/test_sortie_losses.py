@@ -75,7 +75,7 @@ def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() 
             at_s = lands_s(instance, one.vehicle, sortie)
             if number >= one.breaks:
                 left = build_sorties_after_loss(instance, plan, {one.vehicle: at_s}, at_s)
-                assert (not replan_sorties(left, 0, 3_000, None).uncovered) == (number > one.breaks)
+                assert (not replan_sorties(left, 0, None).uncovered) == (number > one.breaks)
 
 
 def test_on_a_long_day_any_vehicle_may_be_lost_at_any_time() -> None:

@@ -264,7 +264,7 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, effort=100)
     figure = draw_window_figure(content, found, repairs)
     (axes,) = figure.axes
-    assert {repair.remainder.lost for repair in repairs} == {0, 1}
+    assert {left.lost for left, _ in repairs} == {0, 1}
     solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
     assert [float(_x(line)[-1]) for line in solid] == pytest.approx(list(content.durations_s))
     assert any(line.get_linestyle() == "--" for line in axes.lines)

@@ -24,7 +24,7 @@ from planner import (
     route_energy_pct,
     select_best_plan,
 )
-from planner.cost import Cost
+from planner.evaluate import Cost
 
 PLAIN = PlanRating(3, 300.0, 1, 100.0, 50.0, 60.0, 30.0)
 """Three segments of 100 m and one to spare, within 60 s and 30 %."""

@@ -15,7 +15,7 @@ import numba
 import pytest
 
 import planner.kernels
-from planner.kernels.cache import compute_sources_digest, make_cache_directory
+from planner.kernels.arrays import compute_sources_digest, make_cache_directory
 
 ROOT = Path(__file__).parents[3]
 REPORT = """
@@ -82,10 +82,8 @@ def test_where_nothing_can_be_written_a_private_directory_serves(
 
 KERNELS = """
 import logging
-from planner.kernels.cache import use_cache
-use_cache()
+from planner.kernels.arrays import kernel
 logging.basicConfig(format="%(message)s", level=logging.INFO)
-from planner.kernels.compiled import kernel
 
 @kernel()
 def double(number: int) -> int:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from planner import split_flights
 from planner.sorties import (
+    DAYS_PER_CHUNK,
     SurvivalCampaign,
     SurvivalEstimate,
     add_spares,
     simulate_days,
-    split_samples,
     summarise_samples,
 )
 from tests.planner.sorties.builders import short_day
@@ -17,14 +18,18 @@ from tests.planner.sorties.builders import short_day
 
 def flown(campaign: SurvivalCampaign, samples: int) -> SurvivalEstimate:
     """Return what so many times come to."""
-    return summarise_samples([simulate_days(campaign, part) for part in split_samples(samples)])
+    return summarise_samples(
+        [simulate_days(campaign, part) for part in split_flights(samples, 0, per_chunk=DAYS_PER_CHUNK)]
+    )
 
 
 def test_what_days_come_to_does_not_depend_on_how_they_are_parted() -> None:
     instance, plan = short_day(end_s=1_500.0)
     campaign = SurvivalCampaign(instance, plan, 0.5, 2)
-    assert sum(part.flights for part in split_samples(25)) == 25
-    assert flown(campaign, 25) == summarise_samples([simulate_days(campaign, replace(split_samples(1)[0], flights=25))])
+    assert sum(part.flights for part in split_flights(25, 0, per_chunk=DAYS_PER_CHUNK)) == 25
+    assert flown(campaign, 25) == summarise_samples(
+        [simulate_days(campaign, replace(split_flights(1, 0, per_chunk=DAYS_PER_CHUNK)[0], flights=25))]
+    )
     assert flown(campaign, 25).losses > 0.0
 
 
