@@ -140,13 +140,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/archives.py",
         "missions/readers/xml_tree.py",
     ),
-    "tests/missions/exports/test_exports.py": (
-        "missions/exports/geojson_export.py",
-        "missions/exports/gpx_export.py",
-        "missions/exports/kml_export.py",
-        "missions/exports/plan_features.py",
-        "missions/exports/xml_text.py",
-    ),
     "tests/missions/readers/test_background_files.py": (
         "missions/background.py",
         "missions/readers/imagery.py",
