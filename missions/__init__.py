@@ -9,11 +9,16 @@
 'NAV_TAKEOFF'
 """
 
-from missions.autopilots.ardupilot import ARDUPILOT
-from missions.autopilots.dialect import Dialect, ModeNumber, ReturnParameters, StartStep
-from missions.autopilots.failsafes import BatteryLevel, ThresholdUnit, Words
-from missions.autopilots.px4 import PX4
-from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of
+from missions.autopilots.dialect import (
+    BatteryLevel,
+    Dialect,
+    ModeNumber,
+    ReturnParameters,
+    StartStep,
+    ThresholdUnit,
+    Words,
+)
+from missions.autopilots.registry import ARDUPILOT, AUTOPILOTS, PX4, dialect_for, dialect_of
 from missions.clearance import (
     check_ceiling,
     check_clearance,

@@ -318,10 +318,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/risk.py",
     ),
     "tests/missions/autopilots/test_dialect.py": ("missions/autopilots/registry.py",),
-    "tests/missions/test_encode.py": (
-        "missions/autopilots/ardupilot.py",
-        "missions/autopilots/px4.py",
-    ),
     "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
     "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),

@@ -31,4 +31,4 @@ def mode_name(dialect: Dialect, custom_mode: int) -> str:
         modes.return_home.custom_mode: "RTL",
         modes.land.custom_mode: "LAND",
     }
-    return ours.get(custom_mode) or modes.other_names.get(custom_mode) or f"number {custom_mode}"
+    return ours.get(custom_mode) or dict(modes.other_names).get(custom_mode) or f"number {custom_mode}"

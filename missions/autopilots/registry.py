@@ -1,12 +1,22 @@
-"""All autopilots that are known: another one is a module beside this, and a place in this list."""
+"""All autopilots that are known: another one is a data file beside this, and a place in this list."""
 
 from __future__ import annotations
 
-from missions.autopilots.ardupilot import ARDUPILOT
-from missions.autopilots.dialect import Dialect
-from missions.autopilots.px4 import PX4
+import tomllib
+from importlib import resources
 
-AUTOPILOTS: tuple[Dialect, ...] = (ARDUPILOT, PX4)
+from pydantic import TypeAdapter
+
+from missions.autopilots.dialect import Dialect
+
+
+def _read_dialects(*names: str) -> tuple[Dialect, ...]:
+    files = (resources.files(__package__).joinpath(f"{name}.toml") for name in names)
+    reader = TypeAdapter(Dialect)
+    return tuple(reader.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))) for file in files)
+
+
+AUTOPILOTS = ARDUPILOT, PX4 = _read_dialects("ardupilot", "px4")
 
 
 def dialect_for(name: str) -> Dialect:
