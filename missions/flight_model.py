@@ -6,22 +6,23 @@ of: the transit to a segment's first pylon, which ends with a stop, and the insp
 What a move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each.
+what a move takes is the same in each. How long a whole flight takes, leg by leg, follows from the same model.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from missions.geo import BoolArray, FloatArray
-from missions.pace import AS_MODELLED, Pace
+from missions.geo import BoolArray, FloatArray, LocalFrame
 from missions.performance import Performance
+from missions.safety import legs_m
 from missions.validation import Figure, Place
-from missions.vertical_legs import NEVER
+from missions.waypoints import FlightPath, Phase
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5
@@ -29,6 +30,66 @@ SAME_PLACE_M = 0.5
 UNKNOWN = np.zeros(3)
 """The direction of who may face anywhere."""
 Speed = Annotated[Figure, Field(ge=0.001)]
+Factor = Annotated[Figure, Field(ge=0.1, le=10)]
+NEVER: BoolArray = np.array(False)
+"""As every move is where vehicles inspect in their layers; it broadcasts against any others."""
+UPRIGHT_M = 1e-6
+"""A leg that goes less far over the ground goes straight up or down."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Factors on the times of legs: 1 is as the model has it, more is slower.
+
+    A vehicle that takes longer for a leg draws its power for longer: energies of these legs have the same factor.
+    """
+
+    inspect: Factor = 1.0
+    transit: Factor = 1.0
+
+    def factor_of(self, phase: Phase) -> float:
+        """Return the factor of legs of a phase; take-offs and landings are as the model has them.
+
+        >>> Pace(1.2, 1.1).factor_of(Phase.RETURN)
+        1.1
+        """
+        if phase is Phase.INSPECT:
+            return self.inspect
+        return self.transit if phase in (Phase.TRANSIT, Phase.RETURN) else 1.0
+
+    def combine(self, other: Pace) -> Pace:
+        """Return what both together make of a time."""
+        return Pace(self.inspect * other.inspect, self.transit * other.transit)
+
+
+AS_MODELLED = Pace()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VerticalLegs:
+    """Of some moves: which begin with a way up, and which come down before their inspection."""
+
+    up: BoolArray
+    down: BoolArray
+
+    @classmethod
+    def find_between(
+        cls, from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray, near_m: float
+    ) -> VerticalLegs:
+        """Return those of moves between (..., 3) places; arrays broadcast against each other.
+
+        Args:
+            from_m: Where moves begin.
+            first_m: Where their visits begin.
+            from_low: Which of the former are below the layer.
+            to_low: Which of the latter are.
+            near_m: A visit that begins this near to there follows on without a way between.
+        """
+        if not (from_low.any() or to_low.any()):
+            return cls(NEVER, NEVER)
+        there_m = first_m - from_m
+        away = np.hypot(there_m[..., 0], there_m[..., 1]) > near_m
+        return cls(from_low & (away | ~to_low), to_low & (away | ~from_low))
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,3 +252,70 @@ class FlightModel:
 def arrival_vectors_m(upright: BoolArray, along_m: FloatArray) -> FloatArray:
     """Return along what vehicles arrive: nobody who comes straight up or down arrives along anything."""
     return np.where(upright[..., np.newaxis], UNKNOWN, along_m) if upright.any() else along_m
+
+
+@dataclass(frozen=True, slots=True)
+class LegEstimate:
+    """One leg, with the hold at its end."""
+
+    duration_s: float
+    energy_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A whole flight."""
+
+    duration_s: float
+    energy_pct: float
+    legs: tuple[LegEstimate, ...]
+    """One for each waypoint: the leg that ends there."""
+
+
+def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) -> Estimate:
+    """Return the duration in seconds and the energy in percent of a full battery of a flight.
+
+    Args:
+        path: The flight; a path without waypoints takes nothing.
+        model: What the vehicle's flights take.
+        consumption: The vehicle's own, relative to the energy model.
+    """
+    if not path.waypoints:
+        return Estimate(0.0, 0.0, ())
+    first = path.waypoints[0]
+    ends_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
+    along_m = ends_m[:, 1] - ends_m[:, 0]
+    stops = np.array([_is_stop_at_end(path, along_m, index) for index in range(len(path.waypoints))], dtype=np.float64)
+    at_rest = np.concatenate(([1.0], stops[:-1])) + stops
+    speeds = np.array([point.speed_m_s for point in path.waypoints])
+    seconds, pct = model.price_legs(along_m, speeds, at_rest)
+    performance = model.performance
+    for index, point in enumerate(path.waypoints):
+        if point.phase in (Phase.TAKEOFF, Phase.LAND):
+            upright = model.price_take_off if point.phase is Phase.TAKEOFF else model.price_landing
+            seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
+            continue
+        more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
+        before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
+        if index and stops[index - 1]:
+            stays_there = math.hypot(along_m[index, 0], along_m[index, 1]) < UPRIGHT_M
+            came_m = 0.0 if stays_there else math.hypot(before_m[0], before_m[1])  # it comes to rest going up
+            arrives_m_s = performance.arrival_speed_m_s(np.array(came_m), speeds[index - 1])
+            more_s += float(performance.turns_s(before_m, along_m[index], arrives_m_s))
+        elif index:
+            more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
+        seconds[index] += more_s
+        pct[index] += more_s * model.hover_pct_per_s
+    paces = np.array([model.pace.factor_of(point.phase) for point in path.waypoints])
+    seconds, pct = paces * seconds, consumption * paces * pct
+    legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
+    return Estimate(float(seconds.sum()), float(pct.sum()), legs)
+
+
+def _is_stop_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
+    point = path.waypoints[index]
+    if point.hold or point.phase in (Phase.TAKEOFF, Phase.LAND) or index + 1 == len(path.waypoints):
+        return True
+    before, after = along_m[index, :2], along_m[index + 1, :2]
+    # Straight up or down: the vehicle stands first.
+    return math.hypot(*before) * math.hypot(*after) < 1e-6

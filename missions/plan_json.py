@@ -20,13 +20,22 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from missions.areas import Unreachable
-from missions.autopilots.registry import AUTOPILOTS
-from missions.day_plan import BasePlace, DayPlanFile
+from missions.autopilots.dialect import AUTOPILOTS
 from missions.errors import PlanFileError, SafetyError
 from missions.files import read_text, write_document
 from missions.flight_model import Base
 from missions.geo import LocalFrame
-from missions.plan_file import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, SolverRecord, Window
+from missions.plan_file import (
+    WINDOW_COST,
+    BasePlace,
+    DayPlanFile,
+    PlanFence,
+    PlanFile,
+    PlanSegment,
+    PlanTerrain,
+    SolverRecord,
+    Window,
+)
 from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
 from missions.setup import Inspection

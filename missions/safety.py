@@ -13,9 +13,18 @@ from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
-from missions.overland_surface import OverlandSurface, SurfaceRequirements, fit_overland_surface
-from missions.relief import Relief, build_relief
-from missions.surface import FOLLOW_M, Surface, SurfaceFit, build_flat_surface, fit_surface
+from missions.surface import (
+    FOLLOW_M,
+    OverlandSurface,
+    Relief,
+    Surface,
+    SurfaceFit,
+    SurfaceRequirements,
+    build_flat_surface,
+    build_relief,
+    fit_overland_surface,
+    fit_surface,
+)
 from missions.terrain import KnownGround, Terrain, build_known_ground
 from missions.waypoints import FlightPath
 

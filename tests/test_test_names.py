@@ -18,14 +18,13 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/witness/px4_log.py",
         "benchmarks/witness/scoring.py",
     ),
-    "tests/benchmarks/virtual/test_areas.py": ("missions/area_check.py",),
+    "tests/benchmarks/virtual/test_areas.py": ("missions/area_rules.py",),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_areas.py",
         "executor/site/tables/area_tables.py",
-        "missions/outlines.py",
-        "missions/reachability.py",
+        "missions/areas.py",
     ),
-    "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/shortest_ways.py"),
+    "tests/properties/test_missions_areas.py": ("missions/shortest_ways.py",),
     "tests/executor/replay/test_learning.py": ("executor/replay/learned_toml.py",),
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
@@ -151,8 +150,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/kept_elevation.py",
         "missions/readers/rasters.py",
     ),
-    "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
-    "tests/missions/test_relief.py": ("missions/grids.py",),
+    "tests/missions/test_surface_overland.py": ("missions/terrain.py",),
+    "tests/missions/test_surface_relief.py": ("missions/grids.py",),
     "tests/executor/site/test_terrain.py": (
         "executor/analysis/pictures/profile_figure.py",
         "executor/analysis/height_profile.py",
@@ -172,7 +171,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/simulated/cards.py",
     ),
     "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
-    "tests/missions/test_camera_items.py": ("missions/cameras.py",),
+    "tests/missions/test_encode_cameras.py": ("missions/cameras.py",),
     "tests/missions/readers/test_whole.py": ("missions/readers/shape_parts.py",),
     "tests/missions/readers/test_network_build.py": (
         "missions/readers/network_checks.py",
@@ -317,10 +316,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/risk_figure.py",
         "executor/cli/risk.py",
     ),
-    "tests/missions/autopilots/test_dialect.py": ("missions/autopilots/registry.py",),
     "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
     "tests/missions/test_routes.py": ("missions/setup.py",),
-    "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
@@ -379,7 +376,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",
         "executor/site/tables/day_tables.py",
-        "missions/day_plan.py",
     ),
     "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
     "tests/benchmarks/test_day.py": (
