@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame, StartStep, dialect_for
-from missions.autopilots import registry
+from missions.autopilots import dialect as dialects
 
 
 @pytest.mark.parametrize("command", Command)
@@ -57,7 +57,7 @@ def test_an_unknown_autopilot_is_refused() -> None:
 
 @pytest.mark.parametrize("part", ["", "performance", "modes"])
 def test_a_key_that_a_dialects_file_has_no_field_for_is_refused(part: str) -> None:
-    said = tomllib.loads((Path(registry.__file__).parent / "px4.toml").read_text(encoding="utf-8"))
+    said = tomllib.loads((Path(dialects.__file__).parent / "px4.toml").read_text(encoding="utf-8"))
     (said[part] if part else said)["misspelt"] = 1.0
     with pytest.raises(ValidationError, match="misspelt"):
         TypeAdapter(Dialect).validate_python(said)
