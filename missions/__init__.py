@@ -81,7 +81,7 @@ from missions.readers import (
     read_station_points,
 )
 from missions.routes import build_flight_path, continue_path
-from missions.safety import HeightReference, check_separation, plan_layers, tracks_m
-from missions.setup import FlightSetup, Inspection, plan_flight_setup
+from missions.safety import HeightReference, Inspection, check_separation, plan_layers, tracks_m
+from missions.setup import FlightSetup, plan_flight_setup
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

@@ -1,21 +1,21 @@
-"""Heights that keep any two vehicles apart, whatever each of them does, and the check that a set of paths does so."""
+"""How segments are flown, at heights that keep any two vehicles apart, whatever each of them does; and the check."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.network import Network
 from missions.surface import (
-    FOLLOW_M,
-    OverlandSurface,
     Relief,
     Surface,
     SurfaceFit,
@@ -26,25 +26,41 @@ from missions.surface import (
     fit_surface,
 )
 from missions.terrain import KnownGround, Terrain, build_known_ground
+from missions.validation import Flag
 from missions.waypoints import FlightPath
 
+MOST = 1000.0
+"""Metres, or metres a second: a figure beyond is a mistake."""
+Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 FLAT_M = 1.0
 """Less relief than this is flat: autopilots hold their height to half of it."""
+NOWHERE = np.zeros((0, 2))
 WHOLE_METRE_M = 1.0
 """Some autopilots take the height of a return in whole metres only."""
 HEIGHT_KEEPING_M = 1.0
 """What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TerrainRequirements:
-    """What flights over ground that a raster knows are made by."""
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """How segments are flown; the same figures as the site file's section of this name."""
 
-    terrain: Terrain
-    ceiling_m: float
-    """Over the ground."""
-    more_m: FloatArray
-    """(m, 2) float64: where legs begin, end or turn beside the lines: pads, and the corners of what is flown around."""
+    height_m: Size = 15.0
+    """The lowest layer's, over the pylon tops if their heights are known, else over the depot's ground."""
+    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)] = 5.0
+    """Of the flight track from the line, to the right of a segment's direction from a to b."""
+    speed_m_s: Size = 3.0
+    transit_speed_m_s: Size = 8.0
+    layer_m: Size = 5.0
+    """The distance that any two vehicles must keep."""
+    flat: Flag = False
+    """Whether the ground is claimed to be as high as the depot's everywhere."""
+    ceiling_m: Size = 120.0
+    """No mission goes higher than this over the ground."""
+    return_ceiling_m: Size | None = None
+    """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
+    same_distance: Flag = False
+    """Whether every vehicle inspects at ``height_m``, and not in its layer, wherever no other can meet it there."""
 
 
 class HeightReference(Enum):
@@ -75,11 +91,11 @@ class Layers:
     """Of the lowest layer, over the depot's ground."""
     track_heights_m: FloatArray
     """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
-    relief: Relief | None = None
+    relief: Relief | None
     """The surface as flights are priced by it, where a raster knows the ground."""
-    known: KnownGround | None = None
+    known: KnownGround | None
     """The ground between the lines and the pads, where a raster knows it."""
-    raised_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+    raised_m: FloatArray
     """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""
 
     def offset_m(self, vehicle: str) -> float:
@@ -139,11 +155,10 @@ def tracks_m(network: Network, standoff_m: float) -> FloatArray:
 def plan_layers(
     network: Network,
     vehicles: Sequence[str],
+    inspection: Inspection,
     *,
-    height_m: float,
-    layer_m: float,
-    standoff_m: float,
-    over: TerrainRequirements | None = None,
+    terrain: Terrain | None = None,
+    turns_m: FloatArray = NOWHERE,
 ) -> Layers:
     """Return the layers of a fleet over a network.
 
@@ -151,40 +166,41 @@ def plan_layers(
         network: If ground and structure height of all its pylons are known, heights count from the pylon tops,
             otherwise from the depot's ground.
         vehicles: Names, from the lowest layer to the highest.
-        height_m: The lowest layer's height over that reference.
-        layer_m: The distance that any two vehicles must keep.
-        standoff_m: Of the inspection legs from their lines.
-        over: The ground that a raster knows; without it only that of the pylons is.
+        inspection: Heights and distances.
+        terrain: The ground that a raster knows; without it only that of the pylons is known.
+        turns_m: (m, 2) float64 over such ground: where legs begin, end or turn beside the lines, at pads and at the
+            corners of what is flown around.
 
     Raises:
         ElevationError: a part of the ground is not known.
     """
-    tracks, known = tracks_m(network, standoff_m), None
-    tops = over is not None or network.has_heights
-    asked_m = _flight_heights_m(network, height_m) if tops else np.full(len(network.pylons), height_m)
+    height_m, layer_m = inspection.height_m, inspection.layer_m
+    tracks, known, relief = tracks_m(network, inspection.standoff_m), None, None
+    tops = terrain is not None or network.has_heights
+    asked_m = pylon_m = _flight_heights_m(network, height_m) if tops else np.full(len(network.pylons), height_m)
     indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
-    if over is not None:
-        places_m = np.concatenate((tracks.reshape(-1, 2), over.more_m))
-        known = build_known_ground(over.terrain, places_m, network.frame, network)
-        wishes = SurfaceRequirements(over.terrain.kept_m, over.ceiling_m, layer_m, len(vehicles))
-        found = fit_overland_surface(known, wishes, network, tracks, asked_m)
+    if terrain is not None:
+        places_m = np.concatenate((tracks.reshape(-1, 2), turns_m))
+        known = build_known_ground(terrain, places_m, network.frame, network)
+        wishes = SurfaceRequirements(terrain.kept_m, inspection.ceiling_m, layer_m, len(vehicles))
+        fit, pylon_m = fit_overland_surface(known, wishes, network, tracks, asked_m)
+        relief = build_relief(fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
+    elif tops:
+        fit = fit_surface(tracks, asked_m[indices], layer_m)
     else:
-        flat = SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
-        fit = fit_surface(tracks, asked_m[indices], layer_m) if tops else flat
-        found = OverlandSurface(fit, asked_m, max(FOLLOW_M, fit.error_m))
-    layers = Layers(
+        fit = SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
+    return Layers(
         vehicles=tuple(vehicles),
         layer_m=layer_m,
-        spacing_m=found.fit.spacing_m + HEIGHT_KEEPING_M,
-        tolerance_m=found.tolerance_m,
+        spacing_m=fit.spacing_m + HEIGHT_KEEPING_M,
+        tolerance_m=fit.tolerance_m,
         reference=HeightReference.PYLON_TOPS if tops else HeightReference.DEPOT_GROUND,
-        surface=found.fit.surface,
-        track_heights_m=found.pylon_m[indices],
+        surface=fit.surface,
+        track_heights_m=pylon_m[indices],
+        relief=relief,
+        known=known,
+        raised_m=np.zeros(0) if known is None else pylon_m - asked_m,
     )
-    if known is None:
-        return layers
-    relief = build_relief(layers.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
-    return replace(layers, relief=relief, known=known, raised_m=found.pylon_m - asked_m)
 
 
 def check_separation(

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from missions.areas import Area, AreaRestriction, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
@@ -19,52 +17,12 @@ from missions.geo import FloatArray, LocalFrame
 from missions.line_heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.safety import Layers, TerrainRequirements, plan_layers, tracks_m
+from missions.safety import NOWHERE, Inspection, Layers, plan_layers, tracks_m
 from missions.shortest_ways import Obstacle, build_obstacle, build_visibility_graph
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
-from missions.validation import Flag
 
-FIGURES = ("height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m", "return_ceiling_m")
-MOST = 1000.0
-"""Metres, or metres a second: a figure beyond is a mistake."""
-Size = Annotated[float, Field(strict=True, gt=0, le=MOST)]
 LOWEST_FLIGHT_M = 5.0
 """A flight height over a pad below this means that the lines lie deep below the depot: the setting is refused."""
-
-
-@dataclass(frozen=True, slots=True)
-class Inspection:
-    """How segments are flown; the same figures as the site file's section of this name."""
-
-    height_m: Size = 15.0
-    """The lowest layer's, over the pylon tops if their heights are known, else over the depot's ground."""
-    standoff_m: Annotated[float, Field(strict=True, ge=0, le=MOST)] = 5.0
-    """Of the flight track from the line, to the right of a segment's direction from a to b."""
-    speed_m_s: Size = 3.0
-    transit_speed_m_s: Size = 8.0
-    layer_m: Size = 5.0
-    """The distance that any two vehicles must keep."""
-    flat: Flag = False
-    """Whether the ground is claimed to be as high as the depot's everywhere."""
-    ceiling_m: Size = 120.0
-    """No mission goes higher than this over the ground."""
-    return_ceiling_m: Size | None = None
-    """The same for the vehicles' own returns, which are level: over hills they are higher than missions."""
-    same_distance: Flag = False
-    """Whether every vehicle inspects at ``height_m``, and not in its layer, wherever no other can meet it there."""
-
-    def __post_init__(self) -> None:
-        """Check all figures.
-
-        Raises:
-            SafetyError: a figure is not a positive number, or the standoff a negative one.
-        """
-        for key in FIGURES:
-            value = getattr(self, key)
-            if key == "return_ceiling_m" and value is None:
-                continue
-            if not 0 <= value <= MOST or (value == 0 and key != "standoff_m"):
-                raise SafetyError(f"inspection.{key}: expected a positive number up to {MOST:g}, got {value}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,18 +194,8 @@ def plan_flight_setup(
     """
     network = with_heights(network, flat=inspection.flat)
     tracks = tracks_m(network, inspection.standoff_m)
-    layers = plan_layers(
-        network,
-        vehicles,
-        height_m=inspection.height_m,
-        layer_m=inspection.layer_m,
-        standoff_m=inspection.standoff_m,
-        over=None
-        if terrain is None
-        else TerrainRequirements(
-            terrain, inspection.ceiling_m, _turning_places_m(pads or stated, bases, areas, tracks)
-        ),
-    )
+    turns_m = NOWHERE if terrain is None else _turning_places_m(pads or stated, bases, areas, tracks)
+    layers = plan_layers(network, vehicles, inspection, terrain=terrain, turns_m=turns_m)
     if pads is None:
         pads = place_pads(
             vehicles,

@@ -119,6 +119,11 @@ class SurfaceFit:
     spacing_m: float
     """Layers this far apart keep two vehicles ``layer_m`` apart, wherever each of them is."""
 
+    @property
+    def tolerance_m(self) -> float:
+        """Legs off the lines keep this near to the surface."""
+        return max(FOLLOW_M if self.surface.floor is None else FOLLOW_OVER_M, self.error_m)
+
 
 def build_flat_surface(height_m: float) -> Surface:
     """Return a surface of one height everywhere."""
@@ -141,7 +146,7 @@ def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> 
     fits = []
     for surface, error_m in iterate_surfaces(tracks_m, heights_m):
         off_m = max(FOLLOW_M, error_m) + surface.slope * CHECK_STEP_M
-        fits.append(SurfaceFit(surface, error_m, layer_m * math.hypot(1.0, surface.slope) + 2.0 * off_m))
+        fits.append(SurfaceFit(surface, error_m, _spacing_m(layer_m, surface.slope, off_m)))
     return min(fits, key=lambda candidate: candidate.spacing_m)
 
 
@@ -283,21 +288,10 @@ class SurfaceRequirements:
     vehicles: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OverlandSurface:
-    """A surface over lines and ground."""
-
-    fit: SurfaceFit
-    pylon_m: FloatArray
-    """(p,) float64: the heights over the depot at which the lowest vehicle passes each pylon."""
-    tolerance_m: float
-    """Legs off the lines keep this near to the surface."""
-
-
 def fit_overland_surface(
     known: KnownGround, wishes: SurfaceRequirements, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
-) -> OverlandSurface:
-    """Return the surface over lines and ground.
+) -> tuple[SurfaceFit, FloatArray]:
+    """Return the surface over lines and ground, and (p,) how high over the depot the lowest vehicle passes each pylon.
 
     Args:
         known: The ground.
@@ -325,7 +319,7 @@ def _fit_slope(
     known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: IndexArray,
     slope: float,
     error_m: float,
-) -> OverlandSurface:  # fmt: skip
+) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
@@ -342,9 +336,8 @@ def _fit_slope(
             break
         error_m = fitted_m
     steepest = max(slope, floor.slope, roof.slope)
-    tolerance_m = max(FOLLOW_OVER_M, fitted_m)
-    spacing_m = _spacing_m(wishes.layer_m, steepest, tolerance_m + steepest * CHECK_OVER_M)
-    return OverlandSurface(SurfaceFit(surface, fitted_m, spacing_m), pylon_m, tolerance_m)
+    off_m = max(FOLLOW_OVER_M, fitted_m) + steepest * CHECK_OVER_M
+    return SurfaceFit(surface, fitted_m, _spacing_m(wishes.layer_m, steepest, off_m)), pylon_m
 
 
 def _floor_error_m(error_m: float, slope: float) -> float:
@@ -352,7 +345,7 @@ def _floor_error_m(error_m: float, slope: float) -> float:
 
 
 def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
-    """Return how far apart layers must be, as `surface.fit` has it."""
+    """Return how far apart layers must be, as `fit_surface` has it."""
     return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
 
 
