@@ -150,96 +150,53 @@ class FlightModel:
         return seconds, np.asarray(seconds * self.hover_pct_per_s)
 
     def price_moves(
-        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
-        down: BoolArray = NEVER,
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of moves from rest; the four arrays (..., 3) broadcast against each other.
+        self, facing_m: FloatArray, legs_m: FloatArray, along_m: FloatArray, down: BoolArray = NEVER
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of moves from rest; arrays broadcast against each other.
 
         Args:
-            from_m: Where they begin.
-            facing_m: Along which the vehicle arrived there; of no length where nobody knows.
-            first_m: Where the visits begin.
-            last_m: Where they end.
-            down: Which visits it comes down to, straight, when it is there.
+            facing_m: (..., 3) along which the vehicle arrived where they begin; of no length where nobody knows.
+            legs_m: (..., w, 3) the legs of their transits to where the visits begin.
+            along_m: (..., 3) from there to where the visits end.
+            down: (...) which visits it comes down to, straight, when it is there.
         """
-        there_m, along_m = first_m - from_m, last_m - first_m
-        away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
-        hold_s = self.performance.hold_s
-        transit_s, transit_pct = self._price_transit(facing_m, there_m, hold_s)
-        before_m = np.where(away[..., np.newaxis], there_m, facing_m)
-        before_m = arrival_vectors_m(down, before_m)
+        away = np.hypot(legs_m[..., 0], legs_m[..., 1]).sum(axis=-1) > SAME_PLACE_M
+        transit_s, transit_pct = self._price_transit(facing_m, legs_m, self.performance.hold_s)
+        before_m = arrival_vectors_m(down, np.where(away[..., np.newaxis], legs_m[..., -1, :], facing_m))
         fast_m_s = np.where(away, self.transit_speed_m_s, self.inspection_speed_m_s)
         inspect_s, inspect_pct = self._price_inspection(before_m, self._arrival_speed_m_s(before_m, fast_m_s), along_m)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
-    def price_moves_along(
-        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray, down: BoolArray = NEVER
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
-        transit_s, transit_pct = self._price_transit_along(facing_m, ways_m, self.performance.hold_s)
-        before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
-        before_m = arrival_vectors_m(down, before_m)
-        arrives_m_s = self._arrival_speed_m_s(before_m, self.transit_speed_m_s)
-        inspect_s, inspect_pct = self._price_inspection(before_m, arrives_m_s, along_m)
-        return transit_s + inspect_s, transit_pct + inspect_pct
-
-    def price_ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
-        there_m = np.array(base.place_m) - from_m
-        level_s, level_pct = self._price_transit(facing_m, there_m, 0.0)
-        land_s, land_pct = self.price_landing(np.array(base.climb_m))
-        return level_s + land_s, level_pct + land_pct
-
-    def price_ways_home_along(
-        self, facing_m: FloatArray, ways_m: FloatArray, base: Base
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) the same of ways through (k, w, 3) places."""
-        level_s, level_pct = self._price_transit_along(facing_m, ways_m, 0.0)
+    def price_ways_home(self, facing_m: FloatArray, legs_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of ways from rest onto a pad, whose legs over the ground are (..., w, 3)."""
+        level_s, level_pct = self._price_transit(facing_m, legs_m, 0.0)
         land_s, land_pct = self.price_landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
     def price_vertical(self, rise_m: float) -> tuple[float, float]:
         """Return seconds and energy of a way straight up, or below zero down, with the stop at its end."""
-        seconds, pct = self._price_transit(UNKNOWN, np.array([0.0, 0.0, rise_m]), self.performance.hold_s)
+        seconds, pct = self._price_transit(UNKNOWN, np.array([[0.0, 0.0, rise_m]]), self.performance.hold_s)
         return float(seconds), float(pct)
 
-    def _price_transit_along(
-        self, before_m: FloatArray, ways_m: FloatArray, hold_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
-        along_m = np.diff(ways_m, axis=1)
-        speed_m_s = np.full(along_m.shape[:-1], self.transit_speed_m_s)
-        ends = np.zeros(along_m.shape[:-1])
-        ends[:, 0] += 1.0
-        ends[:, -1] += 1.0
-        seconds, pct = self.price_legs(along_m, speed_m_s, ends)
-        own = self.performance
+    def _price_transit(self, before_m: FloatArray, legs_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies from stop to stop along (..., w, 3) legs; the places between them are passed."""
+        speed_m_s, ends = np.full(legs_m.shape[:-1], self.transit_speed_m_s), np.zeros(legs_m.shape[:-1])
+        ends[..., 0] += 1.0
+        ends[..., -1] += 1.0
+        seconds, pct = self.price_legs(legs_m, speed_m_s, ends)
+        own, pace = self.performance, self.pace.transit
         arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
-        stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0], arrives_m_s)
-        stays_s = stays_s + own.corners_s(along_m[:, :-1], along_m[:, 1:], speed_m_s[:, 1:]).sum(axis=1)
-        pace = self.pace.transit
-        return pace * (seconds.sum(axis=1) + stays_s), pace * (pct.sum(axis=1) + stays_s * self.hover_pct_per_s)
-
-    def _price_transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
-        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._price_stopping_leg(along_m, self.transit_speed_m_s, hold_s + turns_s, self.pace.transit)
+        stays_s = own.settle_s + (hold_s + own.turns_s(before_m, legs_m[..., 0, :], arrives_m_s))
+        stays_s = stays_s + own.corners_s(legs_m[..., :-1, :], legs_m[..., 1:, :], speed_m_s[..., 1:]).sum(axis=-1)
+        return pace * (seconds.sum(axis=-1) + stays_s), pace * (pct.sum(axis=-1) + stays_s * self.hover_pct_per_s)
 
     def _price_inspection(
         self, before_m: FloatArray, arrives_m_s: FloatArray, along_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._price_stopping_leg(
-            along_m, self.inspection_speed_m_s, self.performance.hold_s + turns_s, self.pace.inspect
-        )
-
-    def _price_stopping_leg(
-        self, along_m: FloatArray, speed_m_s: float, stays_s: FloatArray, pace: float
-    ) -> tuple[FloatArray, FloatArray]:
-        shape = along_m.shape[:-1]
-        seconds, pct = self.price_legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
-        stays_s = self.performance.settle_s + stays_s
+        shape, own, pace = along_m.shape[:-1], self.performance, self.pace.inspect
+        seconds, pct = self.price_legs(along_m, np.full(shape, self.inspection_speed_m_s), np.full(shape, 2.0))
+        stays_s = own.settle_s + (own.hold_s + own.turns_s(before_m, along_m, arrives_m_s))
         return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
 
     def _arrival_speed_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:

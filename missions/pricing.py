@@ -27,6 +27,7 @@ from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, arra
 from planner import Instance, Moves, MoveTables, Plan, Route, Vehicle, Visits, is_reversed, segment_of, visit_of
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
+TimesAndEnergies = tuple[FloatArray, FloatArray]
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
 AROUND_UP_TO = 1000
@@ -78,8 +79,8 @@ class VehicleMoves:
     def price_moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
         low: tuple[BoolArray, BoolArray] = (NEVER, NEVER),
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of moves from rest, as `FlightModel.moves` takes them.
+    ) -> TimesAndEnergies:  # fmt: skip
+        """Return seconds and energies of moves from rest; arrays (..., 3) broadcast against each other.
 
         Args:
             from_m: Where they begin.
@@ -89,57 +90,55 @@ class VehicleMoves:
             low: Which moves begin, and which of their visits are, below the layer.
         """
         rises = VerticalLegs.find_between(from_m, first_m, *low, SAME_PLACE_M)
-        facing_m = arrival_vectors_m(rises.up, facing_m)
-        straight = self.model.price_moves(from_m, facing_m, first_m, last_m, rises.down)
+        facing_m, down = arrival_vectors_m(rises.up, facing_m), rises.down[..., np.newaxis]
 
-        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            facing, last = (
-                np.broadcast_to(places, (*straight[0].shape, 3)).reshape(-1, 3)[which] for places in (facing_m, last_m)
-            )
-            down = np.broadcast_to(rises.down, straight[0].shape).reshape(-1)[which]
-            return self.model.price_moves_along(facing, ways_m, last, down)
+        def price(legs_m: FloatArray, facing_m: FloatArray, along_m: FloatArray, down: BoolArray) -> TimesAndEnergies:
+            return self.model.price_moves(facing_m, legs_m, along_m, down[..., 0])
 
-        return self._add_vertical_legs(self._apply_detours(from_m, first_m, straight, along), rises)
-
-    def _add_vertical_legs(
-        self, led: tuple[FloatArray, FloatArray], rises: VerticalLegs
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of ways with what leads up to their layer, and down from it."""
-        if not self.step_m:
-            return led
-        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        seconds, pct = (led[of] + rises.up * ups[of] + rises.down * downs[of] for of in (0, 1))
-        return np.asarray(seconds), np.asarray(pct)
+        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), rises)
 
     def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> TimesAndEnergies:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad; some begin below the layer."""
-        facing_m = arrival_vectors_m(low, facing_m)
-        straight = self.model.price_ways_home(from_m, facing_m, base)
 
-        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
-            return self.model.price_ways_home_along(facing, ways_m, base)
+        def price(legs_m: FloatArray, facing_m: FloatArray) -> TimesAndEnergies:
+            return self.model.price_ways_home(facing_m, legs_m, base)
 
-        return self._add_vertical_legs(
-            self._apply_detours(from_m, np.array(base.place_m), straight, along), VerticalLegs(low, NEVER)
-        )
+        facing_m, rises = arrival_vectors_m(low, facing_m), VerticalLegs(low, NEVER)
+        return self._price_ways(from_m, np.array(base.place_m), price, (facing_m,), rises)
 
-    def _apply_detours(
-        self, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
-        along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of ways as they are flown; arguments as `price_detours` has them."""
-        relief = self.relief
-        if relief is None:
-            return price_detours(self.columns, from_m, to_m, straight, along)
+    def _price_ways(
+        self, from_m: FloatArray, to_m: FloatArray, price: Callable[..., TimesAndEnergies],
+        others: Sequence[np.ndarray], rises: VerticalLegs,
+    ) -> TimesAndEnergies:  # fmt: skip
+        """Return seconds and energies of ways as they are flown.
 
-        def over(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            return along(which, relief.follow_surface(ways_m, FEW_PIECES))
+        Args:
+            from_m: (..., 3) where they begin.
+            to_m: (..., 3) where they end.
+            price: What ways along (..., w, 3) legs take, by these and the others.
+            others: (..., k) what else of each way it depends on.
+            rises: What leads up to their layer, and down from it.
+        """
+        led = straight = price((to_m - from_m)[..., np.newaxis, :], *others)
+        shape, relief = straight[0].shape, self.relief
 
-        level = price_uneven_ways(relief, from_m, to_m, straight, along)
-        return price_detours(self.columns, from_m, to_m, level, over)
+        def along(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
+            flat = (np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1]) for one in others)
+            return price(np.diff(ways_m, axis=1), *(one[which] for one in flat))
+
+        def over(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
+            return along(which, ways_m if relief is None else relief.follow_surface(ways_m, FEW_PIECES))
+
+        if relief is not None:
+            led = price_uneven_ways(relief, from_m, to_m, straight, along)
+        seconds, pct = price_detours(self.columns, from_m, to_m, led, over)
+        if not self.step_m:
+            return seconds, pct
+        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
+        seconds, pct = (one + rises.up * ups[of] + rises.down * downs[of] for of, one in enumerate((seconds, pct)))
+        return np.asarray(seconds), np.asarray(pct)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
