@@ -19,11 +19,11 @@ from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unre
 from missions.clearance import heights_over_ground_m
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.geometry import find_nearest_on_legs
+from missions.geometry import find_nearest_on_legs, sample_leg
 from missions.grids import is_inside_convex
 from missions.safety import legs_m
 from missions.setup import FlightSetup
-from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
+from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
 from missions.waypoints import FlightPath, Phase
 from planner import segment_of
 
@@ -82,7 +82,7 @@ def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestrict
     if setup.layers.known is None:
         return
     corners_m = setup.layers.known.corners_m
-    nodes_m = build_visibility_graph(tuple(build_obstacle(one.area) for one in kept_out)).nodes_m
+    nodes_m = build_area_graph(*(one.area for one in kept_out)).nodes_m
     if is_inside_convex(corners_m, nodes_m).all():
         return
     (east, north), (far_east, far_north) = corners_m.min(axis=0) - OUTSIDE_M, corners_m.max(axis=0) + OUTSIDE_M
@@ -121,12 +121,12 @@ def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
     on_tracks = (setup.tracks_m[:, 0] + along * (setup.tracks_m[:, 1] - setup.tracks_m[:, 0])).reshape(-1, 2)
     places = np.concatenate((np.column_stack((east.ravel(), north.ravel())), corners, on_tracks))
     places = places[((places >= low) & (places <= high)).all(axis=1)]
-    return np.asarray(places[build_visibility_graph((build_obstacle(area),)).is_inside(places)])
+    return np.asarray(places[build_area_graph(area).is_inside(places)])
 
 
 def _check_depot(kept_out: Sequence[AreaRestriction]) -> None:
     for one in kept_out:
-        if build_visibility_graph((build_obstacle(one.area),)).is_inside(np.zeros((1, 2)))[0]:
+        if build_area_graph(one.area).is_inside(np.zeros((1, 2)))[0]:
             raise SafetyError(
                 f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
                 f"{describe_height_limit(one)}"
@@ -147,16 +147,11 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
     begins, ends = setup.tracks_m[:, 0], setup.tracks_m[:, 1]
     reasons: dict[int, str] = {}
     for one in setup.kept_out:
-        graph = build_visibility_graph((build_obstacle(one.area),))
-        margin = np.flatnonzero(graph.is_inside(begins) | graph.is_inside(ends) | graph.is_blocked(begins, ends))
-        bare = build_visibility_graph(
-            (replace(build_obstacle(one.area), keep_m=max(LIMIT_ROUNDING_M, one.area.width_m / 2)),)
-        )
-        within = bare.is_inside(begins) | bare.is_inside(ends) | bare.is_blocked(begins, ends)
-        for segment in margin.tolist():
+        within = _build_bare_graph(one.area, LIMIT_ROUNDING_M).is_met(begins, ends)
+        for segment in np.flatnonzero(build_area_graph(one.area).is_met(begins, ends)).tolist():
             what = "lies in" if within[segment] else f"lies nearer than {one.area.margin_m:g} m to"
             reasons.setdefault(segment, f"{what} area {one.area.name!r}{describe_height_limit(one)}")
-    areas = build_visibility_graph(tuple(build_obstacle(one.area) for one in setup.kept_out))
+    areas = build_area_graph(*(one.area for one in setup.kept_out))
     others = [number for number in range(len(begins)) if number not in reasons]
     for number, away in zip(others, _find_cut_off(setup, areas, begins[others]), strict=True):
         if away:
@@ -165,6 +160,11 @@ def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
             reasons[number] = f"no way leads to it around the areas{where}"
     for number in sorted(reasons):
         yield Unreachable(number, reasons[number], setup.network.segment_name(number))
+
+
+def _build_bare_graph(area: Area, least_m: float) -> VisibilityGraph:
+    """Return the graph of ways around an area itself, without its margin."""
+    return build_visibility_graph((replace(build_obstacle(area), keep_m=max(least_m, area.width_m / 2)),))
 
 
 def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:
@@ -206,10 +206,8 @@ def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
         if not path.waypoints or not setup.areas:
             continue
         legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
-        steps = [max(1, math.ceil(math.dist(*leg[:, :2]) / STEP_M)) for leg in legs]
-        shares = [np.linspace(0.0, 1.0, count + 1)[:, np.newaxis] for count in steps]
-        places_m = np.concatenate([leg[0] + share * (leg[1] - leg[0]) for leg, share in zip(legs, shares, strict=True)])
-        numbers = np.repeat(np.arange(len(legs)), [count + 1 for count in steps])
+        parts_m = [sample_leg(leg, STEP_M) for leg in legs]
+        places_m, numbers = np.concatenate(parts_m), np.repeat(np.arange(len(legs)), list(map(len, parts_m)))
         for area in setup.areas:
             short_m = np.concatenate(
                 [
@@ -265,9 +263,7 @@ def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[
         segments: dict[int, None] = {}
         on_way_home = False
         for leg, point in zip(legs, path.waypoints, strict=True):
-            count = max(1, math.ceil(math.dist(*leg) / RETURN_STEP_M))
-            places_m = leg[0] + np.linspace(0.0, 1.0, count + 1)[:, np.newaxis] * (leg[1] - leg[0])
-            if not _is_crossing(setup, path.vehicle, area, places_m).any():
+            if not _is_crossing(setup, path.vehicle, area, sample_leg(leg, RETURN_STEP_M)).any():
                 continue
             if point.visit is not None:
                 segments[segment_of(visits[point.visit])] = None
@@ -281,15 +277,13 @@ def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatAr
     """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
     pad = setup.pad_of(vehicle)
     pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
-    bare = build_visibility_graph((replace(build_obstacle(area), keep_m=max(ROUNDING_M, area.width_m / 2)),))
-    met = bare.is_blocked(places_m, pad_m) | bare.is_inside(places_m) | bare.is_inside(pad_m)
+    met = _build_bare_graph(area, ROUNDING_M).is_met(places_m, pad_m)
     if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
         return met
     up_m = setup.layers.return_up_m(vehicle)
     for index in np.flatnonzero(met).tolist():
-        steps = max(1, math.ceil(math.dist(places_m[index], pad_m[index]) / RETURN_STEP_M))
-        share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
-        way_m = np.column_stack((places_m[index] + share * (pad_m[index] - places_m[index]), np.full(steps + 1, up_m)))
+        ends_m = np.column_stack((np.stack((places_m[index], pad_m[index])), np.full(2, up_m)))
+        way_m = sample_leg(ends_m, RETURN_STEP_M)
         met[index] = (_shortfall_m(setup, replace(area, margin_m=ROUNDING_M), way_m) > ROUNDING_M).any()
     return met
 

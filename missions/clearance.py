@@ -20,7 +20,7 @@ import numpy as np
 
 from missions import grids
 from missions.geo import FloatArray, IndexArray
-from missions.geometry import find_nearest_on_legs
+from missions.geometry import find_nearest_on_legs, sample_leg
 from missions.network import Network
 from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
@@ -133,7 +133,7 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
     for path in paths:
         lows = []
         for number, (leg, phase) in enumerate(_iterate_legs(setup, path)):
-            points, on_pad = _sample_leg(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
+            points, on_pad = sample_leg(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
             both = (
                 find_line_shortfall(walls, setup, points, on_pad=on_pad),
                 None if on_pad else find_terrain_shortfall(setup, points),
@@ -163,10 +163,10 @@ def check_network_clearance(setup: FlightSetup) -> list[str]:
     network, found = setup.network, []
     legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
     for number, leg in enumerate(legs):
-        low = find_line_shortfall(walls, setup, _sample_leg(leg, STEP_M))
+        low = find_line_shortfall(walls, setup, sample_leg(leg, STEP_M))
         if low is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
-        ground = find_terrain_shortfall(setup, _sample_leg(leg, STEP_M))
+        ground = find_terrain_shortfall(setup, sample_leg(leg, STEP_M))
         if ground is not None:
             found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
     for number, points in enumerate(_sample_over_lines(setup)):
@@ -184,7 +184,7 @@ def min_height_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> f
     least_m = math.inf
     for path in paths:
         for leg, _ in _iterate_legs(setup, path):
-            points = _sample_leg(leg, STEP_M)
+            points = sample_leg(leg, STEP_M)
             close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
             away_m, share = close.find_nearest(points[:, :2])
             over_m = points[:, 2, np.newaxis] - _interpolate_heights(close.tops_m, share)
@@ -319,7 +319,7 @@ def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceSho
     away_m = np.hypot(*(from_m - home_m).T)
     # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
     from_m = from_m[np.argsort(-away_m)][:: max(1, len(from_m) // RETURNS)]
-    ways = [_sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
+    ways = [sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
     return find_terrain_shortfall(setup, np.concatenate(ways))
 
 
@@ -352,16 +352,10 @@ def _iterate_legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatA
         yield from zip(legs, (point.phase for point in path.waypoints), strict=True)
 
 
-def _sample_leg(leg: FloatArray, step_m: float) -> FloatArray:
-    """Return (m, 3) places on a leg, ends included."""
-    steps = max(1, math.ceil(float(np.linalg.norm(leg[1] - leg[0])) / step_m))
-    return np.asarray(leg[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (leg[1] - leg[0]), dtype=np.float64)
-
-
 def _sample_legs(legs: Sequence[FloatArray]) -> FloatArray:
     """Return (m, 3) places on all legs, not many more than ``MAX_POINTS``."""
     length_m = sum(float(np.linalg.norm(leg[1] - leg[0])) for leg in legs)
-    return np.concatenate([_sample_leg(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
+    return np.concatenate([sample_leg(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
 
 
 def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
@@ -370,7 +364,7 @@ def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
     step_m = max(SURFACE_STEP_M, 3.0 * float(network.lengths_m.sum()) / MAX_POINTS)
     for ends_m in network.ends_m:
         line = np.column_stack((ends_m, np.zeros(2)))
-        places = _sample_leg(line, step_m)[:, :2]
+        places = sample_leg(line, step_m)[:, :2]
         along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
         aside = BESIDE_M * np.array([along[1], -along[0]])
         places = np.concatenate((places, places + 0.99 * aside, places - 0.99 * aside))

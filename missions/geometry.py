@@ -41,6 +41,13 @@ def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
 
 
+def sample_leg(leg_m: FloatArray, step_m: float) -> FloatArray:
+    """Return (m, d) places on a (2, d) leg, its ends included, at most a step apart."""
+    steps = max(1, math.ceil(float(np.linalg.norm(leg_m[1] - leg_m[0])) / step_m))
+    share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
+    return np.asarray(leg_m[0] + share * (leg_m[1] - leg_m[0]), dtype=np.float64)
+
+
 def find_bends(places_m: FloatArray, within_m: float) -> list[int]:
     """Return which of the places between the first and the last a drawn line bends at, by more than a distance."""
     kept: list[int] = []

@@ -19,7 +19,7 @@ from missions.pads import Pad
 from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, build_priced_sorties
 from missions.safety import Inspection
 from missions.setup import FlightSetup, plan_flight_setup
-from missions.shortest_ways import build_obstacle, build_visibility_graph
+from missions.shortest_ways import build_area_graph
 from missions.terrain import Terrain
 from missions.validation import Above0, Figure, From0, Id, Known, Pair, Place, Text
 from planner import (
@@ -425,10 +425,8 @@ def describe_area_conflicts(
     flown, pads = sorted({segment_of(visit) for visit in visits}), list(pads)
     tracks_m = pricing.tracks_m[flown, :, :2]
     for one in pricing.kept_out:
-        graph = build_visibility_graph((build_obstacle(one.area),))
-        begins_m, ends_m = tracks_m[:, 0], tracks_m[:, 1]
-        within = graph.is_inside(begins_m) | graph.is_inside(ends_m) | graph.is_blocked(begins_m, ends_m)
-        for number in np.flatnonzero(within).tolist():
+        graph = build_area_graph(one.area)
+        for number in np.flatnonzero(graph.is_met(tracks_m[:, 0], tracks_m[:, 1])).tolist():
             yield f"{segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
         for name, pad in pads:
             if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:

@@ -18,7 +18,7 @@ from missions.line_heights import with_heights
 from missions.network import Network
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.safety import NOWHERE, Inspection, Layers, plan_layers, tracks_m
-from missions.shortest_ways import Obstacle, build_obstacle, build_visibility_graph
+from missions.shortest_ways import Obstacle, build_area_graph, build_obstacle
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
 
 LOWEST_FLIGHT_M = 5.0
@@ -156,12 +156,8 @@ class FlightSetup:
 
     def areas_at(self, vehicle: str, place_m: tuple[float, float]) -> list[Area]:
         """Return the areas that a vehicle must keep out of, and a place, east and north, is in with their margins."""
-        place = np.array([place_m])
-        return [
-            one.area
-            for one in self.kept_out
-            if vehicle in one.vehicles and build_visibility_graph((build_obstacle(one.area),)).is_inside(place)[0]
-        ]
+        areas, place = [one.area for one in self.kept_out if vehicle in one.vehicles], np.array([place_m])
+        return [area for area in areas if build_area_graph(area).is_inside(place)[0]]
 
 
 def plan_flight_setup(
@@ -216,7 +212,7 @@ def _turning_places_m(
 ) -> FloatArray:
     """Return (m, 2) where ways begin, end or turn beside the lines; what is around areas that are far away is none."""
     low_m, high_m = tracks_m.min(axis=(0, 1)) - DETOUR_M, tracks_m.max(axis=(0, 1)) + DETOUR_M
-    corners_m = build_visibility_graph(tuple(map(build_obstacle, areas))).nodes_m
+    corners_m = build_area_graph(*areas).nodes_m
     near_m = corners_m[((corners_m >= low_m) & (corners_m <= high_m)).all(axis=1)]
     stands_m = np.array([(pad.east_m, pad.north_m) for pad in pads], dtype=np.float64).reshape(-1, 2)
     around_m = around_bases_m({(base.east_m, base.north_m) for base in bases.values()})
