@@ -242,38 +242,30 @@ class OccupiedAirspace:
     """The air that is not free for a vehicle which comes down to the line."""
 
     def __init__(self, setup: FlightSetup, taken: Sequence[Airway]) -> None:
-        self._setup = setup
-        self._legs: dict[str, list[FloatArray]] = {}
-        self._walls: dict[str, list[FloatArray]] = {}
-        self._walls_for_now: dict[str, list[FloatArray]] = {}
-        self._pads_m = {pad.vehicle: np.array([pad.east_m, pad.north_m]) for pad in setup.pads}
-        for one in taken:
-            self._legs.setdefault(one.vehicle, []).append(one.over_ground_m)
-            walls = self._walls_for_now if one.for_now else self._walls
-            walls.setdefault(one.vehicle, []).append(one.over_ground_m[one.has_wall])
+        self._setup, self._taken = setup, taken
+        self._new_walls: list[tuple[str, FloatArray]] = []
 
     def add_walls(self, vehicle: str, tracks_m: FloatArray) -> None:
         """Take note of new walls."""
-        self._walls.setdefault(vehicle, []).append(tracks_m)
+        self._new_walls.append((vehicle, tracks_m))
 
     def find_closed_tracks(self, vehicle: str, tracks_m: FloatArray, radius_m: float) -> BoolArray:
         """Return (n,) which of (n, 2, 2) tracks a vehicle must not come down to."""
-        order = self._setup.layers.vehicles
-        met = np.zeros(len(tracks_m), dtype=np.bool_)
-        for name, pad_m in self._pads_m.items():
-            if name == vehicle:
+        layers, met = self._setup.layers, np.zeros(len(tracks_m), dtype=np.bool_)
+        pads_m = {
+            pad.vehicle: np.array([pad.east_m, pad.north_m]) for pad in self._setup.pads if pad.vehicle != vehicle
+        }
+        near = [np.broadcast_to(pad_m, (1, 2, 2)) for pad_m in pads_m.values()]
+        near += [walls_m for name, walls_m in self._new_walls if name != vehicle]
+        for one in self._taken:
+            flies_above = layers.vehicles.index(one.vehicle) > layers.vehicles.index(vehicle)
+            if one.vehicle == vehicle or (flies_above and one.for_now):
                 continue
-            met |= find_near_tracks(tracks_m, np.broadcast_to(pad_m, (1, 2, 2)), radius_m)
-            for walls_m in self._walls.get(name, ()):
-                met |= find_near_tracks(tracks_m, walls_m, radius_m)
-            if order.index(name) > order.index(vehicle):
-                continue  # it flies above
-            for walls_m in self._walls_for_now.get(name, ()):
-                met |= find_near_tracks(tracks_m, walls_m, radius_m)
-            for below_m in self._legs.get(name, ()):
-                met |= find_near_tracks(tracks_m, below_m, radius_m)
-                if self._setup.layers.returns_in_layers:
-                    met |= find_tracks_near_returns(tracks_m, below_m, pad_m, radius_m)
+            near.append(one.over_ground_m[one.has_wall] if flies_above else one.over_ground_m)
+            if not flies_above and layers.returns_in_layers:
+                met |= find_tracks_near_returns(tracks_m, one.over_ground_m, pads_m[one.vehicle], radius_m)
+        for taken_m in near:
+            met |= find_near_tracks(tracks_m, taken_m, radius_m)
         return met
 
 

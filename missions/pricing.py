@@ -43,18 +43,13 @@ class VehicleMoves:
     """One vehicle's moves, around the columns above others' pads, around areas and over hills."""
 
     model: FlightModel
-    columns: DetourObstacles = field(default_factory=DetourObstacles)
-    relief: Relief | None = None
-    barred: frozenset[int] = frozenset()
+    columns: DetourObstacles
+    relief: Relief | None
+    barred: frozenset[int]
     """Segments that it cannot be given."""
-
-    besides_s: tuple[tuple[int, float], ...] = ()
-    """Segments that take longer than their tracks, and by how much."""
-    in_layer_s: tuple[tuple[int, float], ...] = ()
-    """The same of those whose viewpoints lie below the surface, where it looks at them from its layer."""
-    step_m: float = 0.0
+    step_m: float
     """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
-    layered: frozenset[int] = frozenset()
+    layered: frozenset[int]
     """Segments that it inspects in its layer all the same."""
 
     def find_low_visits(self, visits: Visits) -> BoolArray:
@@ -62,19 +57,6 @@ class VehicleMoves:
         if not self.step_m:
             return NEVER
         return np.asarray(~np.isin(np.asarray(visits, dtype=np.int64) >> 1, list(self.layered)))
-
-    def price_visit_extras(self, visits: int) -> FloatArray:
-        """Return (2, visits) float64: seconds and energy that visits take besides.
-
-        That is more than any battery holds where the vehicle is barred from a visit.
-        """
-        more = np.zeros((2, visits))
-        from_layer = {segment: seconds for segment, seconds in self.in_layer_s if segment in self.layered}
-        for segment, seconds in (dict(self.besides_s) | from_layer).items():
-            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * self.model.hover_pct_per_s]]
-        for segment in self.barred:
-            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
-        return more
 
     def price_moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
@@ -177,27 +159,29 @@ class Pricing:
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
 
-    def build_vehicle_moves(self, vehicles: Iterable[str], *, around: bool) -> list[VehicleMoves]:
-        """Return how vehicles move.
+    def build_vehicle_moves(self, vehicle: str, *, around: bool) -> VehicleMoves:
+        """Return how a vehicle moves; its ways may lead around others' pads."""
+        return VehicleMoves(
+            self.models[vehicle],
+            self._build_obstacles(vehicle, around=around),
+            self.relief,
+            self.barred.get(vehicle, frozenset()),
+            self.steps_m.get(vehicle, 0.0),
+            self.layered.get(vehicle, frozenset()),
+        )
 
-        Args:
-            vehicles: Their names.
-            around: Whether their ways lead around others' pads.
+    def price_visit_extras(self, flier: VehicleMoves) -> FloatArray:
+        """Return (2, 2n) float64: seconds and energy that visits take a vehicle besides.
+
+        That is more than any battery holds where the vehicle is barred from a visit.
         """
-        longer = tuple(sorted(self.besides_s.items()))
-        return [
-            VehicleMoves(
-                self.models[name],
-                self._build_obstacles(name, around=around),
-                self.relief,
-                self.barred.get(name, frozenset()),
-                longer,
-                tuple(sorted(self.in_layer_s.items())),
-                self.steps_m.get(name, 0.0),
-                self.layered.get(name, frozenset()),
-            )
-            for name in vehicles
-        ]
+        more = np.zeros((2, 2 * len(self.tracks_m)))
+        from_layer = {segment: self.in_layer_s[segment] for segment in flier.layered & self.in_layer_s.keys()}
+        for segment, seconds in {**self.besides_s, **from_layer}.items():
+            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * flier.model.hover_pct_per_s]]
+        for segment in flier.barred:
+            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        return more
 
     def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
         areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
@@ -212,31 +196,29 @@ class Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
         numbers = {segment: number for number, segment in enumerate(segments)}
+
+        def renumber(figures: Mapping[int, float]) -> dict[int, float]:
+            return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
+
+        def select(sets: Mapping[str, frozenset[int]]) -> dict[str, frozenset[int]]:
+            return {
+                name: frozenset(numbers[segment] for segment in sets[name] if segment in numbers)
+                for name in names
+                if name in sets
+            }
+
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
-            besides_s=_renumber(numbers, self.besides_s),
-            in_layer_s=_renumber(numbers, self.in_layer_s),
-            deep_m=_renumber(numbers, self.deep_m),
-            barred={
-                name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
-                for name in names
-                if name in self.barred
-            },
-            layered={
-                name: frozenset(numbers[segment] for segment in self.layered[name] if segment in numbers)
-                for name in names
-                if name in self.layered
-            },
+            besides_s=renumber(self.besides_s),
+            in_layer_s=renumber(self.in_layer_s),
+            deep_m=renumber(self.deep_m),
+            barred=select(self.barred),
+            layered=select(self.layered),
             steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
-
-
-def _renumber(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[int, float]:
-    """Return the figures of some segments, by their new numbers."""
-    return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,11 +330,11 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     tracks_m, names = pricing.tracks_m.reshape(-1, 2, 3), tuple(vehicles)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
     around = len(tracks_m) * len(names) <= AROUND_UP_TO
-    fliers = pricing.build_vehicle_moves(names, around=around)
+    fliers = tuple(pricing.build_vehicle_moves(name, around=around) for name in names)
     profiles = tuple(dict.fromkeys(fliers))
-    more = any(flier.barred or flier.besides_s for flier in fliers)
-    besides = np.stack([flier.price_visit_extras(len(first_m)) for flier in profiles], axis=1) if more else None
-    return PricedFleet(tuple(fliers), PricedMoves(first_m, last_m, profiles, besides))
+    more = bool(fliers and pricing.besides_s) or any(flier.barred for flier in fliers)
+    besides = np.stack([pricing.price_visit_extras(flier) for flier in profiles], axis=1) if more else None
+    return PricedFleet(fliers, PricedMoves(first_m, last_m, profiles, besides))
 
 
 def build_priced_instance(
