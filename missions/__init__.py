@@ -81,7 +81,14 @@ from missions.readers import (
     read_station_points,
 )
 from missions.routes import build_flight_path, continue_path
-from missions.safety import HeightReference, Inspection, check_separation, plan_layers, tracks_m
-from missions.setup import FlightSetup, plan_flight_setup
+from missions.setup import (
+    FlightSetup,
+    HeightReference,
+    Inspection,
+    check_separation,
+    plan_flight_setup,
+    plan_layers,
+    tracks_m,
+)
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

@@ -20,11 +20,10 @@ from missions.clearance import heights_over_ground_m
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
-from missions.grids import is_inside_convex
-from missions.safety import legs_m
 from missions.setup import FlightSetup
 from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
-from missions.waypoints import FlightPath, Phase
+from missions.terrain import is_inside_convex
+from missions.waypoints import FlightPath, Phase, legs_m
 from planner import segment_of
 
 STEP_M = 3.0

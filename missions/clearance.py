@@ -18,14 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions import grids
 from missions.geo import FloatArray, IndexArray
 from missions.geometry import find_nearest_on_legs, sample_leg
 from missions.network import Network
-from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
-from missions.terrain import describe_ground_place
-from missions.waypoints import FlightPath, Phase
+from missions.terrain import describe_ground_place, is_inside_convex
+from missions.waypoints import FlightPath, Phase, legs_m
 
 BESIDE_M = 10.0
 """Nobody is below the tops within this distance of a line, over the ground: half of a wide cross-arm, and GPS."""
@@ -301,7 +299,7 @@ def check_area(setup: FlightSetup) -> list[str]:
     step_m = max(SURFACE_STEP_M, math.sqrt(float((high_m - low_m).prod()) / MAX_POINTS))
     axes = (np.arange(low_m[axis] + 0.5 * step_m, high_m[axis], step_m) for axis in (0, 1))
     places_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    places_m = places_m[grids.is_inside_convex(corners_m, places_m)]
+    places_m = places_m[is_inside_convex(corners_m, places_m)]
     low = find_terrain_shortfall(
         setup, np.column_stack((places_m, layers.surface.interpolate_m(places_m) - layers.tolerance_m))
     )

@@ -20,9 +20,8 @@ from pydantic import Field
 
 from missions.geo import BoolArray, FloatArray, LocalFrame
 from missions.performance import Performance
-from missions.safety import legs_m
 from missions.validation import Figure, Place
-from missions.waypoints import FlightPath, Phase
+from missions.waypoints import FlightPath, Phase, legs_m
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5

@@ -28,10 +28,9 @@ from missions.geo import BoolArray, FloatArray
 from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
 from missions.routes import build_flight_path
-from missions.safety import legs_m
 from missions.setup import FlightSetup
 from missions.shortest_ways import Obstacle
-from missions.waypoints import FlightPath, Phase
+from missions.waypoints import FlightPath, Phase, legs_m
 from planner import is_reversed, segment_of, visit_of
 
 Routes = Mapping[str, Sequence[int]]

@@ -38,7 +38,7 @@ from missions.plan_file import (
 )
 from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
-from missions.safety import Inspection
+from missions.setup import Inspection
 from missions.validation import Above0, Figure, Flag, From0, Id, Name, Pair, Printable, Text, format_first_error, one_of
 from planner import Cost, InstanceError, Plan, PlanError, Route, Travel, Vehicle, is_reversed, segment_of, visit_of
 from planner.sorties import LossWindow, Objective, Sortie, SortieEvaluation, SortiePlan, SortieVehicle

@@ -22,9 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.geo import FloatArray, IndexArray, IntArray
-from missions.grids import Grid
 from missions.network import Network
-from missions.terrain import KnownGround
+from missions.terrain import Grid, KnownGround
 
 DATA_STEP_M = 20.0
 """Distance of the points along a line that carry the surface; coarser for very long networks."""

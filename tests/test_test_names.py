@@ -151,7 +151,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/rasters.py",
     ),
     "tests/missions/test_surface_overland.py": ("missions/terrain.py",),
-    "tests/missions/test_surface_relief.py": ("missions/grids.py",),
     "tests/executor/site/test_terrain.py": (
         "executor/analysis/pictures/profile_figure.py",
         "executor/analysis/height_profile.py",
@@ -172,6 +171,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
     "tests/missions/test_encode_cameras.py": ("missions/cameras.py",),
+    "tests/missions/test_setup.py": ("missions/waypoints.py",),
     "tests/missions/readers/test_whole.py": ("missions/readers/shape_parts.py",),
     "tests/missions/readers/test_network_build.py": (
         "missions/readers/network_checks.py",
@@ -317,7 +317,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/risk.py",
     ),
     "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
-    "tests/missions/test_routes.py": ("missions/setup.py",),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",

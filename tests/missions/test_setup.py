@@ -25,7 +25,8 @@ from missions import (
 )
 from missions.geo import FloatArray
 from missions.geometry import leg_distances_m
-from missions.safety import FLAT_M, _find_nearest_legs, legs_m
+from missions.setup import FLAT_M, _find_nearest_legs
+from missions.waypoints import legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
