@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
-from missions.clearance import heights_over_ground_m
+from missions.clearance import measure_over_ground
 from missions.errors import SafetyError
 from missions.geo import FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
@@ -101,7 +101,7 @@ def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
     over_m = []
     if area.max_agl_m is not None:
-        over_m.append(heights_over_ground_m(setup, np.column_stack((places_m, up_m))) - area.max_agl_m)
+        over_m.append(measure_over_ground(setup, np.column_stack((places_m, up_m)))[0] - area.max_agl_m)
     if area.max_amsl_m is not None:
         over_m.append(up_m + setup.frame.alt_m - area.max_amsl_m)
     return float(np.max(over_m))
@@ -305,7 +305,7 @@ def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatA
     if area.kind is AreaKind.HEIGHT_LIMIT:
         over_m = np.full(len(near), -math.inf)
         if area.max_agl_m is not None:
-            over_m = np.maximum(over_m, heights_over_ground_m(setup, at_m) - area.max_agl_m)
+            over_m = np.maximum(over_m, measure_over_ground(setup, at_m)[0] - area.max_agl_m)
         if area.max_amsl_m is not None:
             over_m = np.maximum(over_m, at_m[:, 2] + setup.frame.alt_m - area.max_amsl_m)
         short_m = np.where(short_m > ROUNDING_M, over_m, -math.inf)

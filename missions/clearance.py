@@ -161,12 +161,10 @@ def check_network_clearance(setup: FlightSetup) -> list[str]:
     network, found = setup.network, []
     legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
     for number, leg in enumerate(legs):
-        low = find_line_shortfall(walls, setup, sample_leg(leg, STEP_M))
-        if low is not None:
-            found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
-        ground = find_terrain_shortfall(setup, sample_leg(leg, STEP_M))
-        if ground is not None:
-            found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
+        points = sample_leg(leg, STEP_M)
+        lows = (find_line_shortfall(walls, setup, points), find_terrain_shortfall(setup, points))
+        name = network.segment_name(number)
+        found += [f"the inspection of {name} comes {low.words}" for low in lows if low is not None]
     for number, points in enumerate(_sample_over_lines(setup)):
         low = find_line_shortfall(walls, setup, points)
         if low is not None:
@@ -204,18 +202,13 @@ def find_height_extremes(
         legs = [leg for leg, phase in _iterate_legs(setup, path) if phase not in {Phase.TAKEOFF, Phase.LAND}]
         if legs:
             points = _sample_legs(legs)
-            heights_m, near = _measure_over_ground(setup, points)
+            heights_m, near = measure_over_ground(setup, points)
             for index in (int(heights_m.argmin()), int(heights_m.argmax())):
                 name = setup.network.segment_name(int(near[index]))
                 found.append(HeightOverGround(float(heights_m[index]), path.vehicle, name))
     if not found:
         return None
     return min(found, key=lambda one: one.height_m), max(found, key=lambda one: one.height_m)
-
-
-def heights_over_ground_m(setup: FlightSetup, places_m: FloatArray) -> FloatArray:
-    """Return (m,) heights of (m, 3) places over the ground as far as it is known, as `over_ground_m` knows it."""
-    return _measure_over_ground(setup, places_m)[0]
 
 
 def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
@@ -225,26 +218,25 @@ def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
         pad.vehicle: math.ceil(setup.return_height_m(pad.vehicle)) + setup.frame.up_m(pad.alt_m) for pad in setup.pads
     }
     highest = max(ups_m, key=ups_m.__getitem__)
-    up_m, network = ups_m[highest], setup.network
-    walls = lines_of(setup)
-    if walls is None:
-        return HeightOverGround(up_m, highest, "")
-    if setup.layers.known is not None:
-        bottom = setup.layers.known.bottom
-        near = walls.find_nearest(np.array([bottom.place_m]))[0][0]
-        return HeightOverGround(up_m - bottom.up_m, highest, network.segment_name(int(near.argmin())))
-    lowest = int(walls.ground_m.min(axis=1).argmin())
-    return HeightOverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
+    ground_m, near = _find_lowest_ground(setup)
+    return HeightOverGround(ups_m[highest] - ground_m, highest, near)
 
 
 def max_return_height_m(setup: FlightSetup, vehicle: str) -> float:
     """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
-    walls = lines_of(setup)
-    ground_m = 0.0 if walls is None else float(walls.ground_m.min())
-    if setup.layers.known is not None:
-        ground_m = setup.layers.known.bottom.up_m
     ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
-    return ceiling_m + ground_m - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+    return ceiling_m + _find_lowest_ground(setup)[0] - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+
+
+def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
+    """Return the height of the lowest ground that is known over the depot's, and the segment that is nearest to it."""
+    walls, known = lines_of(setup), setup.layers.known
+    if walls is None:
+        return 0.0, ""
+    if known is not None:
+        away_m = walls.find_nearest(np.array([known.bottom.place_m]))[0][0]
+        return known.bottom.up_m, walls.name_of(int(away_m.argmin()))
+    return float(walls.ground_m.min()), walls.name_of(int(walls.ground_m.min(axis=1).argmin()))
 
 
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
@@ -412,8 +404,8 @@ def find_line_shortfall(
     return ClearanceShortfall(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
 
 
-def _measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
+def measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
+    """Return (m,) heights of (m, 3) places over the ground as far as it is known, and the nearest segments."""
     walls = lines_of(setup)
     flat = walls is None
     if walls is None:

@@ -22,6 +22,16 @@ AT_ONCE = 1_000_000
 """Places that are looked up together: some 100 MB."""
 
 
+def interpolate_nodes(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return (m, ...) what (easts, norths, ...) nodes have at (m, 2) places, counted in nodes; beyond, straight on."""
+    node = np.clip(np.floor(at).astype(np.intp), 0, np.array(values.shape[:2]) - 2)
+    share_e, share_n = (at - node).T.reshape(2, -1, *(1 for _ in values.shape[2:]))
+    e, n = node.T
+    south = values[e, n] + share_e * (values[e + 1, n] - values[e, n])
+    north = values[e, n + 1] + share_e * (values[e + 1, n + 1] - values[e, n + 1])
+    return np.asarray(south + share_n * (north - south), dtype=np.float64)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tile:
     """Cells of one raster."""
@@ -41,15 +51,7 @@ class Tile:
 
     def to_rows_columns(self, places_m: FloatArray) -> FloatArray:
         """Return (m, 2) rows and columns of (m, 2) places."""
-        shape = np.array(self.lattice.shape[:2])
-        at = (places_m - np.array(self.low_m)) / self.step_m
-        node = np.clip(np.floor(at).astype(np.intp), 0, shape - 2)
-        share_e, share_n = (at - node).T[..., np.newaxis]
-        e, n = node.T
-        one, two = self.lattice[e, n], self.lattice[e + 1, n]
-        three, four = self.lattice[e, n + 1], self.lattice[e + 1, n + 1]
-        south, north = one + share_e * (two - one), three + share_e * (four - three)
-        return np.asarray(south + share_n * (north - south), dtype=np.float64)
+        return interpolate_nodes(self.lattice, (places_m - np.array(self.low_m)) / self.step_m)
 
     def find_cells_around(self, places_m: FloatArray) -> tuple[IndexArray, IndexArray, FloatArray]:
         """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.

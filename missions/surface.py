@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from missions.geo import FloatArray, IndexArray, IntArray
+from missions.geometry import find_bends
 from missions.network import Network
 from missions.terrain import Grid, KnownGround
 
@@ -104,8 +105,7 @@ class Surface:
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         line = start_m + share * (goal_m - start_m)
         line[1:-1, 2] = self.interpolate_m(line[:, :2])[1:-1]
-        kept = sorted(_select_corners(line[:, 2], tolerance_m))
-        return np.asarray(line[kept], dtype=np.float64)
+        return np.asarray(line[find_bends(line[:, 2], tolerance_m, _measure_off)], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,19 +192,10 @@ def sample_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) ->
     return np.asarray(np.concatenate(pieces), dtype=np.float64)
 
 
-def _select_corners(heights_m: FloatArray, tolerance_m: float) -> list[int]:
-    """Return the inner indices to keep so that straight pieces between them are within the tolerance everywhere."""
-    kept: list[int] = []
-    pieces = [(0, len(heights_m) - 1)]
-    while pieces:
-        first, last = pieces.pop()
-        share = np.arange(last - first + 1) / max(1, last - first)
-        off_m = np.abs(heights_m[first] + share * (heights_m[last] - heights_m[first]) - heights_m[first : last + 1])
-        worst = int(np.argmax(off_m))
-        if off_m[worst] > tolerance_m:
-            kept.append(first + worst)
-            pieces += [(first, first + worst), (first + worst, last)]
-    return kept
+def _measure_off(heights_m: FloatArray) -> FloatArray:
+    """Return how far the inner heights are off what rises evenly from the first to the last."""
+    share = np.arange(1, len(heights_m) - 1) / (len(heights_m) - 1)
+    return np.asarray(np.abs(heights_m[0] + share * (heights_m[-1] - heights_m[0]) - heights_m[1:-1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from missions.elevation import Elevation, find_bounds
+from missions.elevation import Elevation, find_bounds, interpolate_nodes
 from missions.errors import ElevationError
 from missions.geo import BoolArray, FloatArray, LocalFrame
 from missions.geometry import build_convex_hull
@@ -53,14 +53,8 @@ class Grid:
 
     def interpolate_m(self, places_m: FloatArray) -> FloatArray:
         """Return (m,) heights at (m, 2) places; beyond the grid those of its edge."""
-        most = np.array(self.heights_m.shape) - 1
-        at = np.clip((places_m - np.array(self.low_m)) / self.step_m, 0.0, most)
-        node = np.minimum(at.astype(np.intp), np.maximum(most - 1, 0))
-        share_e, share_n = (at - node).T
-        (e, n), (last_e, last_n) = node.T, np.minimum(node + 1, most).T
-        south = self.heights_m[e, n] + share_e * (self.heights_m[last_e, n] - self.heights_m[e, n])
-        north = self.heights_m[e, last_n] + share_e * (self.heights_m[last_e, last_n] - self.heights_m[e, last_n])
-        return np.asarray(south + share_n * (north - south), dtype=np.float64)
+        at = (places_m - np.array(self.low_m)) / self.step_m
+        return interpolate_nodes(self.heights_m, np.clip(at, 0.0, np.array(self.heights_m.shape) - 1))
 
     @property
     def slope(self) -> float:

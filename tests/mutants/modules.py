@@ -59,7 +59,10 @@ MODULES = {
     "geometry": Module(
         ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_setup.py")
     ),
-    "safety": Module(("missions/setup.py",), ("tests/missions/test_setup.py", "tests/missions/test_clearance.py")),
+    "safety": Module(
+        ("missions/setup.py", "missions/waypoints.py"),
+        ("tests/missions/test_setup.py", "tests/missions/test_clearance.py"),
+    ),
     "replan": Module(("planner/replan.py",), ("tests/planner/test_replan.py", "tests/planner/test_window.py")),
     "window": Module(
         ("planner/window.py",), ("tests/planner/test_window.py", "tests/properties/test_planner_window.py")
