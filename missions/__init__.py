@@ -43,14 +43,23 @@ from missions.errors import (
     SafetyError,
 )
 from missions.files import NESTED
-from missions.flight_model import Base, Estimate, FlightModel, LegEstimate, Pace, estimate
+from missions.flight_model import (
+    Base,
+    Estimate,
+    FlightModel,
+    LegEstimate,
+    Pace,
+    Performance,
+    Ramp,
+    apply_tunings,
+    estimate,
+)
 from missions.geo import LocalFrame
 from missions.items import Command, Frame, MissionItem, MissionKind
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.performance import Performance, Ramp, apply_tunings
 from missions.plan_file import (
     BasePlace,
     BreakingLoss,

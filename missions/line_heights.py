@@ -17,11 +17,10 @@ from statistics import median
 
 import numpy as np
 
-from missions.elevation import Elevation
 from missions.errors import NetworkError
 from missions.geo import FloatArray, LocalFrame
 from missions.network import Network, Pylon
-from missions.terrain import build_unknown_ground_error
+from missions.terrain import Elevation, build_unknown_ground_error
 
 FLAT_GROUND_M = 5.0
 """Ground that is claimed to be flat is nowhere known to be farther than this from the depot's height."""

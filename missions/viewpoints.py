@@ -25,10 +25,10 @@ from missions.clearance import (
     lines_of,
 )
 from missions.errors import SafetyError
+from missions.flight_model import Performance
 from missions.geo import FloatArray
 from missions.geometry import sample_leg
 from missions.network import Network, Pylon, Segment
-from missions.performance import Performance
 from missions.setup import FlightSetup
 
 APART_M = 1.0

@@ -145,12 +145,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/mbtiles.py",
     ),
     "tests/missions/readers/test_elevation_rasters.py": (
-        "missions/elevation.py",
+        "missions/terrain.py",
         "missions/readers/geoids.py",
         "missions/readers/kept_elevation.py",
         "missions/readers/rasters.py",
     ),
-    "tests/missions/test_surface_overland.py": ("missions/terrain.py",),
     "tests/executor/site/test_terrain.py": (
         "executor/analysis/pictures/profile_figure.py",
         "executor/analysis/height_profile.py",

@@ -14,8 +14,8 @@ from importlib import resources
 from pydantic import ConfigDict, TypeAdapter
 
 from missions.cameras import Trigger
+from missions.flight_model import Performance, Tuning
 from missions.items import Frame
-from missions.performance import Performance, Tuning
 
 Words = tuple[tuple[int, str], ...]
 """A parameter's values and what the vehicle then does; a value that is not there is not known here."""
@@ -325,3 +325,32 @@ def dialect_for(name: str) -> Dialect:
 def dialect_of(number: int) -> Dialect | None:
     """Return the dialect of a MAV_AUTOPILOT; None if it is not known."""
     return next((dialect for dialect in AUTOPILOTS if dialect.number == number), None)
+
+
+def is_mission_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether the vehicle flies the mission on board."""
+    return custom_mode == dialect.modes.mission.custom_mode
+
+
+def is_home_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether the vehicle comes home, or lands, by itself."""
+    ours = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
+    return custom_mode in ours | dialect.modes.other_ways_home
+
+
+def is_manual_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether somebody has to fly it: neither we, nor a mission, nor a failsafe leads there with hands off."""
+    return custom_mode in dialect.modes.manual
+
+
+def mode_name(dialect: Dialect, custom_mode: int) -> str:
+    """Return a mode in words."""
+    modes = dialect.modes
+    ours = {
+        modes.guided.custom_mode: "GUIDED",
+        modes.hold.custom_mode: "HOLD",
+        modes.mission.custom_mode: "MISSION",
+        modes.return_home.custom_mode: "RTL",
+        modes.land.custom_mode: "LAND",
+    }
+    return ours.get(custom_mode) or dict(modes.other_names).get(custom_mode) or f"number {custom_mode}"

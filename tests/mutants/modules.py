@@ -25,7 +25,7 @@ class Module:
 
 MODULES = {
     "core": Module(
-        ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/modes.py"),
+        ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/dialect.py"),
         (
             "tests/executor/core",
             "tests/executor/site/test_planned_heights.py",
