@@ -29,7 +29,8 @@ from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TimesAndEnergies = tuple[FloatArray, FloatArray]
 TABLES_UP_TO = 1000
-"""Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+"""Segments up to which all moves are kept in tables, 2000 x 2000 times and energies are 64 MB; else they are priced
+when they are asked for."""
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
 BARRED_PCT = 1e5
@@ -337,9 +338,7 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     return PricedFleet(fliers, PricedMoves(first_m, last_m, profiles, besides))
 
 
-def build_priced_instance(
-    pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO
-) -> Instance:
+def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Instance:
     """Return the planning problem of one flight over all segments of a pricing.
 
     A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
@@ -348,7 +347,6 @@ def build_priced_instance(
     Args:
         pricing: Of at least these vehicles.
         vehicles: The fleet.
-        tables_up_to: Segments beyond which moves are priced when they are asked for.
 
     Raises:
         planner.InstanceError: there is no vehicle, or a start is not a number.
@@ -357,7 +355,7 @@ def build_priced_instance(
     flown = fleet.moves
     # Who comes down from a layer of its own has moves of its own.
     tables = flown.profiles if pricing.steps_m else 1
-    small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= tables_up_to**2
+    small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
