@@ -60,25 +60,25 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
         raise EncodeError(f"{path.vehicle}: waypoints[0]: expected a take-off, got {path.waypoints[0].phase.value}")
     items: list[MissionItem] = []
     waypoint_of: list[int | None] = []
+
+    def add(item: MissionItem, serves: int | None) -> None:
+        items.append(replace(item, seq=len(items)))
+        waypoint_of.append(serves)
+
     if dialect.home_item:
-        items.append(_build_home_item(path.waypoints[0]))
-        waypoint_of.append(None)
+        add(_build_home_item(path.waypoints[0]), None)
     speed_m_s: float | None = None
     for index, point in enumerate(path.waypoints):
         _check(path.vehicle, index, point)
         if point.phase not in (Phase.TAKEOFF, Phase.LAND) and point.speed_m_s != speed_m_s:
             speed_m_s = point.speed_m_s
-            items.append(_build_speed_item(len(items), speed_m_s, dialect))
-            waypoint_of.append(index)
-        for item in build_begin_items(point, dialect):
-            items.append(replace(item, seq=len(items)))
-            waypoint_of.append(index)
-        items.append(_build_place_item(len(items), point, dialect))
-        waypoint_of.append(index)
+            change = (GROUND_SPEED, speed_m_s, THROTTLE_UNCHANGED)
+            add(_build_command_item(dialect, Command.DO_CHANGE_SPEED, *change), index)
+        for item in (*build_begin_items(point, dialect), _build_place_item(point, dialect)):
+            add(item, index)
         for item in build_end_items(point, dialect):
             # It comes when the leg is over: who is there flies to the next waypoint.
-            items.append(replace(item, seq=len(items)))
-            waypoint_of.append(min(index + 1, len(path.waypoints) - 1))
+            add(item, min(index + 1, len(path.waypoints) - 1))
     if len(items) > dialect.max_items:
         raise EncodeError(
             f"{path.vehicle}: expected at most {dialect.max_items} items for {dialect.name}, got {len(items)}"
@@ -104,18 +104,7 @@ def _build_home_item(takeoff: Waypoint) -> MissionItem:
     )
 
 
-def _build_speed_item(seq: int, speed_m_s: float, dialect: Dialect) -> MissionItem:
-    return MissionItem(
-        seq=seq,
-        frame=dialect.command_frame,
-        command=Command.DO_CHANGE_SPEED,
-        param1=GROUND_SPEED,
-        param2=speed_m_s,
-        param3=THROTTLE_UNCHANGED,
-    )
-
-
-def _build_place_item(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
+def _build_place_item(point: Waypoint, dialect: Dialect) -> MissionItem:
     command, param1, param2 = Command.NAV_WAYPOINT, 0.0, dialect.pass_radius_m
     if point.phase is Phase.TAKEOFF:
         command, param2 = Command.NAV_TAKEOFF, 0.0
@@ -126,7 +115,7 @@ def _build_place_item(seq: int, point: Waypoint, dialect: Dialect) -> MissionIte
         param1, param2 = max(dialect.performance.hold_s, float(math.ceil(point.hover_s))), dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
-        seq=seq,
+        seq=0,
         frame=dialect.position_frame,
         command=command,
         param1=param1,

@@ -232,8 +232,8 @@ class PricedMoves:
     """(2n, 3) float64: where it ends."""
     fliers: tuple[VehicleMoves, ...]
     """One for each profile."""
-    besides: FloatArray | None = None
-    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile; None where none do."""
+    besides: FloatArray
+    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile."""
 
     @property
     def profiles(self) -> int:
@@ -256,8 +256,8 @@ class PricedMoves:
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
-        besides = None if self.besides is None else self.besides[..., which]
-        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tabulate()
+        first_m, last_m, besides = self.first_m[which], self.last_m[which], self.besides[..., which]
+        return replace(self, first_m=first_m, last_m=last_m, besides=besides).tabulate()
 
     def tabulate(self) -> MoveTables:
         """Return all moves."""
@@ -273,8 +273,6 @@ class PricedMoves:
             self.last_m[before], facing_m, self.first_m[after], self.last_m[after],
             (flier.find_low_visits(before), flier.find_low_visits(after)),
         )  # fmt: skip
-        if self.besides is None:
-            return seconds, pct
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
@@ -298,18 +296,14 @@ class PricedFleet:
         """Return (2, 2n): from a pad of a vehicle to the end of each visit, the climb included."""
         flier = self.fliers[row]
         climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
-        there = self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER, besides=False)
-        return self._add_besides(row, there + climb[:, np.newaxis])
+        return self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER) + climb[:, np.newaxis]
 
-    def price_from(
-        self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray, *, besides: bool = True
-    ) -> FloatArray:
+    def price_from(self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray) -> FloatArray:
         """Return (2, 2n): from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
         flier, moves = self.fliers[row], self.moves
-        priced = np.array(
-            flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, (is_low, self._find_low_visits(row)))
-        )
-        return self._add_besides(row, priced) if besides else priced
+        low = (is_low, self._find_low_visits(row))
+        priced = np.array(flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, low))
+        return np.asarray(priced + moves.besides[:, moves.fliers.index(flier)])
 
     def price_home(self, row: int, base: Base) -> FloatArray:
         """Return (2, 2n): from the end of each visit onto a pad."""
@@ -321,10 +315,6 @@ class PricedFleet:
     def _find_low_visits(self, row: int) -> BoolArray:
         return self.fliers[row].find_low_visits(np.arange(self.moves.visits))
 
-    def _add_besides(self, row: int, priced: FloatArray) -> FloatArray:
-        besides = self.moves.besides
-        return priced if besides is None else priced + besides[:, self.moves.fliers.index(self.fliers[row])]
-
 
 def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     """Return what the flights of some vehicles take; moves are priced when they are asked for."""
@@ -333,8 +323,9 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     around = len(tracks_m) * len(names) <= AROUND_UP_TO
     fliers = tuple(pricing.build_vehicle_moves(name, around=around) for name in names)
     profiles = tuple(dict.fromkeys(fliers))
-    more = bool(fliers and pricing.besides_s) or any(flier.barred for flier in fliers)
-    besides = np.stack([pricing.price_visit_extras(flier) for flier in profiles], axis=1) if more else None
+    besides = np.zeros((2, len(profiles), len(first_m)))
+    for number, flier in enumerate(profiles):
+        besides[:, number] = pricing.price_visit_extras(flier)
     return PricedFleet(fliers, PricedMoves(first_m, last_m, profiles, besides))
 
 
