@@ -129,11 +129,14 @@ def test_an_unknown_segment_is_refused(segment: int) -> None:
 
 
 @pytest.mark.parametrize("tables_up_to", [100, 0])
-def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(tables_up_to: int) -> None:
+def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(
+    tables_up_to: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A pylon that is hovered at from its viewpoints: as a first visit, after another, and from the pad again."""
+    monkeypatch.setattr("missions.pricing.TABLES_UP_TO", tables_up_to)
     plain, vehicles = pricing(), [depot_vehicle("uav1", 90.0)]
     longer = replace(plain, besides_s={1: 20.0})
-    before, after = (build_priced_instance(one, vehicles, tables_up_to=tables_up_to) for one in (plain, longer))
+    before, after = (build_priced_instance(one, vehicles) for one in (plain, longer))
     slower = np.array([0.0, 0.0, 20.0, 20.0, 0.0, 0.0])
     assert after.start_s[0] - before.start_s[0] == pytest.approx(slower)
     assert after.depot_s[0] - before.depot_s[0] == pytest.approx(slower)
