@@ -9,11 +9,20 @@
 'NAV_TAKEOFF'
 """
 
-from missions.autopilots.ardupilot import ARDUPILOT
-from missions.autopilots.dialect import Dialect, ModeNumber, ReturnParameters, StartStep
-from missions.autopilots.failsafes import BatteryLevel, ThresholdUnit, Words
-from missions.autopilots.px4 import PX4
-from missions.autopilots.registry import AUTOPILOTS, dialect_for, dialect_of
+from missions.autopilots.dialect import (
+    ARDUPILOT,
+    AUTOPILOTS,
+    PX4,
+    BatteryLevel,
+    Dialect,
+    ModeNumber,
+    ReturnParameters,
+    StartStep,
+    ThresholdUnit,
+    Words,
+    dialect_for,
+    dialect_of,
+)
 from missions.clearance import (
     check_ceiling,
     check_clearance,
@@ -24,7 +33,6 @@ from missions.clearance import (
     max_return_height_m,
     min_height_over_tops_m,
 )
-from missions.day_plan import BasePlace, DayPlanFile, check_day_plan
 from missions.encode import EncodedMission, encode, flag_current
 from missions.errors import (
     EncodeError,
@@ -34,28 +42,38 @@ from missions.errors import (
     PlanFileError,
     SafetyError,
 )
-from missions.estimate import Estimate, LegEstimate, estimate
 from missions.files import NESTED
-from missions.flight_model import Base, FlightModel
+from missions.flight_model import (
+    Base,
+    Estimate,
+    FlightModel,
+    LegEstimate,
+    Pace,
+    Performance,
+    Ramp,
+    apply_tunings,
+    estimate,
+)
 from missions.geo import LocalFrame
 from missions.items import Command, Frame, MissionItem, MissionKind
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
-from missions.pace import Pace
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.performance import Performance, Ramp, apply_tunings
 from missions.plan_file import (
+    BasePlace,
     BreakingLoss,
+    DayPlanFile,
     PlanFile,
     SolverRecord,
     Window,
     build_plan_segment,
+    check_day_plan,
     check_plan,
     make_plan_file,
 )
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
-from missions.pricing import Pricing, build_priced_instance
+from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
 from missions.qgc import format_qgc_plan, format_qgc_waypoints
 from missions.readers import (
     SNAP_M,
@@ -72,8 +90,14 @@ from missions.readers import (
     read_station_points,
 )
 from missions.routes import build_flight_path, continue_path
-from missions.safety import HeightReference, check_separation, plan_layers, tracks_m
-from missions.setup import FlightSetup, Inspection, plan_flight_setup
-from missions.tasks import Task, build_open_task
+from missions.setup import (
+    FlightSetup,
+    HeightReference,
+    Inspection,
+    check_separation,
+    plan_flight_setup,
+    plan_layers,
+    tracks_m,
+)
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

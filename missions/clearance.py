@@ -18,14 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions import grids
 from missions.geo import FloatArray, IndexArray
-from missions.geometry import find_nearest_on_legs
+from missions.geometry import find_nearest_on_legs, sample_leg
 from missions.network import Network
-from missions.safety import legs_m
 from missions.setup import LOWEST_FLIGHT_M, FlightSetup
-from missions.terrain import describe_ground_place
-from missions.waypoints import FlightPath, Phase
+from missions.terrain import describe_ground_place, is_inside_convex
+from missions.waypoints import FlightPath, Phase, legs_m
 
 BESIDE_M = 10.0
 """Nobody is below the tops within this distance of a line, over the ground: half of a wide cross-arm, and GPS."""
@@ -33,6 +31,8 @@ NEAR_M = 50.0
 """The ground is known this far from a line: as high as the nearest place of it."""
 MARGIN_SHARE = 2.0 / 3.0
 """Of the inspection height: the least that a leg is over the top of a line."""
+GROUND, TOP = 2, 3
+"""Where heights stand behind east and north."""
 STEP_M = 2.0
 SURFACE_STEP_M = 4.0
 MAX_POINTS = 20_000
@@ -61,14 +61,8 @@ class PowerLines:
     """Lines as walls, in local metres over the depot's ground."""
 
     network: Network
-    starts_m: FloatArray
-    """(n, 2) float64: east and north of each segment's a."""
-    along_m: FloatArray
-    """(n, 2) float64: from a to b."""
-    ground_m: FloatArray
-    """(n, 2) float64: ground at a and b."""
-    tops_m: FloatArray
-    """(n, 2) float64: tops at a and b."""
+    ends_m: FloatArray
+    """(n, 2, 4) float64: east, north, ground and top at each segment's a and b."""
     segments: IndexArray
     """(n,): which segment of the network each is."""
 
@@ -78,8 +72,8 @@ class PowerLines:
 
     def select_near(self, low_m: FloatArray, high_m: FloatArray) -> PowerLines:
         """Return those that come near to the box between two (2,) corners."""
-        ends = np.stack((self.starts_m, self.starts_m + self.along_m))
-        apart = (ends.max(axis=0) < low_m - NEAR_M) | (ends.min(axis=0) > high_m + NEAR_M)
+        ends_m = self.ends_m[..., :2]
+        apart = (ends_m.max(axis=1) < low_m - NEAR_M) | (ends_m.min(axis=1) > high_m + NEAR_M)
         return self.select(np.flatnonzero(~apart.any(axis=1)))
 
     def select_nearest(self, places_m: FloatArray) -> PowerLines:
@@ -92,14 +86,17 @@ class PowerLines:
 
     def select(self, kept: IndexArray) -> PowerLines:
         """Return some of them."""
-        return replace(
-            self, starts_m=self.starts_m[kept], along_m=self.along_m[kept], ground_m=self.ground_m[kept],
-            tops_m=self.tops_m[kept], segments=self.segments[kept],
-        )  # fmt: skip
+        return replace(self, ends_m=self.ends_m[kept], segments=self.segments[kept])
 
     def find_nearest(self, places_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (m, n) distances over the ground of (m, 2) places, and where on each wall that is, from 0 to 1."""
-        return find_nearest_on_legs(places_m, self.starts_m, self.along_m)
+        begins_m, ends_m = self.ends_m[:, 0, :2], self.ends_m[:, 1, :2]
+        return find_nearest_on_legs(places_m, begins_m, ends_m - begins_m)
+
+    def interpolate_m(self, share: FloatArray, part: int) -> FloatArray:
+        """Return (m, n) heights of the ground, or of the tops, at shares of the way along the walls."""
+        begins_m, ends_m = self.ends_m[:, 0, part], self.ends_m[:, 1, part]
+        return np.asarray(begins_m + share * (ends_m - begins_m), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +130,7 @@ def check_clearance(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str
     for path in paths:
         lows = []
         for number, (leg, phase) in enumerate(_iterate_legs(setup, path)):
-            points, on_pad = _sample_leg(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
+            points, on_pad = sample_leg(leg, STEP_M), phase in {Phase.TAKEOFF, Phase.LAND}
             both = (
                 find_line_shortfall(walls, setup, points, on_pad=on_pad),
                 None if on_pad else find_terrain_shortfall(setup, points),
@@ -163,12 +160,10 @@ def check_network_clearance(setup: FlightSetup) -> list[str]:
     network, found = setup.network, []
     legs = np.concatenate((setup.tracks_m, setup.layers.track_heights_m[..., np.newaxis]), axis=2)
     for number, leg in enumerate(legs):
-        low = find_line_shortfall(walls, setup, _sample_leg(leg, STEP_M))
-        if low is not None:
-            found.append(f"the inspection of {network.segment_name(number)} comes {low.words}")
-        ground = find_terrain_shortfall(setup, _sample_leg(leg, STEP_M))
-        if ground is not None:
-            found.append(f"the inspection of {network.segment_name(number)} comes {ground.words}")
+        points = sample_leg(leg, STEP_M)
+        lows = (find_line_shortfall(walls, setup, points), find_terrain_shortfall(setup, points))
+        name = network.segment_name(number)
+        found += [f"the inspection of {name} comes {low.words}" for low in lows if low is not None]
     for number, points in enumerate(_sample_over_lines(setup)):
         low = find_line_shortfall(walls, setup, points)
         if low is not None:
@@ -184,10 +179,10 @@ def min_height_over_tops_m(setup: FlightSetup, paths: Iterable[FlightPath]) -> f
     least_m = math.inf
     for path in paths:
         for leg, _ in _iterate_legs(setup, path):
-            points = _sample_leg(leg, STEP_M)
+            points = sample_leg(leg, STEP_M)
             close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
             away_m, share = close.find_nearest(points[:, :2])
-            over_m = points[:, 2, np.newaxis] - _interpolate_heights(close.tops_m, share)
+            over_m = points[:, 2, np.newaxis] - close.interpolate_m(share, TOP)
             least_m = min(least_m, float(np.where(away_m < BESIDE_M, over_m, math.inf).min(initial=math.inf)))
     return None if math.isinf(least_m) else least_m
 
@@ -206,18 +201,13 @@ def find_height_extremes(
         legs = [leg for leg, phase in _iterate_legs(setup, path) if phase not in {Phase.TAKEOFF, Phase.LAND}]
         if legs:
             points = _sample_legs(legs)
-            heights_m, near = _measure_over_ground(setup, points)
+            heights_m, near = measure_over_ground(setup, points)
             for index in (int(heights_m.argmin()), int(heights_m.argmax())):
                 name = setup.network.segment_name(int(near[index]))
                 found.append(HeightOverGround(float(heights_m[index]), path.vehicle, name))
     if not found:
         return None
     return min(found, key=lambda one: one.height_m), max(found, key=lambda one: one.height_m)
-
-
-def heights_over_ground_m(setup: FlightSetup, places_m: FloatArray) -> FloatArray:
-    """Return (m,) heights of (m, 3) places over the ground as far as it is known, as `over_ground_m` knows it."""
-    return _measure_over_ground(setup, places_m)[0]
 
 
 def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
@@ -227,26 +217,26 @@ def find_max_return_height(setup: FlightSetup) -> HeightOverGround:
         pad.vehicle: math.ceil(setup.return_height_m(pad.vehicle)) + setup.frame.up_m(pad.alt_m) for pad in setup.pads
     }
     highest = max(ups_m, key=ups_m.__getitem__)
-    up_m, network = ups_m[highest], setup.network
-    walls = lines_of(setup)
-    if walls is None:
-        return HeightOverGround(up_m, highest, "")
-    if setup.layers.known is not None:
-        bottom = setup.layers.known.bottom
-        near = walls.find_nearest(np.array([bottom.place_m]))[0][0]
-        return HeightOverGround(up_m - bottom.up_m, highest, network.segment_name(int(near.argmin())))
-    lowest = int(walls.ground_m.min(axis=1).argmin())
-    return HeightOverGround(up_m - float(walls.ground_m.min()), highest, network.segment_name(lowest))
+    ground_m, near = _find_lowest_ground(setup)
+    return HeightOverGround(ups_m[highest] - ground_m, highest, near)
 
 
 def max_return_height_m(setup: FlightSetup, vehicle: str) -> float:
     """Return how high over its own home a vehicle may come home by itself without going above the ceiling."""
-    walls = lines_of(setup)
-    ground_m = 0.0 if walls is None else float(walls.ground_m.min())
-    if setup.layers.known is not None:
-        ground_m = setup.layers.known.bottom.up_m
     ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
-    return ceiling_m + ground_m - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+    return ceiling_m + _find_lowest_ground(setup)[0] - setup.frame.up_m(setup.pad_of(vehicle).alt_m)
+
+
+def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
+    """Return the height of the lowest ground that is known over the depot's, and the segment that is nearest to it."""
+    walls, known = lines_of(setup), setup.layers.known
+    if walls is None:
+        return 0.0, ""
+    if known is not None:
+        away_m = walls.find_nearest(np.array([known.bottom.place_m]))[0][0]
+        return known.bottom.up_m, walls.name_of(int(away_m.argmin()))
+    ground_m = walls.ends_m[..., GROUND].min(axis=1)
+    return float(ground_m.min()), walls.name_of(int(ground_m.argmin()))
 
 
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
@@ -301,7 +291,7 @@ def check_area(setup: FlightSetup) -> list[str]:
     step_m = max(SURFACE_STEP_M, math.sqrt(float((high_m - low_m).prod()) / MAX_POINTS))
     axes = (np.arange(low_m[axis] + 0.5 * step_m, high_m[axis], step_m) for axis in (0, 1))
     places_m = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    places_m = places_m[grids.is_inside_convex(corners_m, places_m)]
+    places_m = places_m[is_inside_convex(corners_m, places_m)]
     low = find_terrain_shortfall(
         setup, np.column_stack((places_m, layers.surface.interpolate_m(places_m) - layers.tolerance_m))
     )
@@ -319,7 +309,7 @@ def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceSho
     away_m = np.hypot(*(from_m - home_m).T)
     # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
     from_m = from_m[np.argsort(-away_m)][:: max(1, len(from_m) // RETURNS)]
-    ways = [_sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
+    ways = [sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
     return find_terrain_shortfall(setup, np.concatenate(ways))
 
 
@@ -337,12 +327,8 @@ def lines_of(setup: FlightSetup, without: Collection[int] | None = None) -> Powe
     tops_m = ground_m + np.array([pylon.height_m for pylon in network.pylons], dtype=np.float64)
     ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     lines = np.array([number for number in range(len(ends)) if number not in without], dtype=np.intp)
-    return _walls_of(network, ground_m[ends], tops_m[ends]).select(lines)
-
-
-def _walls_of(network: Network, ground_m: FloatArray, tops_m: FloatArray) -> PowerLines:
-    ends_m = network.ends_m
-    return PowerLines(network, ends_m[:, 0], ends_m[:, 1] - ends_m[:, 0], ground_m, tops_m, np.arange(len(ends_m)))
+    heights_m = np.stack((ground_m, tops_m), axis=1)[ends]
+    return PowerLines(network, np.concatenate((network.ends_m, heights_m), axis=2)[lines], lines)
 
 
 def _iterate_legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatArray, Phase]]:
@@ -352,16 +338,10 @@ def _iterate_legs(setup: FlightSetup, path: FlightPath) -> Iterator[tuple[FloatA
         yield from zip(legs, (point.phase for point in path.waypoints), strict=True)
 
 
-def _sample_leg(leg: FloatArray, step_m: float) -> FloatArray:
-    """Return (m, 3) places on a leg, ends included."""
-    steps = max(1, math.ceil(float(np.linalg.norm(leg[1] - leg[0])) / step_m))
-    return np.asarray(leg[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (leg[1] - leg[0]), dtype=np.float64)
-
-
 def _sample_legs(legs: Sequence[FloatArray]) -> FloatArray:
     """Return (m, 3) places on all legs, not many more than ``MAX_POINTS``."""
     length_m = sum(float(np.linalg.norm(leg[1] - leg[0])) for leg in legs)
-    return np.concatenate([_sample_leg(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
+    return np.concatenate([sample_leg(leg, max(SURFACE_STEP_M, length_m / MAX_POINTS)) for leg in legs])
 
 
 def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
@@ -369,17 +349,11 @@ def _sample_over_lines(setup: FlightSetup) -> Iterator[FloatArray]:
     network, layers = setup.network, setup.layers
     step_m = max(SURFACE_STEP_M, 3.0 * float(network.lengths_m.sum()) / MAX_POINTS)
     for ends_m in network.ends_m:
-        line = np.column_stack((ends_m, np.zeros(2)))
-        places = _sample_leg(line, step_m)[:, :2]
+        places = sample_leg(ends_m, step_m)
         along = (ends_m[1] - ends_m[0]) / np.linalg.norm(ends_m[1] - ends_m[0])
         aside = BESIDE_M * np.array([along[1], -along[0]])
         places = np.concatenate((places, places + 0.99 * aside, places - 0.99 * aside))
         yield np.column_stack((places, layers.surface.interpolate_m(places) - layers.tolerance_m))
-
-
-def _interpolate_heights(ends_m: FloatArray, share: FloatArray) -> FloatArray:
-    """Return (m, n) heights at the shares of the way along (n, 2) ends."""
-    return np.asarray(ends_m[:, 0] + share * (ends_m[:, 1] - ends_m[:, 0]), dtype=np.float64)
 
 
 def find_line_shortfall(
@@ -395,38 +369,37 @@ def find_line_shortfall(
         beside_m: So far beside a line nobody is below its top.
     """
     close = walls.select_near(points[:, :2].min(axis=0), points[:, :2].max(axis=0))
-    if not len(close.starts_m):
+    if not len(close.segments):
         return None
-    kept_m = margin_m(setup)
     away_m, share = close.find_nearest(points[:, :2])
-    over_tops_m = points[:, 2, np.newaxis] - _interpolate_heights(close.tops_m, share)
-    short_m = np.where(away_m < beside_m, kept_m - over_tops_m, -math.inf)
-    worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
-    if short_m[worst] > ROUNDING_M:
-        over_m, name = float(over_tops_m[worst]), close.name_of(int(worst[1]))
-        where = f"within {over_m:.1f} m over the top of {name}"
-        if over_m < 0:
-            where = f"{-over_m:.1f} m below the top of {name}, {away_m[worst]:.0f} m beside it"
-        return ClearanceShortfall(float(short_m[worst]), f"{where}, {kept_m:.0f} m over it expected")
-    if on_pad:
-        return None
-    over_ground = points[:, 2, np.newaxis] - _interpolate_heights(close.ground_m, share)
-    short_m = np.where(away_m < NEAR_M, LOWEST_FLIGHT_M - over_ground, -math.inf)
-    worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
-    if short_m[worst] <= ROUNDING_M:
-        return None
-    over_m, name = float(over_ground[worst]), close.name_of(int(worst[1]))
-    where = f"within {over_m:.1f} m of the ground" if over_m >= 0 else f"{-over_m:.1f} m below the ground"
-    return ClearanceShortfall(float(short_m[worst]), f"{where} at {name}, {LOWEST_FLIGHT_M:g} m over it expected")
+    for part, kept_m, within_m in ((TOP, margin_m(setup), beside_m), (GROUND, LOWEST_FLIGHT_M, NEAR_M)):
+        over_m = points[:, 2, np.newaxis] - close.interpolate_m(share, part)
+        short_m = np.where(away_m < within_m, kept_m - over_m, -math.inf)
+        worst = np.unravel_index(int(short_m.argmax()), short_m.shape)
+        if short_m[worst] > ROUNDING_M:
+            words = _describe_height(part, float(over_m[worst]), close.name_of(int(worst[1])), float(away_m[worst]))
+            expected = f"{kept_m:.0f}" if part == TOP else f"{kept_m:g}"
+            return ClearanceShortfall(float(short_m[worst]), f"{words}, {expected} m over it expected")
+        if on_pad:
+            break
+    return None
 
 
-def _measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Return (m,) heights of (m, 3) places over the nearest known ground, and the nearest segments."""
+def _describe_height(part: int, over_m: float, name: str, away_m: float) -> str:
+    if part == GROUND:
+        return (f"within {over_m:.1f} m of" if over_m >= 0 else f"{-over_m:.1f} m below") + f" the ground at {name}"
+    if over_m < 0:
+        return f"{-over_m:.1f} m below the top of {name}, {away_m:.0f} m beside it"
+    return f"within {over_m:.1f} m over the top of {name}"
+
+
+def measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatArray, IndexArray]:
+    """Return (m,) heights of (m, 3) places over the ground as far as it is known, and the nearest segments."""
     walls = lines_of(setup)
     flat = walls is None
     if walls is None:
-        level = np.zeros((len(setup.network.segments), 2))
-        walls = _walls_of(setup.network, level, level)
+        level_m = np.pad(setup.network.ends_m, ((0, 0), (0, 0), (0, 2)))
+        walls = PowerLines(setup.network, level_m, np.arange(len(level_m)))
     pads = np.array([(pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads])
     heights_m, near = [], []
     for first in range(0, len(points), AT_ONCE):
@@ -435,7 +408,7 @@ def _measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatA
         away_m, share = close.find_nearest(part[:, :2])
         index = away_m.argmin(axis=1)
         every = np.arange(len(part))
-        ground_m = _interpolate_heights(close.ground_m, share)[every, index]
+        ground_m = close.interpolate_m(share, GROUND)[every, index]
         to_pads_m = np.hypot(part[:, np.newaxis, 0] - pads[:, 0], part[:, np.newaxis, 1] - pads[:, 1])
         if not flat:
             on_pad = to_pads_m.min(axis=1) < away_m[every, index]

@@ -1,12 +1,20 @@
-"""From the places of a flight to mission items, in the autopilot's dialect."""
+"""From the places of a flight, and what cameras do on its legs, to mission items in the autopilot's dialect.
+
+Items of cameras that begin a leg stand before the leg's own, after the speed; items that end it right behind. All of
+them follow from the one waypoint, so that a list which keeps a waypoint keeps them too. Only commands and parameters
+are used that both autopilots store and give back as they were: ArduPilot keeps whole degrees, PX4 gives back no
+CONDITION_DELAY and no region of interest (mavlink_mission.cpp). Delays are the hold of a waypoint; a region of interest
+is for PX4 the heading of the waypoint and the pitch of the gimbal.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from missions.autopilots.dialect import Dialect
-from missions.camera_items import build_begin_items, build_end_items, heading_deg
+from missions.cameras import FIRST_COMPONENT, Capture, Region, Trigger
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -15,6 +23,15 @@ GROUND_SPEED = 1.0
 """param1 of DO_CHANGE_SPEED."""
 THROTTLE_UNCHANGED = -1.0
 """param3 of DO_CHANGE_SPEED."""
+AT_ONCE = 1.0
+"""param3 of DO_SET_CAM_TRIGG_DIST: the first picture is taken where it begins."""
+HORIZON, FROM_NORTH = 4 | 8, 16
+"""GIMBAL_MANAGER_FLAGS: roll and pitch are from the horizon; yaw is from the nose, or from north."""
+ONE, SHOOT = 1.0, 1
+EVERY_STREAM = 0.0
+"""param1 of VIDEO_START_CAPTURE: it names a stream; which camera it is, ArduPilot does not keep."""
+ENDLESS = 0.0
+"""param3 of IMAGE_START_CAPTURE: until it is stopped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,25 +60,25 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
         raise EncodeError(f"{path.vehicle}: waypoints[0]: expected a take-off, got {path.waypoints[0].phase.value}")
     items: list[MissionItem] = []
     waypoint_of: list[int | None] = []
+
+    def add(item: MissionItem, serves: int | None) -> None:
+        items.append(replace(item, seq=len(items)))
+        waypoint_of.append(serves)
+
     if dialect.home_item:
-        items.append(_build_home_item(path.waypoints[0]))
-        waypoint_of.append(None)
+        add(_build_home_item(path.waypoints[0]), None)
     speed_m_s: float | None = None
     for index, point in enumerate(path.waypoints):
         _check(path.vehicle, index, point)
         if point.phase not in (Phase.TAKEOFF, Phase.LAND) and point.speed_m_s != speed_m_s:
             speed_m_s = point.speed_m_s
-            items.append(_build_speed_item(len(items), speed_m_s, dialect))
-            waypoint_of.append(index)
-        for item in build_begin_items(point, dialect):
-            items.append(replace(item, seq=len(items)))
-            waypoint_of.append(index)
-        items.append(_build_place_item(len(items), point, dialect))
-        waypoint_of.append(index)
+            change = (GROUND_SPEED, speed_m_s, THROTTLE_UNCHANGED)
+            add(_build_command_item(dialect, Command.DO_CHANGE_SPEED, *change), index)
+        for item in (*build_begin_items(point, dialect), _build_place_item(point, dialect)):
+            add(item, index)
         for item in build_end_items(point, dialect):
             # It comes when the leg is over: who is there flies to the next waypoint.
-            items.append(replace(item, seq=len(items)))
-            waypoint_of.append(min(index + 1, len(path.waypoints) - 1))
+            add(item, min(index + 1, len(path.waypoints) - 1))
     if len(items) > dialect.max_items:
         raise EncodeError(
             f"{path.vehicle}: expected at most {dialect.max_items} items for {dialect.name}, got {len(items)}"
@@ -87,18 +104,7 @@ def _build_home_item(takeoff: Waypoint) -> MissionItem:
     )
 
 
-def _build_speed_item(seq: int, speed_m_s: float, dialect: Dialect) -> MissionItem:
-    return MissionItem(
-        seq=seq,
-        frame=dialect.command_frame,
-        command=Command.DO_CHANGE_SPEED,
-        param1=GROUND_SPEED,
-        param2=speed_m_s,
-        param3=THROTTLE_UNCHANGED,
-    )
-
-
-def _build_place_item(seq: int, point: Waypoint, dialect: Dialect) -> MissionItem:
+def _build_place_item(point: Waypoint, dialect: Dialect) -> MissionItem:
     command, param1, param2 = Command.NAV_WAYPOINT, 0.0, dialect.pass_radius_m
     if point.phase is Phase.TAKEOFF:
         command, param2 = Command.NAV_TAKEOFF, 0.0
@@ -109,7 +115,7 @@ def _build_place_item(seq: int, point: Waypoint, dialect: Dialect) -> MissionIte
         param1, param2 = max(dialect.performance.hold_s, float(math.ceil(point.hover_s))), dialect.stop_radius_m
     has_position = command is not Command.NAV_TAKEOFF or dialect.takeoff_with_position
     return MissionItem(
-        seq=seq,
+        seq=0,
         frame=dialect.position_frame,
         command=command,
         param1=param1,
@@ -132,3 +138,78 @@ def _check(vehicle: str, index: int, point: Waypoint) -> None:
             raise EncodeError(f"{vehicle}: waypoints[{index}].{key}: expected a finite number, got {value}")
     if point.speed_m_s <= 0:
         raise EncodeError(f"{vehicle}: waypoints[{index}].speed_m_s: expected more than 0, got {point.speed_m_s}")
+
+
+def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+    """Yield what begins with the leg to a waypoint, not numbered yet."""
+    pointed: set[tuple[int, int, bool]] = set()
+    for capture in point.captures:
+        if capture.region is not None and dialect.keeps_region:
+            yield _build_region_item(capture.region, dialect)
+        elif capture.pitch_deg is not None and capture.yaw_deg is not None:
+            pointing = (capture.pitch_deg, capture.yaw_deg, capture.from_north)
+            if pointing not in pointed:
+                pointed.add(pointing)
+                yield _build_gimbal_item(*pointing, dialect)
+        match capture.trigger:
+            case Trigger.DISTANCE:
+                # A gimbal turns with the vehicle, which faces the leg only once it has set out.
+                first = AT_ONCE if capture.pitch_deg is None else 0.0
+                yield _build_command_item(dialect, Command.DO_SET_CAM_TRIGG_DIST, capture.every_m, 0.0, first)
+            case Trigger.INTERVAL:
+                every_s = capture.every_m / point.speed_m_s
+                yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, every_s, ENDLESS)
+            case Trigger.VIDEO:
+                yield _build_command_item(dialect, Command.VIDEO_START_CAPTURE, EVERY_STREAM)
+            case Trigger.ONCE:
+                pass
+
+
+def build_end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
+    """Yield what ends with the leg to a waypoint, not numbered yet."""
+    for capture in point.captures:
+        if capture.trigger is not Trigger.ONCE:
+            yield _build_command_item(dialect, *_end_of(capture))
+        elif capture.camera_id >= FIRST_COMPONENT:
+            yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
+        else:  # PX4 triggers what is wired to it by this command alone
+            yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
+        if capture.region is not None and dialect.keeps_region:
+            yield _build_command_item(dialect, Command.DO_SET_ROI_NONE)
+
+
+def heading_deg(point: Waypoint, dialect: Dialect) -> float:
+    """Return the heading that the item of a waypoint asks for: to a region of interest, where no other item does."""
+    for capture in point.captures:
+        if capture.region is not None and capture.yaw_deg is not None and not dialect.keeps_region:
+            return float(capture.yaw_deg % 360)
+    return dialect.no_yaw
+
+
+def _end_of(capture: Capture) -> tuple[Command, float]:
+    match capture.trigger:
+        case Trigger.DISTANCE:
+            return Command.DO_SET_CAM_TRIGG_DIST, 0.0
+        case Trigger.INTERVAL:
+            return Command.IMAGE_STOP_CAPTURE, capture.camera_id
+        case _:
+            return Command.VIDEO_STOP_CAPTURE, EVERY_STREAM
+
+
+def _build_gimbal_item(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) -> MissionItem:
+    return MissionItem(
+        0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
+        dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON | (FROM_NORTH if from_north else 0),
+    )  # fmt: skip
+
+
+def _build_region_item(region: Region, dialect: Dialect) -> MissionItem:
+    return MissionItem(
+        0, dialect.position_frame, Command.DO_SET_ROI_LOCATION, x=round(region.lat_deg * 1e7),
+        y=round(region.lon_deg * 1e7), z=round(region.alt_rel_m, 2),
+    )  # fmt: skip
+
+
+def _build_command_item(dialect: Dialect, command: Command, *params: float) -> MissionItem:
+    one, two, three = (*map(float, params), *(0.0 for _ in range(3 - len(params))))
+    return MissionItem(0, dialect.command_frame, command, one, two, three)

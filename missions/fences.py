@@ -11,8 +11,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from missions.geo import LocalFrame
-from missions.geometry import build_convex_hull, locate_on_leg, parallelogram_area_m2
+from missions.geometry import build_convex_hull, locate_on_leg, parallelogram_area_m2, sample_leg
 from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
@@ -186,12 +188,9 @@ def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], 
     Both autopilots want a vehicle inside every inclusion and outside every exclusion.
     """
     for one, other in itertools.pairwise(way_m):
-        steps = max(1, math.ceil(math.dist(one, other) / step_m))
-        for step in range(steps + 1):
-            share = step / steps
-            place = (one[0] + share * (other[0] - one[0]), one[1] + share * (other[1] - one[1]))
-            if not all(shape.is_allowed(place) for shape in shapes):
-                return place
+        for east_m, north_m in sample_leg(np.array((one, other)), step_m).tolist():
+            if not all(shape.is_allowed((east_m, north_m)) for shape in shapes):
+                return east_m, north_m
     return None
 
 

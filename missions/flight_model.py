@@ -6,22 +6,30 @@ of: the transit to a segment's first pylon, which ends with a stop, and the insp
 What a move takes therefore does not depend on what comes before or after it.
 
 Places are east, north and up in metres, the height as it would be in the lowest layer: layers are parallel, so that
-what a move takes is the same in each.
+what a move takes is the same in each. How long a whole flight takes, leg by leg, follows from the same model.
+
+A leg is flown from rest, or from the leg before it in passing, along a straight line. Autopilots build up speed with a
+bounded acceleration ``a``, the acceleration with a bounded jerk ``j``, and ArduPilot the jerk over a time ``s``. The
+ramp from rest to a speed ``v`` takes ``v / a + s + a / j`` where the acceleration is reached, and else
+``2 (s + p / j)`` with the peak ``p = j / 2 (sqrt(s^2 + 4 v / j) - s)`` of the acceleration; it covers half of ``v``
+times that. A leg of length ``d`` from rest to rest takes ``d / v`` and one ramp (ArduPilot: SCurve.cpp; flights of both
+autopilots in simulation follow it, see docs/results).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from missions.geo import BoolArray, FloatArray
-from missions.pace import AS_MODELLED, Pace
-from missions.performance import Performance
-from missions.validation import Figure, Place
-from missions.vertical_legs import NEVER
+from missions.geo import BoolArray, FloatArray, LocalFrame
+from missions.validation import Above0, Figure, From0, Place
+from missions.waypoints import FlightPath, Phase, legs_m
 from planner import CLIMB_SHARE_PER_M_S, SteadyWind
 
 SAME_PLACE_M = 0.5
@@ -29,6 +37,293 @@ SAME_PLACE_M = 0.5
 UNKNOWN = np.zeros(3)
 """The direction of who may face anywhere."""
 Speed = Annotated[Figure, Field(ge=0.001)]
+Factor = Annotated[Figure, Field(ge=0.1, le=10)]
+NEVER: BoolArray = np.array(False)
+"""As every move is where vehicles inspect in their layers; it broadcasts against any others."""
+UPRIGHT_M = 1e-6
+"""A leg that goes less far over the ground goes straight up or down."""
+SHORT_M = 1e-6
+LEAST_M_S = 0.1
+CORNER_M_S = 8.0
+TINY_S = 1e-12
+STEPS = 8
+"""Of Newton's method for legs too short for their speed."""
+
+
+def half_turn_sines(before_m: FloatArray, after_m: FloatArray) -> FloatArray:
+    """Return the sine of half the turn from ``before_m`` to ``after_m`` (..., 2): 0 straight on, 1 back.
+
+    A vector of no length is a direction that nobody knows: it counts as a right angle.
+    """
+    lengths = np.hypot(before_m[..., 0], before_m[..., 1]) * np.hypot(after_m[..., 0], after_m[..., 1])
+    along = before_m[..., 0] * after_m[..., 0] + before_m[..., 1] * after_m[..., 1]
+    return np.asarray(np.sqrt(np.clip(0.5 * (1.0 - along / np.maximum(lengths, SHORT_M)), 0.0, 1.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """How fast a speed is built up and taken away along one axis."""
+
+    acceleration_m_s2: Above0
+    jerk_m_s3: Above0
+    smooth_s: From0 = 0.0
+    """In which the jerk is built up."""
+
+    def ramp_s(self, speed_m_s: FloatArray) -> FloatArray:
+        """Return the time from rest to a speed, or from it to rest."""
+        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
+        peak = 0.5 * jerk * (np.sqrt(smooth**2 + 4.0 * speed_m_s / jerk) - smooth)
+        reached = speed_m_s / acceleration + smooth + acceleration / jerk
+        return np.asarray(np.where(peak >= acceleration, reached, 2.0 * (smooth + peak / jerk)))
+
+    def rest_s(self, length_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Return the time of lengths at a speed from rest to rest; none takes no time."""
+        ramp_s = self.ramp_s(speed_m_s)
+        short = length_m < speed_m_s * ramp_s
+        whole = length_m / speed_m_s + ramp_s
+        if np.any(short):
+            whole = np.where(short, 2.0 * self._short_ramp_s(length_m), whole)
+        return np.asarray(np.where(length_m > SHORT_M, whole, 0.0))
+
+    def leg_s(self, length_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
+        """Return the time of lengths at a speed with 0, 1 or 2 of their ends at rest.
+
+        Where an end is passed half a ramp is spared, and on lengths too short for the speed half of that: autopilots
+        fly no faster than they can stop by the end of the leg.
+        """
+        rest_s = self.rest_s(length_m, speed_m_s)
+        return np.asarray(rest_s - 0.5 * (2.0 - ends) * np.minimum(self.ramp_s(speed_m_s), 0.5 * rest_s))
+
+    def _short_ramp_s(self, length_m: FloatArray) -> FloatArray:
+        """Return the ramps of lengths on which no speed is held: two of them cover the length."""
+        acceleration, jerk, smooth = self.acceleration_m_s2, self.jerk_m_s3, self.smooth_s
+        lag_s = smooth + acceleration / jerk
+        fast_m_s = 0.5 * acceleration * (np.sqrt(lag_s**2 + 4.0 * length_m / acceleration) - lag_s)
+        # Where the acceleration is not reached: length = 2 j q (s + q)^2, with q its peak over the jerk.
+        q = np.cbrt(length_m / (2.0 * jerk)) + TINY_S
+        for _ in range(STEPS):
+            value = 2.0 * jerk * q * (smooth + q) ** 2 - length_m
+            q = np.maximum(q - value / (2.0 * jerk * (smooth + q) * (smooth + 3.0 * q)), TINY_S)
+        return np.asarray(np.where(jerk * q >= acceleration, fast_m_s / acceleration + lag_s, smooth + q + smooth + q))
+
+
+@dataclass(frozen=True, slots=True)
+class Performance:
+    """How a multicopter moves under its autopilot, on missions as they are encoded here."""
+
+    level: Ramp
+    """Over the ground."""
+    upright: Ramp
+    """Up and down."""
+    climb_m_s: Above0
+    """At most, on a leg."""
+    descent_m_s: Above0
+    turn_s: From0
+    """What beginning a leg against the direction of the one before it takes after a stop."""
+    turn_power: From0
+    """A turn by an angle takes this power of the sine of its half: 2 is gentle to small turns."""
+    corner_s: From0
+    """What an about-turn would take in passing at `CORNER_M_S`, in proportion to the speed."""
+    corner_power: From0
+    """As for turns."""
+    settle_s: From0
+    """What a stop takes beyond its ramp, until its hold begins."""
+    accept_m: From0
+    """So far before its end a leg with a stop is over, and its hold begins."""
+    hold_s: From0
+    """What a hold of the mission takes."""
+    spool_s: From0
+    """Of a take-off, beyond its climb: the motors, the lift-off, the climb's end."""
+    take_off_m_s: Above0
+    """Climb from the pad."""
+    take_off_below_m: From0
+    """Up to this height; then it is that of a leg."""
+    land_m_s: Above0
+    """Descent onto the pad."""
+    land_below_m: From0
+    """Below this height; above it is that of ``land_fast_m_s``."""
+    land_fast_m_s: Above0
+    touch_s: From0
+    """Of a landing, beyond its descent: its beginning, the touch-down, the motors."""
+    home_m_s: Above0
+    """Over the ground on a return of its own, which no mission's speed is for."""
+    home_wait_s: From0
+    """Over its pad on such a return, before it comes down."""
+    pass_s: From0 = 0.0
+    """What passing a waypoint takes however straight the way leads on: until it goes for the next one."""
+    waits: From0 = 0.0
+    """Of the time of a leg over the ground, what its trajectory waits for it besides."""
+    turn_speed_power: From0 = 0.0
+    """A turn takes this power of the speed of arrival over `CORNER_M_S`: who still moves must first come to rest."""
+
+    def legs_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray, ends: FloatArray) -> FloatArray:
+        """Return the times of straight legs; all arrays broadcast against each other.
+
+        Args:
+            length_m: Over the ground.
+            rise_m: Up, or below zero down.
+            speed_m_s: Over the ground, at most: a steep leg is flown as fast as its height allows.
+            ends: How many of the two ends are at rest: 0, 1 or 2.
+        """
+        speed_m_s = self.leg_speed_m_s(length_m, rise_m, speed_m_s)
+        level_s = self.level.leg_s(length_m, speed_m_s, ends)
+        # A way from stop to stop is spared its last metres once, whatever number of legs it has.
+        level_s = (1.0 + self.waits) * np.maximum(0.0, level_s - 0.5 * ends * self._braking_gain_s(speed_m_s))
+        steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
+        return np.asarray(np.maximum(level_s, self.upright.leg_s(np.abs(rise_m), steepest, ends)))
+
+    def _braking_gain_s(self, speed_m_s: FloatArray) -> FloatArray:
+        """Return what the last metres before a stop would take: they are flown while it brakes."""
+        braking_m_s2, speed_m_s = self.level.acceleration_m_s2, np.maximum(speed_m_s, LEAST_M_S)
+        braked_m = np.minimum(self.accept_m, 0.5 * speed_m_s**2 / braking_m_s2)
+        return np.asarray(np.sqrt(2.0 * braked_m / braking_m_s2) + (self.accept_m - braked_m) / speed_m_s)
+
+    def leg_speed_m_s(self, length_m: FloatArray, rise_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Return the speeds over the ground of legs that may be too steep for the one asked."""
+        steepest = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
+        able = steepest * length_m / np.maximum(np.abs(rise_m), SHORT_M)
+        return np.asarray(np.minimum(speed_m_s, np.maximum(able, SHORT_M)))
+
+    def arrival_speed_m_s(self, length_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
+        """Return how fast the middle of a way from rest to rest is flown: it is braked from that at its end."""
+        return np.asarray(np.minimum(speed_m_s, np.sqrt(self.level.acceleration_m_s2 * length_m)))
+
+    def turns_s(self, before_m: FloatArray, after_m: FloatArray, arrives_m_s: FloatArray) -> FloatArray:
+        """Return what beginning legs along ``after_m`` (..., 2) takes after a stop at the end of others.
+
+        Args:
+            before_m: (..., 2) along which it arrived.
+            after_m: (..., 2) along which it goes on.
+            arrives_m_s: (...) from which speed it has braked.
+        """
+        sines = half_turn_sines(before_m, after_m) ** self.turn_power
+        return np.asarray(self.turn_s * sines * (arrives_m_s / CORNER_M_S) ** self.turn_speed_power)
+
+    def corners_s(self, before_m: FloatArray, after_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+        """Return what going on along ``after_m`` (..., 2) takes more at the end of other legs that is passed."""
+        sines = half_turn_sines(before_m, after_m) ** self.corner_power
+        return np.asarray(self.pass_s + self.corner_s * sines * speed_m_s / CORNER_M_S)
+
+    def take_off_s(self, climb_m: FloatArray) -> FloatArray:
+        """Return the times from the order to take off until it stands over its pad."""
+        slow_m = np.minimum(climb_m, self.take_off_below_m)
+        return np.asarray(self.spool_s + slow_m / self.take_off_m_s + (climb_m - slow_m) / self.climb_m_s)
+
+    def landing_s(self, drop_m: FloatArray) -> FloatArray:
+        """Return the times from standing over its pad until its motors have stopped."""
+        slow_m = np.minimum(drop_m, self.land_below_m)
+        return np.asarray(self.touch_s + slow_m / self.land_m_s + (drop_m - slow_m) / self.land_fast_m_s)
+
+    def return_s(self, length_m: float, rise_m: float, drop_m: float) -> tuple[float, float, float]:
+        """Return the times of the climb, the level way and the landing of a return of its own, from a stand.
+
+        Args:
+            length_m: Over the ground; none is over the pad already.
+            rise_m: Up to the height of the return.
+            drop_m: From there onto the pad.
+        """
+        level_s = wait_s = 0.0
+        if length_m > SHORT_M:
+            level_s, wait_s = _level_s(self.level, length_m, self.home_m_s), self.home_wait_s
+        return rise_m / self.climb_m_s, level_s, wait_s + _landing_s(self, drop_m)
+
+
+@lru_cache(maxsize=512)
+def _level_s(level: Ramp, length_m: float, speed_m_s: float) -> float:
+    """Return the time of one length from rest to rest; between two positions it is asked for several times."""
+    return float(level.rest_s(np.array(length_m), np.array(speed_m_s)))
+
+
+@lru_cache(maxsize=512)
+def _landing_s(performance: Performance, drop_m: float) -> float:
+    return float(performance.landing_s(np.array(drop_m)))
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """A parameter of an autopilot that shapes its flight, and what of its performance is in proportion to it."""
+
+    parameter: str
+    default: float
+    shapes: tuple[str, ...]
+    """Keys of the performance, such as `climb_m_s` and `level.acceleration_m_s2`."""
+    alone: bool = False
+    """Whether it replaces what parameters before it made of these."""
+
+
+def apply_tunings(performance: Performance, tunings: Iterable[Tuning], parameters: Mapping[str, float]) -> Performance:
+    """Return how a vehicle flies by its own parameters; what it did not say, or what makes no sense, is the default."""
+    usual = performance
+    for tuning in tunings:
+        value = parameters.get(tuning.parameter)
+        if value is None or not (math.isfinite(value) and value > 0):
+            continue
+        for key in tuning.shapes:
+            axis, _, part = key.rpartition(".")
+            factor = value / tuning.default
+            if not axis:
+                base = usual if tuning.alone else performance
+                performance = replace(performance, **{part: factor * getattr(base, part)})
+                continue
+            ramp: Ramp = getattr(usual if tuning.alone else performance, axis)
+            changes: dict[str, Any] = {axis: replace(ramp, **{part: factor * getattr(ramp, part)})}
+            performance = replace(performance, **changes)
+    return performance
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Factors on the times of legs: 1 is as the model has it, more is slower.
+
+    A vehicle that takes longer for a leg draws its power for longer: energies of these legs have the same factor.
+    """
+
+    inspect: Factor = 1.0
+    transit: Factor = 1.0
+
+    def factor_of(self, phase: Phase) -> float:
+        """Return the factor of legs of a phase; take-offs and landings are as the model has them.
+
+        >>> Pace(1.2, 1.1).factor_of(Phase.RETURN)
+        1.1
+        """
+        if phase is Phase.INSPECT:
+            return self.inspect
+        return self.transit if phase in (Phase.TRANSIT, Phase.RETURN) else 1.0
+
+    def combine(self, other: Pace) -> Pace:
+        """Return what both together make of a time."""
+        return Pace(self.inspect * other.inspect, self.transit * other.transit)
+
+
+AS_MODELLED = Pace()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VerticalLegs:
+    """Of some moves: which begin with a way up, and which come down before their inspection."""
+
+    up: BoolArray
+    down: BoolArray
+
+    @classmethod
+    def find_between(
+        cls, from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray, near_m: float
+    ) -> VerticalLegs:
+        """Return those of moves between (..., 3) places; arrays broadcast against each other.
+
+        Args:
+            from_m: Where moves begin.
+            first_m: Where their visits begin.
+            from_low: Which of the former are below the layer.
+            to_low: Which of the latter are.
+            near_m: A visit that begins this near to there follows on without a way between.
+        """
+        if not (from_low.any() or to_low.any()):
+            return cls(NEVER, NEVER)
+        there_m = first_m - from_m
+        away = np.hypot(there_m[..., 0], there_m[..., 1]) > near_m
+        return cls(from_low & (away | ~to_low), to_low & (away | ~from_low))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,96 +384,53 @@ class FlightModel:
         return seconds, np.asarray(seconds * self.hover_pct_per_s)
 
     def price_moves(
-        self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
-        down: BoolArray = NEVER,
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of moves from rest; the four arrays (..., 3) broadcast against each other.
+        self, facing_m: FloatArray, legs_m: FloatArray, along_m: FloatArray, down: BoolArray = NEVER
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of moves from rest; arrays broadcast against each other.
 
         Args:
-            from_m: Where they begin.
-            facing_m: Along which the vehicle arrived there; of no length where nobody knows.
-            first_m: Where the visits begin.
-            last_m: Where they end.
-            down: Which visits it comes down to, straight, when it is there.
+            facing_m: (..., 3) along which the vehicle arrived where they begin; of no length where nobody knows.
+            legs_m: (..., w, 3) the legs of their transits to where the visits begin.
+            along_m: (..., 3) from there to where the visits end.
+            down: (...) which visits it comes down to, straight, when it is there.
         """
-        there_m, along_m = first_m - from_m, last_m - first_m
-        away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
-        hold_s = self.performance.hold_s
-        transit_s, transit_pct = self._price_transit(facing_m, there_m, hold_s)
-        before_m = np.where(away[..., np.newaxis], there_m, facing_m)
-        before_m = arrival_vectors_m(down, before_m)
+        away = np.hypot(legs_m[..., 0], legs_m[..., 1]).sum(axis=-1) > SAME_PLACE_M
+        transit_s, transit_pct = self._price_transit(facing_m, legs_m, self.performance.hold_s)
+        before_m = arrival_vectors_m(down, np.where(away[..., np.newaxis], legs_m[..., -1, :], facing_m))
         fast_m_s = np.where(away, self.transit_speed_m_s, self.inspection_speed_m_s)
         inspect_s, inspect_pct = self._price_inspection(before_m, self._arrival_speed_m_s(before_m, fast_m_s), along_m)
         seconds = np.where(away, transit_s, 0.0) + inspect_s
         return np.asarray(seconds), np.asarray(np.where(away, transit_pct, 0.0) + inspect_pct)
 
-    def price_moves_along(
-        self, facing_m: FloatArray, ways_m: FloatArray, last_m: FloatArray, down: BoolArray = NEVER
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) seconds and energies of moves whose transits lead through (k, w, 3) places."""
-        transit_s, transit_pct = self._price_transit_along(facing_m, ways_m, self.performance.hold_s)
-        before_m, along_m = ways_m[:, -1] - ways_m[:, -2], last_m - ways_m[:, -1]
-        before_m = arrival_vectors_m(down, before_m)
-        arrives_m_s = self._arrival_speed_m_s(before_m, self.transit_speed_m_s)
-        inspect_s, inspect_pct = self._price_inspection(before_m, arrives_m_s, along_m)
-        return transit_s + inspect_s, transit_pct + inspect_pct
-
-    def price_ways_home(self, from_m: FloatArray, facing_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of the ways from rest (..., 3) onto a pad."""
-        there_m = np.array(base.place_m) - from_m
-        level_s, level_pct = self._price_transit(facing_m, there_m, 0.0)
-        land_s, land_pct = self.price_landing(np.array(base.climb_m))
-        return level_s + land_s, level_pct + land_pct
-
-    def price_ways_home_along(
-        self, facing_m: FloatArray, ways_m: FloatArray, base: Base
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) the same of ways through (k, w, 3) places."""
-        level_s, level_pct = self._price_transit_along(facing_m, ways_m, 0.0)
+    def price_ways_home(self, facing_m: FloatArray, legs_m: FloatArray, base: Base) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies of ways from rest onto a pad, whose legs over the ground are (..., w, 3)."""
+        level_s, level_pct = self._price_transit(facing_m, legs_m, 0.0)
         land_s, land_pct = self.price_landing(np.array(base.climb_m))
         return level_s + land_s, level_pct + land_pct
 
     def price_vertical(self, rise_m: float) -> tuple[float, float]:
         """Return seconds and energy of a way straight up, or below zero down, with the stop at its end."""
-        seconds, pct = self._price_transit(UNKNOWN, np.array([0.0, 0.0, rise_m]), self.performance.hold_s)
+        seconds, pct = self._price_transit(UNKNOWN, np.array([[0.0, 0.0, rise_m]]), self.performance.hold_s)
         return float(seconds), float(pct)
 
-    def _price_transit_along(
-        self, before_m: FloatArray, ways_m: FloatArray, hold_s: float
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return (k,) seconds and energies from stop to stop through (k, w, 3) places; those between are passed."""
-        along_m = np.diff(ways_m, axis=1)
-        speed_m_s = np.full(along_m.shape[:-1], self.transit_speed_m_s)
-        ends = np.zeros(along_m.shape[:-1])
-        ends[:, 0] += 1.0
-        ends[:, -1] += 1.0
-        seconds, pct = self.price_legs(along_m, speed_m_s, ends)
-        own = self.performance
+    def _price_transit(self, before_m: FloatArray, legs_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return seconds and energies from stop to stop along (..., w, 3) legs; the places between them are passed."""
+        speed_m_s, ends = np.full(legs_m.shape[:-1], self.transit_speed_m_s), np.zeros(legs_m.shape[:-1])
+        ends[..., 0] += 1.0
+        ends[..., -1] += 1.0
+        seconds, pct = self.price_legs(legs_m, speed_m_s, ends)
+        own, pace = self.performance, self.pace.transit
         arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
-        stays_s = own.settle_s + hold_s + own.turns_s(before_m, along_m[:, 0], arrives_m_s)
-        stays_s = stays_s + own.corners_s(along_m[:, :-1], along_m[:, 1:], speed_m_s[:, 1:]).sum(axis=1)
-        pace = self.pace.transit
-        return pace * (seconds.sum(axis=1) + stays_s), pace * (pct.sum(axis=1) + stays_s * self.hover_pct_per_s)
-
-    def _price_transit(self, before_m: FloatArray, along_m: FloatArray, hold_s: float) -> tuple[FloatArray, FloatArray]:
-        arrives_m_s = self._arrival_speed_m_s(before_m, self.inspection_speed_m_s)
-        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._price_stopping_leg(along_m, self.transit_speed_m_s, hold_s + turns_s, self.pace.transit)
+        stays_s = own.settle_s + (hold_s + own.turns_s(before_m, legs_m[..., 0, :], arrives_m_s))
+        stays_s = stays_s + own.corners_s(legs_m[..., :-1, :], legs_m[..., 1:, :], speed_m_s[..., 1:]).sum(axis=-1)
+        return pace * (seconds.sum(axis=-1) + stays_s), pace * (pct.sum(axis=-1) + stays_s * self.hover_pct_per_s)
 
     def _price_inspection(
         self, before_m: FloatArray, arrives_m_s: FloatArray, along_m: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        turns_s = self.performance.turns_s(before_m, along_m, arrives_m_s)
-        return self._price_stopping_leg(
-            along_m, self.inspection_speed_m_s, self.performance.hold_s + turns_s, self.pace.inspect
-        )
-
-    def _price_stopping_leg(
-        self, along_m: FloatArray, speed_m_s: float, stays_s: FloatArray, pace: float
-    ) -> tuple[FloatArray, FloatArray]:
-        shape = along_m.shape[:-1]
-        seconds, pct = self.price_legs(along_m, np.full(shape, speed_m_s), np.full(shape, 2.0))
-        stays_s = self.performance.settle_s + stays_s
+        shape, own, pace = along_m.shape[:-1], self.performance, self.pace.inspect
+        seconds, pct = self.price_legs(along_m, np.full(shape, self.inspection_speed_m_s), np.full(shape, 2.0))
+        stays_s = own.settle_s + (own.hold_s + own.turns_s(before_m, along_m, arrives_m_s))
         return pace * (seconds + stays_s), pace * (pct + stays_s * self.hover_pct_per_s)
 
     def _arrival_speed_m_s(self, before_m: FloatArray, speed_m_s: FloatArray | float) -> FloatArray:
@@ -191,3 +443,70 @@ class FlightModel:
 def arrival_vectors_m(upright: BoolArray, along_m: FloatArray) -> FloatArray:
     """Return along what vehicles arrive: nobody who comes straight up or down arrives along anything."""
     return np.where(upright[..., np.newaxis], UNKNOWN, along_m) if upright.any() else along_m
+
+
+@dataclass(frozen=True, slots=True)
+class LegEstimate:
+    """One leg, with the hold at its end."""
+
+    duration_s: float
+    energy_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A whole flight."""
+
+    duration_s: float
+    energy_pct: float
+    legs: tuple[LegEstimate, ...]
+    """One for each waypoint: the leg that ends there."""
+
+
+def estimate(path: FlightPath, model: FlightModel, *, consumption: float = 1.0) -> Estimate:
+    """Return the duration in seconds and the energy in percent of a full battery of a flight.
+
+    Args:
+        path: The flight; a path without waypoints takes nothing.
+        model: What the vehicle's flights take.
+        consumption: The vehicle's own, relative to the energy model.
+    """
+    if not path.waypoints:
+        return Estimate(0.0, 0.0, ())
+    first = path.waypoints[0]
+    ends_m = legs_m(path, LocalFrame(first.lat_deg, first.lon_deg))
+    along_m = ends_m[:, 1] - ends_m[:, 0]
+    stops = np.array([_is_stop_at_end(path, along_m, index) for index in range(len(path.waypoints))], dtype=np.float64)
+    at_rest = np.concatenate(([1.0], stops[:-1])) + stops
+    speeds = np.array([point.speed_m_s for point in path.waypoints])
+    seconds, pct = model.price_legs(along_m, speeds, at_rest)
+    performance = model.performance
+    for index, point in enumerate(path.waypoints):
+        if point.phase in (Phase.TAKEOFF, Phase.LAND):
+            upright = model.price_take_off if point.phase is Phase.TAKEOFF else model.price_landing
+            seconds[index], pct[index] = upright(np.abs(along_m[index, 2]))
+            continue
+        more_s = performance.settle_s * stops[index] + max(performance.hold_s, point.hover_s) * point.hold
+        before_m = along_m[index - 1] if index and path.waypoints[index - 1].phase is not Phase.TAKEOFF else UNKNOWN
+        if index and stops[index - 1]:
+            stays_there = math.hypot(along_m[index, 0], along_m[index, 1]) < UPRIGHT_M
+            came_m = 0.0 if stays_there else math.hypot(before_m[0], before_m[1])  # it comes to rest going up
+            arrives_m_s = performance.arrival_speed_m_s(np.array(came_m), speeds[index - 1])
+            more_s += float(performance.turns_s(before_m, along_m[index], arrives_m_s))
+        elif index:
+            more_s += float(performance.corners_s(before_m, along_m[index], speeds[index]))
+        seconds[index] += more_s
+        pct[index] += more_s * model.hover_pct_per_s
+    paces = np.array([model.pace.factor_of(point.phase) for point in path.waypoints])
+    seconds, pct = paces * seconds, consumption * paces * pct
+    legs = tuple(LegEstimate(*leg) for leg in zip(seconds.tolist(), pct.tolist(), strict=True))
+    return Estimate(float(seconds.sum()), float(pct.sum()), legs)
+
+
+def _is_stop_at_end(path: FlightPath, along_m: FloatArray, index: int) -> bool:
+    point = path.waypoints[index]
+    if point.hold or point.phase in (Phase.TAKEOFF, Phase.LAND) or index + 1 == len(path.waypoints):
+        return True
+    before, after = along_m[index, :2], along_m[index + 1, :2]
+    # Straight up or down: the vehicle stands first.
+    return math.hypot(*before) * math.hypot(*after) < 1e-6

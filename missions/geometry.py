@@ -7,7 +7,7 @@ without length is a place.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -41,15 +41,35 @@ def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
 
 
-def find_bends(places_m: FloatArray, within_m: float) -> list[int]:
-    """Return which of the places between the first and the last a drawn line bends at, by more than a distance."""
+def sample_leg(leg_m: FloatArray, step_m: float) -> FloatArray:
+    """Return (m, d) places on a (2, d) leg, its ends included, at most a step apart."""
+    steps = max(1, math.ceil(float(np.linalg.norm(leg_m[1] - leg_m[0])) / step_m))
+    share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
+    return np.asarray(leg_m[0] + share * (leg_m[1] - leg_m[0]), dtype=np.float64)
+
+
+def distances_from_chord_m(places_m: FloatArray) -> FloatArray:
+    """Return (m - 2,) how far all (m, d) places between the first and the last are from the leg between these."""
+    return place_distances_m(places_m[np.newaxis, [0, -1]], places_m[1:-1])[:, 0]
+
+
+def find_bends(
+    places_m: FloatArray, within_m: float, measure: Callable[[FloatArray], FloatArray] = distances_from_chord_m
+) -> list[int]:
+    """Return which of the places between the first and the last a drawn line bends at, by more than a distance.
+
+    Args:
+        places_m: (m, ...) along the line.
+        within_m: The distance.
+        measure: How far the inner ones of some of them are from what leads straight from the first to the last.
+    """
     kept: list[int] = []
     open_: list[tuple[int, int]] = [(0, len(places_m) - 1)]
     while open_:
         first, last = open_.pop()
         if last - first < 2:
             continue
-        away_m = place_distances_m(places_m[np.newaxis, [first, last]], places_m[first + 1 : last])[:, 0]
+        away_m = measure(places_m[first : last + 1])
         farthest = int(away_m.argmax())
         if away_m[farthest] > within_m:
             kept.append(first + 1 + farthest)

@@ -19,6 +19,13 @@ class Frame(IntEnum):
     GLOBAL_RELATIVE_ALT_INT = 6
 
 
+PLAIN_FRAMES: dict[int, int] = {
+    Frame.GLOBAL_INT: Frame.GLOBAL,
+    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
+}
+"""MISSION_ITEM_INT has two numbers for each of these; either comes back for either."""
+
+
 class MissionKind(IntEnum):
     """MAV_MISSION_TYPE: the three lists that a vehicle keeps, each with a transfer of its own."""
 

@@ -8,13 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from missions.autopilots.dialect import Dialect
-from missions.items import Command, Frame, MissionItem
-
-# MISSION_ITEM_INT has two numbers for each of these; either comes back for either.
-_SAME_FRAME: dict[int, int] = {
-    Frame.GLOBAL_INT: Frame.GLOBAL,
-    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
-}
+from missions.items import PLAIN_FRAMES, Command, Frame, MissionItem
 
 _PLACE = frozenset((Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF, Command.DO_SET_ROI_LOCATION))
 
@@ -89,7 +83,7 @@ def _find_place_differences(
 def _is_same_frame(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> bool:
     if ours.command not in _PLACE and dialect.commands_lose_frame and theirs.frame == Frame.GLOBAL:
         return True
-    return _SAME_FRAME.get(ours.frame, ours.frame) == _SAME_FRAME.get(theirs.frame, theirs.frame)
+    return PLAIN_FRAMES.get(ours.frame, ours.frame) == PLAIN_FRAMES.get(theirs.frame, theirs.frame)
 
 
 def _is_same_float32(a: float, b: float) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import not_
@@ -20,13 +20,22 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from missions.areas import Unreachable
-from missions.autopilots.registry import AUTOPILOTS
-from missions.day_plan import BasePlace, DayPlanFile
+from missions.autopilots.dialect import AUTOPILOTS
 from missions.errors import PlanFileError, SafetyError
 from missions.files import read_text, write_document
 from missions.flight_model import Base
 from missions.geo import LocalFrame
-from missions.plan_file import WINDOW_COST, PlanFence, PlanFile, PlanSegment, PlanTerrain, SolverRecord, Window
+from missions.plan_file import (
+    WINDOW_COST,
+    BasePlace,
+    DayPlanFile,
+    PlanFence,
+    PlanFile,
+    PlanSegment,
+    PlanTerrain,
+    SolverRecord,
+    Window,
+)
 from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
 from missions.setup import Inspection
@@ -287,26 +296,22 @@ def write_plan(path: Path | str, content: PlanFile | DayPlanFile) -> None:
         OSError: the file cannot be written.
     """
     path = Path(path)
-    write_document(path, _build_document(content, str(path)))
+    write_document(path, build_plan_document(content, str(path)))
 
 
-def build_plan_document(content: PlanFile | DayPlanFile) -> dict[str, object]:
-    """Return what a plan file says, as JSON has it.
+def build_plan_document(content: PlanFile | DayPlanFile, source: str | None = None) -> dict[str, object]:
+    """Return what a plan file says, as JSON has it; an error names where the plan was read, or another source.
 
     Raises:
         PlanFileError: a figure is NaN or infinite.
     """
-    return _build_document(content, content.source)
-
-
-def _build_document(content: PlanFile | DayPlanFile, source: str) -> dict[str, object]:
     document = _describe_flight(content) if isinstance(content, PlanFile) else _describe_days(content)
     plain = document.model_dump(mode="json", exclude_none=True)
     plain["segments"] = plain.pop("segments")  # last, for they are by far the longest
     try:
         type(document).model_validate_json(json.dumps(plain))
     except ValidationError as error:
-        raise PlanFileError(f"{source}: {format_first_error(error)}") from error
+        raise PlanFileError(f"{source or content.source}: {format_first_error(error)}") from error
     return plain
 
 
@@ -394,9 +399,14 @@ def _read_common(document: _Document, source: str) -> dict[str, Any]:
     }
 
 
-def _describe_visit(content: PlanFile | DayPlanFile, visit: int, inspected_at_m: float | None = None) -> VisitPart:
-    return VisitPart(
-        segment=content.segments[segment_of(visit)].id, reversed=is_reversed(visit), inspected_at_m=inspected_at_m
+def _describe_visits(content: PlanFile | DayPlanFile, vehicle: str, visits: Sequence[int]) -> tuple[VisitPart, ...]:
+    height_of = content.inspection_height_m if isinstance(content, PlanFile) else lambda *_: None
+    numbers = [segment_of(visit) for visit in visits]
+    return tuple(
+        VisitPart(
+            segment=content.segments[number].id, reversed=is_reversed(visit), inspected_at_m=height_of(vehicle, number)
+        )
+        for visit, number in zip(visits, numbers, strict=True)
     )
 
 
@@ -420,11 +430,8 @@ def _describe_flight(content: PlanFile) -> PlanDocument:
     )  # fmt: skip
     routes = (
         RoutePart(
-            vehicle=own.name, duration_s=duration_s, energy_pct=energy_pct,
-            visits=tuple(
-                _describe_visit(content, visit, content.inspection_height_m(own.name, segment_of(visit)))
-                for visit in route.visits
-            ),
+            vehicle=own.name, visits=_describe_visits(content, own.name, route.visits), duration_s=duration_s,
+            energy_pct=energy_pct,
         )
         for own, route, duration_s, energy_pct in zip(
             content.vehicles, content.plan.routes, content.durations_s, content.energies_pct, strict=True
@@ -472,7 +479,7 @@ def _describe_days(content: DayPlanFile) -> DayPlanDocument:
     )  # fmt: skip
     routes = (
         RoutePart(
-            vehicle=own.name, visits=tuple(_describe_visit(content, visit) for visit in one.visits),
+            vehicle=own.name, visits=_describe_visits(content, own.name, one.visits),
             duration_s=figures.lasts_s[row][number], energy_pct=figures.energies_pct[row][number],
             base=names[one.base], lands=names[one.lands], start_s=one.start_s,
             day=next((day for day, end_s in enumerate(ends_s, 1) if one.start_s < end_s), len(ends_s)),

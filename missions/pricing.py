@@ -17,18 +17,30 @@ from typing import Annotated
 
 import numpy as np
 
-from missions.areas import AreaRestriction
+from missions.areas import AreaRestriction, Unreachable
 from missions.detours import DetourObstacles, price_detours
-from missions.flight_model import SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m
+from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, VerticalLegs, arrival_vectors_m
 from missions.geo import BoolArray, FloatArray, IntArray
-from missions.relief import FEW_PIECES, Relief, price_uneven_ways
 from missions.shortest_ways import Obstacle, build_obstacle
+from missions.surface import FEW_PIECES, Relief, price_uneven_ways
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
-from missions.vertical_legs import NEVER, VerticalLegs
-from planner import ComputedMoves, Instance, Moves, MoveTables, Vehicle, Visits
+from planner import (
+    ComputedMoves,
+    Instance,
+    Moves,
+    MoveTables,
+    Plan,
+    Route,
+    Vehicle,
+    Visits,
+    is_reversed,
+    segment_of,
+    visit_of,
+)
 from planner.model import TABLES_UP_TO
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
+TimesAndEnergies = tuple[FloatArray, FloatArray]
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
 BARRED_PCT = 1e5
@@ -42,18 +54,13 @@ class VehicleMoves:
     """One vehicle's moves, around the columns above others' pads, around areas and over hills."""
 
     model: FlightModel
-    columns: DetourObstacles = field(default_factory=DetourObstacles)
-    relief: Relief | None = None
-    barred: frozenset[int] = frozenset()
+    columns: DetourObstacles
+    relief: Relief | None
+    barred: frozenset[int]
     """Segments that it cannot be given."""
-
-    besides_s: tuple[tuple[int, float], ...] = ()
-    """Segments that take longer than their tracks, and by how much."""
-    in_layer_s: tuple[tuple[int, float], ...] = ()
-    """The same of those whose viewpoints lie below the surface, where it looks at them from its layer."""
-    step_m: float = 0.0
+    step_m: float
     """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
-    layered: frozenset[int] = frozenset()
+    layered: frozenset[int]
     """Segments that it inspects in its layer all the same."""
 
     def find_low_visits(self, visits: Visits) -> BoolArray:
@@ -62,24 +69,11 @@ class VehicleMoves:
             return NEVER
         return np.asarray(~np.isin(np.asarray(visits, dtype=np.int64) >> 1, list(self.layered)))
 
-    def price_visit_extras(self, visits: int) -> FloatArray:
-        """Return (2, visits) float64: seconds and energy that visits take besides.
-
-        That is more than any battery holds where the vehicle is barred from a visit.
-        """
-        more = np.zeros((2, visits))
-        from_layer = {segment: seconds for segment, seconds in self.in_layer_s if segment in self.layered}
-        for segment, seconds in (dict(self.besides_s) | from_layer).items():
-            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * self.model.hover_pct_per_s]]
-        for segment in self.barred:
-            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
-        return more
-
     def price_moves(
         self, from_m: FloatArray, facing_m: FloatArray, first_m: FloatArray, last_m: FloatArray,
         low: tuple[BoolArray, BoolArray] = (NEVER, NEVER),
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of moves from rest, as `FlightModel.moves` takes them.
+    ) -> TimesAndEnergies:  # fmt: skip
+        """Return seconds and energies of moves from rest; arrays (..., 3) broadcast against each other.
 
         Args:
             from_m: Where they begin.
@@ -89,57 +83,55 @@ class VehicleMoves:
             low: Which moves begin, and which of their visits are, below the layer.
         """
         rises = VerticalLegs.find_between(from_m, first_m, *low, SAME_PLACE_M)
-        facing_m = arrival_vectors_m(rises.up, facing_m)
-        straight = self.model.price_moves(from_m, facing_m, first_m, last_m, rises.down)
+        facing_m, down = arrival_vectors_m(rises.up, facing_m), rises.down[..., np.newaxis]
 
-        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            facing, last = (
-                np.broadcast_to(places, (*straight[0].shape, 3)).reshape(-1, 3)[which] for places in (facing_m, last_m)
-            )
-            down = np.broadcast_to(rises.down, straight[0].shape).reshape(-1)[which]
-            return self.model.price_moves_along(facing, ways_m, last, down)
+        def price(legs_m: FloatArray, facing_m: FloatArray, along_m: FloatArray, down: BoolArray) -> TimesAndEnergies:
+            return self.model.price_moves(facing_m, legs_m, along_m, down[..., 0])
 
-        return self._add_vertical_legs(self._apply_detours(from_m, first_m, straight, along), rises)
-
-    def _add_vertical_legs(
-        self, led: tuple[FloatArray, FloatArray], rises: VerticalLegs
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return seconds and energies of ways with what leads up to their layer, and down from it."""
-        if not self.step_m:
-            return led
-        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        seconds, pct = (led[of] + rises.up * ups[of] + rises.down * downs[of] for of in (0, 1))
-        return np.asarray(seconds), np.asarray(pct)
+        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), rises)
 
     def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> TimesAndEnergies:
         """Return seconds and energies of the ways from rest (..., 3) onto a pad; some begin below the layer."""
-        facing_m = arrival_vectors_m(low, facing_m)
-        straight = self.model.price_ways_home(from_m, facing_m, base)
 
-        def along(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            facing = np.broadcast_to(facing_m, (*straight[0].shape, 3)).reshape(-1, 3)[which]
-            return self.model.price_ways_home_along(facing, ways_m, base)
+        def price(legs_m: FloatArray, facing_m: FloatArray) -> TimesAndEnergies:
+            return self.model.price_ways_home(facing_m, legs_m, base)
 
-        return self._add_vertical_legs(
-            self._apply_detours(from_m, np.array(base.place_m), straight, along), VerticalLegs(low, NEVER)
-        )
+        facing_m, rises = arrival_vectors_m(low, facing_m), VerticalLegs(low, NEVER)
+        return self._price_ways(from_m, np.array(base.place_m), price, (facing_m,), rises)
 
-    def _apply_detours(
-        self, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
-        along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
-    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """Return seconds and energies of ways as they are flown; arguments as `price_detours` has them."""
-        relief = self.relief
-        if relief is None:
-            return price_detours(self.columns, from_m, to_m, straight, along)
+    def _price_ways(
+        self, from_m: FloatArray, to_m: FloatArray, price: Callable[..., TimesAndEnergies],
+        others: Sequence[np.ndarray], rises: VerticalLegs,
+    ) -> TimesAndEnergies:  # fmt: skip
+        """Return seconds and energies of ways as they are flown.
 
-        def over(which: IntArray, ways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-            return along(which, relief.follow_surface(ways_m, FEW_PIECES))
+        Args:
+            from_m: (..., 3) where they begin.
+            to_m: (..., 3) where they end.
+            price: What ways along (..., w, 3) legs take, by these and the others.
+            others: (..., k) what else of each way it depends on.
+            rises: What leads up to their layer, and down from it.
+        """
+        led = straight = price((to_m - from_m)[..., np.newaxis, :], *others)
+        shape, relief = straight[0].shape, self.relief
 
-        level = price_uneven_ways(relief, from_m, to_m, straight, along)
-        return price_detours(self.columns, from_m, to_m, level, over)
+        def along(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
+            flat = (np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1]) for one in others)
+            return price(np.diff(ways_m, axis=1), *(one[which] for one in flat))
+
+        def over(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
+            return along(which, ways_m if relief is None else relief.follow_surface(ways_m, FEW_PIECES))
+
+        if relief is not None:
+            led = price_uneven_ways(relief, from_m, to_m, straight, along)
+        seconds, pct = price_detours(self.columns, from_m, to_m, led, over)
+        if not self.step_m:
+            return seconds, pct
+        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
+        seconds, pct = (one + rises.up * ups[of] + rises.down * downs[of] for of, one in enumerate((seconds, pct)))
+        return np.asarray(seconds), np.asarray(pct)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,27 +170,29 @@ class Pricing:
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
 
-    def build_vehicle_moves(self, vehicles: Iterable[str], *, around: bool) -> list[VehicleMoves]:
-        """Return how vehicles move.
+    def build_vehicle_moves(self, vehicle: str, *, around: bool) -> VehicleMoves:
+        """Return how a vehicle moves; its ways may lead around others' pads."""
+        return VehicleMoves(
+            self.models[vehicle],
+            self._build_obstacles(vehicle, around=around),
+            self.relief,
+            self.barred.get(vehicle, frozenset()),
+            self.steps_m.get(vehicle, 0.0),
+            self.layered.get(vehicle, frozenset()),
+        )
 
-        Args:
-            vehicles: Their names.
-            around: Whether their ways lead around others' pads.
+    def price_visit_extras(self, flier: VehicleMoves) -> FloatArray:
+        """Return (2, 2n) float64: seconds and energy that visits take a vehicle besides.
+
+        That is more than any battery holds where the vehicle is barred from a visit.
         """
-        longer = tuple(sorted(self.besides_s.items()))
-        return [
-            VehicleMoves(
-                self.models[name],
-                self._build_obstacles(name, around=around),
-                self.relief,
-                self.barred.get(name, frozenset()),
-                longer,
-                tuple(sorted(self.in_layer_s.items())),
-                self.steps_m.get(name, 0.0),
-                self.layered.get(name, frozenset()),
-            )
-            for name in vehicles
-        ]
+        more = np.zeros((2, 2 * len(self.tracks_m)))
+        from_layer = {segment: self.in_layer_s[segment] for segment in flier.layered & self.in_layer_s.keys()}
+        for segment, seconds in {**self.besides_s, **from_layer}.items():
+            more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * flier.model.hover_pct_per_s]]
+        for segment in flier.barred:
+            more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        return more
 
     def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
         areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
@@ -213,31 +207,29 @@ class Pricing:
         """Return that of some segments, numbered anew in the order given, and of some vehicles."""
         names = tuple(vehicles)
         numbers = {segment: number for number, segment in enumerate(segments)}
+
+        def renumber(figures: Mapping[int, float]) -> dict[int, float]:
+            return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
+
+        def select(sets: Mapping[str, frozenset[int]]) -> dict[str, frozenset[int]]:
+            return {
+                name: frozenset(numbers[segment] for segment in sets[name] if segment in numbers)
+                for name in names
+                if name in sets
+            }
+
         return replace(
             self,
             tracks_m=self.tracks_m[list(segments)],
-            besides_s=_renumber(numbers, self.besides_s),
-            in_layer_s=_renumber(numbers, self.in_layer_s),
-            deep_m=_renumber(numbers, self.deep_m),
-            barred={
-                name: frozenset(numbers[segment] for segment in self.barred[name] if segment in numbers)
-                for name in names
-                if name in self.barred
-            },
-            layered={
-                name: frozenset(numbers[segment] for segment in self.layered[name] if segment in numbers)
-                for name in names
-                if name in self.layered
-            },
+            besides_s=renumber(self.besides_s),
+            in_layer_s=renumber(self.in_layer_s),
+            deep_m=renumber(self.deep_m),
+            barred=select(self.barred),
+            layered=select(self.layered),
             steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
             models={name: self.models[name] for name in names},
         )
-
-
-def _renumber(numbers: Mapping[int, int], figures: Mapping[int, float]) -> dict[int, float]:
-    """Return the figures of some segments, by their new numbers."""
-    return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,8 +242,8 @@ class PricedMoves(ComputedMoves):
     """(2n, 3) float64: where it ends."""
     fliers: tuple[VehicleMoves, ...]
     """One for each profile."""
-    besides: FloatArray | None = None
-    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile; None where none do."""
+    besides: FloatArray
+    """(2, profiles, 2n) float64: seconds and energy that visits take besides, by profile."""
 
     @property
     def profiles(self) -> int:
@@ -266,8 +258,8 @@ class PricedMoves(ComputedMoves):
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits, as tables."""
         which = list(visits)
-        besides = None if self.besides is None else self.besides[..., which]
-        return replace(self, first_m=self.first_m[which], last_m=self.last_m[which], besides=besides).tabulate()
+        first_m, last_m, besides = self.first_m[which], self.last_m[which], self.besides[..., which]
+        return replace(self, first_m=first_m, last_m=last_m, besides=besides).tabulate()
 
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
@@ -276,8 +268,6 @@ class PricedMoves(ComputedMoves):
             self.last_m[before], facing_m, self.first_m[after], self.last_m[after],
             (flier.find_low_visits(before), flier.find_low_visits(after)),
         )  # fmt: skip
-        if self.besides is None:
-            return seconds, pct
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
 
@@ -301,18 +291,14 @@ class PricedFleet:
         """Return (2, 2n): from a pad of a vehicle to the end of each visit, the climb included."""
         flier = self.fliers[row]
         climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
-        there = self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER, besides=False)
-        return self._add_besides(row, there + climb[:, np.newaxis])
+        return self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER) + climb[:, np.newaxis]
 
-    def price_from(
-        self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray, *, besides: bool = True
-    ) -> FloatArray:
+    def price_from(self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray) -> FloatArray:
         """Return (2, 2n): from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
         flier, moves = self.fliers[row], self.moves
-        priced = np.array(
-            flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, (is_low, self._find_low_visits(row)))
-        )
-        return self._add_besides(row, priced) if besides else priced
+        low = (is_low, self._find_low_visits(row))
+        priced = np.array(flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, low))
+        return np.asarray(priced + moves.besides[:, moves.fliers.index(flier)])
 
     def price_home(self, row: int, base: Base) -> FloatArray:
         """Return (2, 2n): from the end of each visit onto a pad."""
@@ -324,26 +310,21 @@ class PricedFleet:
     def _find_low_visits(self, row: int) -> BoolArray:
         return self.fliers[row].find_low_visits(np.arange(self.moves.visits))
 
-    def _add_besides(self, row: int, priced: FloatArray) -> FloatArray:
-        besides = self.moves.besides
-        return priced if besides is None else priced + besides[:, self.moves.fliers.index(self.fliers[row])]
-
 
 def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     """Return what the flights of some vehicles take; moves are priced when they are asked for."""
     tracks_m, names = pricing.tracks_m.reshape(-1, 2, 3), tuple(vehicles)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
     around = len(tracks_m) * len(names) <= AROUND_UP_TO
-    fliers = pricing.build_vehicle_moves(names, around=around)
+    fliers = tuple(pricing.build_vehicle_moves(name, around=around) for name in names)
     profiles = tuple(dict.fromkeys(fliers))
-    more = any(flier.barred or flier.besides_s for flier in fliers)
-    besides = np.stack([flier.price_visit_extras(len(first_m)) for flier in profiles], axis=1) if more else None
-    return PricedFleet(tuple(fliers), PricedMoves(first_m, last_m, profiles, besides))
+    besides = np.zeros((2, len(profiles), len(first_m)))
+    for number, flier in enumerate(profiles):
+        besides[:, number] = pricing.price_visit_extras(flier)
+    return PricedFleet(fliers, PricedMoves(first_m, last_m, profiles, besides))
 
 
-def build_priced_instance(
-    pricing: Pricing, vehicles: Sequence[Vehicle], *, tables_up_to: int = TABLES_UP_TO
-) -> Instance:
+def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Instance:
     """Return the planning problem of one flight over all segments of a pricing.
 
     A vehicle on the ground climbs from its pad; one in the air starts at its ``start_m`` and ``start_up_m``, turned
@@ -352,7 +333,6 @@ def build_priced_instance(
     Args:
         pricing: Of at least these vehicles.
         vehicles: The fleet.
-        tables_up_to: Segments beyond which moves are priced when they are asked for.
 
     Raises:
         planner.InstanceError: there is no vehicle, or a start is not a number.
@@ -361,7 +341,7 @@ def build_priced_instance(
     flown = fleet.moves
     # Who comes down from a layer of its own has moves of its own.
     tables = flown.profiles if pricing.steps_m else 1
-    small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= tables_up_to**2
+    small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
@@ -437,3 +417,55 @@ def build_priced_sorties(
         wanted=np.ones(segments, dtype=np.bool_),
         stagger_s=stagger_s,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning problem over some of a network's segments."""
+
+    instance: Instance
+    segment_ids: tuple[int, ...]
+    """The network's segment for each of the instance's."""
+    pricing: Pricing | None = None
+    """From which the instance is made; None: by the paper's model."""
+    unreachable: tuple[Unreachable, ...] = ()
+    """What else of the network was asked for, and no flight can inspect."""
+
+    def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
+        """Return the instance's visits as the network's."""
+        return tuple(visit_of(self.segment_ids[segment_of(visit)], is_reversed(visit)) for visit in visits)
+
+    def from_network(self, visits: Iterable[int]) -> tuple[int, ...]:
+        """Return the network's visits as the instance's.
+
+        Raises:
+            KeyError: a visit's segment is no part of the problem.
+        """
+        reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
+        return tuple(visit_of(reduced[segment_of(visit)], is_reversed(visit)) for visit in visits)
+
+    def plan_to_network(self, plan: Plan) -> Plan:
+        """Return a plan of the instance with the network's segments."""
+        routes = tuple(Route(route.vehicle, self.to_network(route.visits)) for route in plan.routes)
+        return Plan(routes, tuple(self.segment_ids[segment] for segment in plan.uncovered))
+
+
+def build_open_task(pricing: Pricing, open_segments: Iterable[int], vehicles: Sequence[Vehicle]) -> Task:
+    """Return the problem of inspecting what is still open, from wherever the vehicles are.
+
+    Args:
+        pricing: Of the whole network.
+        open_segments: Its segments that are still to be inspected; taken in ascending order.
+        vehicles: With the start (east, north) where each becomes free, the budget that is left then, and whether it is
+            in the air there.
+
+    Raises:
+        IndexError: a segment is not in the network.
+        planner.InstanceError: there is no vehicle, or a start is not a number.
+    """
+    segment_ids = tuple(sorted(set(open_segments)))
+    count = len(pricing.tracks_m)
+    if segment_ids and not 0 <= segment_ids[0] <= segment_ids[-1] < count:
+        raise IndexError(f"open segments {segment_ids[0]} to {segment_ids[-1]}: expected below {count}")
+    part = pricing.select_segments(segment_ids, (vehicle.name for vehicle in vehicles))
+    return Task(build_priced_instance(part, vehicles), segment_ids, part)

@@ -13,14 +13,10 @@ from collections.abc import Sequence
 
 from missions.autopilots.dialect import Dialect
 from missions.errors import MissionFileError
-from missions.items import Command, Frame, MissionItem
+from missions.items import PLAIN_FRAMES, Command, Frame, MissionItem
 
 # MAV_TYPE_QUADROTOR.
 _QUADROTOR = 2
-_PLAIN_FRAME: dict[int, int] = {
-    Frame.GLOBAL_INT: Frame.GLOBAL,
-    Frame.GLOBAL_RELATIVE_ALT_INT: Frame.GLOBAL_RELATIVE_ALT,
-}
 _ALTITUDE_MODE_RELATIVE = 1
 _WPL_HEADER = "QGC WPL 110"
 
@@ -80,7 +76,7 @@ def format_qgc_waypoints(items: Sequence[MissionItem], dialect: Dialect, home: t
         lat_deg, lon_deg, z = item.x / 1e7, item.y / 1e7, item.z
         if dialect.home_item and item.seq == 0:
             lat_deg, lon_deg, z = home
-        frame = _PLAIN_FRAME.get(item.frame, item.frame)
+        frame = PLAIN_FRAMES.get(item.frame, item.frame)
         numbers = (item.param1, item.param2, item.param3, item.param4)
         lines.append("\t".join([
             str(item.seq), str(int(item.current)), str(frame), str(int(item.command)), *map(repr, numbers),
@@ -115,7 +111,7 @@ def _build_simple_item(number: int, item: MissionItem) -> dict[str, object]:
         "autoContinue": item.autocontinue,
         "command": int(item.command),
         "doJumpId": number,
-        "frame": _PLAIN_FRAME.get(item.frame, int(item.frame)),
+        "frame": PLAIN_FRAMES.get(item.frame, int(item.frame)),
         "params": [
             *(None if math.isnan(value) else value for value in params), item.x / 1e7, item.y / 1e7, item.z
         ],

@@ -62,6 +62,11 @@ def build_visibility_graph(obstacles: tuple[Obstacle, ...]) -> VisibilityGraph:
     return VisibilityGraph(obstacles)
 
 
+def build_area_graph(*areas: Area) -> VisibilityGraph:
+    """Return the graph of ways around some areas."""
+    return build_visibility_graph(tuple(map(build_obstacle, areas)))
+
+
 class _Shape:
     """One obstacle as arrays."""
 
@@ -112,8 +117,7 @@ class _Shape:
     def is_inside(self, places_m: FloatArray) -> BoolArray:
         """Return (n,) whether places are nearer than is kept, or enclosed."""
         found = np.hypot(*(places_m - self.centre_m).T) < self.radius_m
-        which = np.flatnonzero(found)
-        step = max(1, AT_ONCE // len(self.begins_m))
+        which, step = np.flatnonzero(found), max(1, AT_ONCE // len(self.begins_m))
         for first in range(0, len(which), step):
             part = which[first : first + step]
             away_m = self.distances_m(places_m[part]).min(axis=1)
@@ -154,9 +158,8 @@ class _Shape:
     def ways_out_m(self, place_m: FloatArray) -> FloatArray:
         """Return (k, 2) places just outside that a place inside may be left to."""
         edges = self.ends_m - self.begins_m
-        off = place_m - self.begins_m
-        share = (off * edges).sum(axis=1) / np.maximum((edges**2).sum(axis=1), 1e-12)
-        on_m = self.begins_m + np.clip(share, 0.0, 1.0)[:, np.newaxis] * edges
+        (_, share) = find_nearest_on_legs(place_m[np.newaxis], self.begins_m, edges)
+        on_m = self.begins_m + share[0, :, np.newaxis] * edges
         out_m = self.keep_m * (1.0 + SLACK_SHARE) + SLACK_M
         away = place_m - on_m
         lengths = np.hypot(*edges.T)
@@ -192,6 +195,11 @@ class VisibilityGraph:
             open_ = np.flatnonzero(~found)
             found[open_] = shape.is_hit(starts_m[open_], goals_m[open_])
         return found
+
+    def is_met(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+        """Return (n,) whether straight legs between (n, 2) places come nearer than is kept, or begin or end inside."""
+        ends = self.is_inside(starts_m) | self.is_inside(goals_m)
+        return np.asarray(ends | self.is_blocked(starts_m, goals_m))
 
     def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
         """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.

@@ -6,18 +6,25 @@ it never leaves the range of the heights that it was made from, and on a lone li
 
 Over ground that a raster knows it also keeps above the floor of the flights and, where it can, below their roof
 (`terrain`), which are no steeper either: on the lines it is the lines' height all the same.
+
+The steeper it may be there, the less a slope beside a line lifts the line's inspection, and the farther apart the
+layers must be. Chosen is the slope at which vehicles are the least above what was asked, in the mean of all. Over hills
+a transit is no straight leg: over a ridge it costs its climb. For prices the surface is asked on a grid, which plan
+files keep, at a few places along each way.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.geo import FloatArray
-from missions.grids import Grid
+from missions.geo import FloatArray, IndexArray, IntArray
+from missions.geometry import find_bends
+from missions.network import Network
+from missions.terrain import Grid, KnownGround
 
 DATA_STEP_M = 20.0
 """Distance of the points along a line that carry the surface; coarser for very long networks."""
@@ -33,6 +40,27 @@ SLOPES = (0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.3, 0.45, 0.7, 1.0)
 """Bounds to choose from; a steep surface follows crossing lines better and costs more height between the layers."""
 MATRIX_ENTRIES = 2_000_000
 """Distances held at a time: 16 MB."""
+STEP_M = 20.0
+"""Between the nodes of the grid; more in large areas."""
+MOST_NODES = 10_000
+UNEVEN_M = 3.0
+"""A way that is nowhere farther than this from its straight one is priced as that."""
+PIECE_M = 60.0
+"""About as long as legs over uneven ground are."""
+PIECES = (3, 6, 12, 24)
+"""In how many pieces ways are looked at, by their length."""
+FEW_PIECES = 6
+MANY_WAYS = 400_000
+"""More ways than these at once are looked at in few pieces."""
+AT_ONCE = 50_000
+FOLLOW_OVER_M = 2.0
+"""Legs over uneven ground keep this near to the surface: nearer ones need more waypoints than autopilots hold."""
+SLOPES_OVER = (0.12, 0.2, 0.3, 0.45, 0.7, 1.0)
+STEEPER = 1.42
+"""Between the nodes of a grid, where two cones meet, it is steeper than they are by up to this."""
+TRIES = 4
+SLACK_M = 1.0
+"""Below the ceiling."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,8 +105,7 @@ class Surface:
         share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]
         line = start_m + share * (goal_m - start_m)
         line[1:-1, 2] = self.interpolate_m(line[:, :2])[1:-1]
-        kept = sorted(_select_corners(line[:, 2], tolerance_m))
-        return np.asarray(line[kept], dtype=np.float64)
+        return np.asarray(line[find_bends(line[:, 2], tolerance_m, _measure_off)], dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +117,11 @@ class SurfaceFit:
     """Largest distance in height between a line's flight track and the surface."""
     spacing_m: float
     """Layers this far apart keep two vehicles ``layer_m`` apart, wherever each of them is."""
+
+    @property
+    def tolerance_m(self) -> float:
+        """Legs off the lines keep this near to the surface."""
+        return max(FOLLOW_M if self.surface.floor is None else FOLLOW_OVER_M, self.error_m)
 
 
 def build_flat_surface(height_m: float) -> Surface:
@@ -113,7 +145,7 @@ def fit_surface(tracks_m: FloatArray, heights_m: FloatArray, layer_m: float) -> 
     fits = []
     for surface, error_m in iterate_surfaces(tracks_m, heights_m):
         off_m = max(FOLLOW_M, error_m) + surface.slope * CHECK_STEP_M
-        fits.append(SurfaceFit(surface, error_m, layer_m * math.hypot(1.0, surface.slope) + 2.0 * off_m))
+        fits.append(SurfaceFit(surface, error_m, _spacing_m(layer_m, surface.slope, off_m)))
     return min(fits, key=lambda candidate: candidate.spacing_m)
 
 
@@ -160,16 +192,174 @@ def sample_tracks(tracks_m: FloatArray, heights_m: FloatArray, step_m: float) ->
     return np.asarray(np.concatenate(pieces), dtype=np.float64)
 
 
-def _select_corners(heights_m: FloatArray, tolerance_m: float) -> list[int]:
-    """Return the inner indices to keep so that straight pieces between them are within the tolerance everywhere."""
-    kept: list[int] = []
-    pieces = [(0, len(heights_m) - 1)]
-    while pieces:
-        first, last = pieces.pop()
-        share = np.arange(last - first + 1) / max(1, last - first)
-        off_m = np.abs(heights_m[first] + share * (heights_m[last] - heights_m[first]) - heights_m[first : last + 1])
-        worst = int(np.argmax(off_m))
-        if off_m[worst] > tolerance_m:
-            kept.append(first + worst)
-            pieces += [(first, first + worst), (first + worst, last)]
-    return kept
+def _measure_off(heights_m: FloatArray) -> FloatArray:
+    """Return how far the inner heights are off what rises evenly from the first to the last."""
+    share = np.arange(1, len(heights_m) - 1) / (len(heights_m) - 1)
+    return np.asarray(np.abs(heights_m[0] + share * (heights_m[-1] - heights_m[0]) - heights_m[1:-1]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relief:
+    """The height of the lowest layer over every place, as flights are priced by it."""
+
+    grid: Grid
+
+    def find_uneven(self, from_m: FloatArray, to_m: FloatArray, pieces: int) -> IntArray:
+        """Return (k,) which of (n, 3) straight ways are not flown straight."""
+        found = []
+        for first in range(0, len(from_m), AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            begins_m, ends_m = from_m[part], to_m[part]
+            ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
+            share = np.linspace(0.0, 1.0, pieces + 1)
+            straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
+            found.append(first + np.flatnonzero(np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M))
+        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+
+    def follow_surface(self, ways_m: FloatArray, pieces: int) -> FloatArray:
+        """Return (k, (w - 1) * pieces + 1, 3) ways through (k, w, 3) places that follow the surface between them."""
+        share = (np.arange(pieces) / pieces)[:, np.newaxis]
+        begins_m, ends_m = ways_m[:, :-1, np.newaxis], ways_m[:, 1:, np.newaxis]
+        inner_m = (begins_m + share * (ends_m - begins_m)).reshape(len(ways_m), -1, 3)
+        whole_m = np.concatenate((inner_m, ways_m[:, -1:]), axis=1)
+        up_m = self.grid.interpolate_m(whole_m[..., :2].reshape(-1, 2)).reshape(whole_m.shape[:2])
+        # Between the nodes the grid is a little off: by as much as at the ends, which are known.
+        off_first_m, off_last_m = (ways_m[:, end, 2:] - up_m[:, end, np.newaxis] for end in (0, -1))
+        along = np.linspace(0.0, 1.0, whole_m.shape[1])
+        return np.concatenate(
+            (whole_m[..., :2], (up_m + off_first_m + along * (off_last_m - off_first_m))[..., np.newaxis]), axis=2
+        )
+
+
+def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Relief:
+    """Return a surface on a grid between two (2,) corners."""
+    step_m = max(STEP_M, math.sqrt(float((high_m - low_m).prod()) / MOST_NODES))
+    counts = np.ceil((high_m - low_m) / step_m).astype(int) + 1
+    grid = Grid((float(low_m[0]), float(low_m[1])), step_m, np.zeros(tuple(counts)))
+    heights_m = surface.interpolate_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
+    # As a plan file has it: what is read gives back the same figures.
+    return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
+
+
+def price_uneven_ways(
+    relief: Relief, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
+    along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Return seconds and energies of ways of which some follow the surface; arguments as of `detours.price_detours`."""
+    shape = straight[0].shape
+    flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
+    seconds, pct = straight[0].flatten(), straight[1].flatten()
+    most = PIECES[-1] if len(flat_from) <= MANY_WAYS else FEW_PIECES
+    lengths_m = np.hypot(*(flat_to[:, :2] - flat_from[:, :2]).T)
+    shortest_m = 0.0
+    for pieces in PIECES:
+        longest_m = PIECE_M * pieces if pieces < most else math.inf
+        own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
+        which = own[relief.find_uneven(flat_from[own], flat_to[own], pieces)]
+        for first in range(0, len(which), AT_ONCE):
+            part = which[first : first + AT_ONCE]
+            ways_m = relief.follow_surface(np.stack((flat_from[part], flat_to[part]), axis=1), pieces)
+            seconds[part], pct[part] = along(part, ways_m)
+        if pieces == most:
+            break
+        shortest_m = longest_m
+    return seconds.reshape(shape), pct.reshape(shape)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceRequirements:
+    """What flights over the ground must hold."""
+
+    kept_m: float
+    """Over the ground."""
+    ceiling_m: float
+    """Over the ground, of the highest layer."""
+    layer_m: float
+    vehicles: int
+
+
+def fit_overland_surface(
+    known: KnownGround, wishes: SurfaceRequirements, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
+) -> tuple[SurfaceFit, FloatArray]:
+    """Return the surface over lines and ground, and (p,) how high over the depot the lowest vehicle passes each pylon.
+
+    Args:
+        known: The ground.
+        wishes: What must be held.
+        network: The lines.
+        tracks_m: (n, 2, 2) both ends of every inspection leg.
+        pylon_m: (p,) heights over the depot that are asked for at the pylons.
+    """
+    ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
+    errors_m = {surface.slope: error_m for surface, error_m in iterate_surfaces(tracks_m, pylon_m[ends], SLOPES_OVER)}
+    lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
+    best: tuple[float, float] | None = None
+    for slope in SLOPES_OVER:
+        off_m = _floor_error_m(errors_m[slope], slope)
+        lifts_m = _lifts_m(known.build_floor(wishes.kept_m + off_m, slope), tracks_m, pylon_m, ends)
+        lifted_m = float((lifts_m[ends].mean(axis=1) * lengths_m).sum() / lengths_m.sum())
+        over_m = lifted_m + 0.5 * wishes.vehicles * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
+        if best is None or over_m < best[0]:
+            best = over_m, slope
+    slope = best[1] if best is not None else SLOPES_OVER[0]
+    return _fit_slope(known, wishes, tracks_m, pylon_m, ends, slope, errors_m[slope])
+
+
+def _fit_slope(
+    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: IndexArray,
+    slope: float,
+    error_m: float,
+) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
+    """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
+    lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
+    step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
+    for _ in range(TRIES):
+        off_m = _floor_error_m(error_m, slope)
+        floor = known.build_floor(wishes.kept_m + off_m, slope)
+        pylon_m = asked_m + _lifts_m(floor, tracks_m, asked_m, ends)
+        stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
+        roof = known.build_roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
+        surface = replace(next(iterate_surfaces(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
+        places = sample_tracks(tracks_m, pylon_m[ends], step_m)
+        fitted_m = float(np.abs(surface.interpolate_m(places[:, :2]) - places[:, 2]).max())
+        if fitted_m <= max(error_m, FOLLOW_OVER_M):
+            break
+        error_m = fitted_m
+    steepest = max(slope, floor.slope, roof.slope)
+    off_m = max(FOLLOW_OVER_M, fitted_m) + steepest * CHECK_OVER_M
+    return SurfaceFit(surface, fitted_m, _spacing_m(wishes.layer_m, steepest, off_m)), pylon_m
+
+
+def _floor_error_m(error_m: float, slope: float) -> float:
+    return max(FOLLOW_OVER_M, error_m) + STEEPER * slope * CHECK_OVER_M
+
+
+def _spacing_m(layer_m: float, slope: float, off_m: float) -> float:
+    """Return how far apart layers must be, as `fit_surface` has it."""
+    return layer_m * math.hypot(1.0, slope) + 2.0 * off_m
+
+
+def _lifts_m(floor: Grid, tracks_m: FloatArray, pylon_m: FloatArray, ends: IndexArray) -> FloatArray:
+    """Return (p,) how much higher pylons must be passed so that no inspection is below the floor."""
+    lifts_m = np.zeros(len(pylon_m))
+    # The ends first: a slope beside the line's end then lifts that end alone.
+    for shares in (np.array([0.0, 1.0]), None):
+        shorts_m = _shortfalls_m(floor, tracks_m, (pylon_m + lifts_m)[ends], shares)
+        more_m = np.zeros(len(pylon_m))
+        for side in (0, 1):
+            own_m = shorts_m[:, side] if shares is not None else shorts_m.max(axis=1)
+            np.maximum.at(more_m, ends[:, side], own_m)
+        lifts_m += more_m
+    return lifts_m
+
+
+def _shortfalls_m(floor: Grid, tracks_m: FloatArray, heights_m: FloatArray, shares: FloatArray | None) -> FloatArray:
+    """Return (n, k) by how much inspections are below the floor, 0 where they are not."""
+    if shares is None:
+        longest_m = float(np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T).max())
+        step_m = max(CHECK_STEP_M, longest_m * len(tracks_m) / (25 * MAX_CHECKS))
+        shares = np.linspace(0.0, 1.0, math.ceil(longest_m / step_m) + 1)
+    places_m = tracks_m[:, :1] + shares[:, np.newaxis] * (tracks_m[:, 1:] - tracks_m[:, :1])
+    flown_m = heights_m[:, :1] + shares * (heights_m[:, 1:] - heights_m[:, :1])
+    under_m = floor.interpolate_m(places_m.reshape(-1, 2)).reshape(flown_m.shape) - flown_m
+    return np.asarray(np.maximum(under_m, 0.0), dtype=np.float64)

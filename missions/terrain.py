@@ -3,22 +3,29 @@
 Legs are straight, so that all of them lie in the convex hull of what is inspected and of the pads. There the ground is
 known everywhere, or nobody flies. The floor of the flights is the lowest function over ground and margin that rises and
 falls by no more than a slope; their roof keeps them below the ceiling where the ground falls away.
+
+How rasters were read is not said here. Their cells stay where they have them. A place is found among them by a lattice
+of places that were transformed once, a kilometre apart, between which rows and columns are straight to a few hundredths
+of a metre.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
+from pydantic import Field
 
-from missions import grids
-from missions.elevation import Elevation, find_bounds
 from missions.errors import ElevationError
-from missions.geo import FloatArray, LocalFrame
-from missions.grids import Grid
+from missions.geo import BoolArray, FloatArray, IndexArray, LocalFrame
+from missions.geometry import build_convex_hull
 from missions.network import Network
+from missions.validation import Above0, Figure, Pair, array_of
 
 AROUND_M = 60.0
 """Beside the hull: ways lead around pads, and legs end a few metres beside their lines."""
@@ -32,6 +39,203 @@ MOST_NODES = 1_000_000
 UNKNOWN_M = -1e5
 """Instead of ground beyond the area: it asks for nothing."""
 ROW_PLACES = 400_000
+DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))
+"""Steps from node to node, and back: a cone made of them is 2.7 % flatter than a round one at most."""
+NodeRow = Annotated[tuple[Figure, ...], Field(min_length=2)]
+"""From south to north."""
+Heights = npt.NDArray[np.float32]
+EDGE = 0.5
+"""A raster knows the ground to the outer edges of its cells: half a cell beyond their middles."""
+AT_ONCE = 1_000_000
+"""Places that are looked up together: some 100 MB."""
+
+
+def interpolate_nodes(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Return (m, ...) what (easts, norths, ...) nodes have at (m, 2) places, counted in nodes; beyond, straight on."""
+    node = np.clip(np.floor(at).astype(np.intp), 0, np.array(values.shape[:2]) - 2)
+    share_e, share_n = (at - node).T.reshape(2, -1, *(1 for _ in values.shape[2:]))
+    e, n = node.T
+    south = values[e, n] + share_e * (values[e + 1, n] - values[e, n])
+    north = values[e, n + 1] + share_e * (values[e + 1, n + 1] - values[e, n + 1])
+    return np.asarray(south + share_n * (north - south), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tile:
+    """Cells of one raster."""
+
+    heights_m: Heights
+    """(rows, columns) above mean sea level at the middles of the cells; not a number where nobody knows."""
+    highest_m: Heights
+    """The same array, or where cells were combined the highest of each."""
+    low_m: tuple[float, float]
+    """East and north of the lattice's first node."""
+    step_m: float
+    """Between nodes of the lattice."""
+    lattice: FloatArray
+    """(easts, norths, 2) float64: row and column at its nodes; whole numbers are the middles of cells."""
+    cell_m: float
+    """How large a cell is over the ground."""
+
+    def to_rows_columns(self, places_m: FloatArray) -> FloatArray:
+        """Return (m, 2) rows and columns of (m, 2) places."""
+        return interpolate_nodes(self.lattice, (places_m - np.array(self.low_m)) / self.step_m)
+
+    def find_cells_around(self, places_m: FloatArray) -> tuple[IndexArray, IndexArray, FloatArray]:
+        """Return (m, 4) rows and columns of the cells around places, and (m, 4) their shares in what lies between.
+
+        Where a place is outside of the raster the shares are not numbers.
+        """
+        at = self.to_rows_columns(places_m)
+        most = np.array(self.heights_m.shape) - 1
+        outside = ((at < -EDGE) | (at > most + EDGE)).any(axis=1)
+        first = np.clip(np.floor(np.nan_to_num(at)).astype(np.intp), 0, np.maximum(most - 1, 0))
+        share = np.clip(at - first, 0.0, 1.0)
+        share[outside] = np.nan
+        second = np.minimum(first + 1, most)
+        rows = np.stack((first[:, 0], first[:, 0], second[:, 0], second[:, 0]), axis=1)
+        columns = np.stack((first[:, 1], second[:, 1], first[:, 1], second[:, 1]), axis=1)
+        down, right = share.T
+        shares = np.stack(((1 - down) * (1 - right), (1 - down) * right, down * (1 - right), down * right), axis=1)
+        return rows, columns, shares
+
+    def reduce_around(self, cells_m: Heights, places_m: FloatArray, best: np.ufunc) -> FloatArray:
+        """Return (m,) the best of the cells around places; not a number where a place is outside of the raster."""
+        rows, columns, shares = self.find_cells_around(places_m)
+        found_m = best.reduce(cells_m[rows, columns], axis=1).astype(np.float64)
+        return np.where(np.isnan(shares[:, 0]), np.nan, found_m)
+
+    def is_near_edge(self, places_m: FloatArray) -> BoolArray:
+        """Return (m,) which places have the raster's edge within a cell: the next raster knows what is beyond."""
+        at = self.to_rows_columns(places_m)
+        return np.asarray(((at < 1.0) | (at > np.array(self.heights_m.shape) - 2.0)).any(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elevation:
+    """Heights above mean sea level over an area, in the local metres of a frame."""
+
+    frame: LocalFrame
+    """Whose east and north places are given in."""
+    tiles: tuple[Tile, ...]
+    """Those of the smallest cells first: what they do not know, the next may."""
+    source: str
+    """The files, for messages."""
+    vertical: str
+    """What the rasters' heights were counted from, for messages."""
+    uncertainty_m: float
+    """Nine of ten heights are nearer than this to the truth."""
+    remarks: tuple[str, ...] = ()
+    """What was found when it was read, in words."""
+    digest: str = field(init=False, repr=False)
+    """Of all cells: two of the same digest are the same ground."""
+
+    def __post_init__(self) -> None:
+        """Take the digest."""
+        whole = hashlib.sha256(f"{self.frame.lat_deg} {self.frame.lon_deg} {self.uncertainty_m}".encode())
+        for tile in self.tiles:
+            for part in (tile.heights_m, tile.highest_m, tile.lattice):
+                whole.update(np.ascontiguousarray(part).data)
+        object.__setattr__(self, "digest", whole.hexdigest()[:16])
+
+    @property
+    def cell_m(self) -> float:
+        """The size of the smallest cells."""
+        return self.tiles[0].cell_m
+
+    def interpolate_m(self, places_m: FloatArray) -> FloatArray:
+        """Return (m,) the ground's heights at (m, 2) places, between the cells; not a number where nobody knows."""
+
+        def between(tile: Tile, places_m: FloatArray) -> FloatArray:
+            rows, columns, shares = tile.find_cells_around(places_m)
+            return np.asarray((tile.heights_m[rows, columns] * shares).sum(axis=1), dtype=np.float64)
+
+        return self._look_up(places_m, between, lambda known, other: np.where(np.isnan(known), other, known))
+
+    def highest_m(self, places_m: FloatArray) -> FloatArray:
+        """Return (m,) heights that the ground at (m, 2) places is not above: of the highest of the cells around."""
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.highest_m, at_m, np.maximum), np.fmax)
+
+    def lowest_m(self, places_m: FloatArray) -> FloatArray:
+        """Return (m,) heights that the ground at (m, 2) places is not below: of the lowest of the cells around."""
+        return self._look_up(places_m, lambda tile, at_m: tile.reduce_around(tile.heights_m, at_m, np.minimum), np.fmin)
+
+    def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
+        """Return (norths, easts) heights between the cells on a regular grid, for who draws it."""
+        rows = [
+            self.interpolate_m(np.column_stack((easts_m, np.full(len(easts_m), north)))) for north in norths_m.tolist()
+        ]
+        return np.array(rows, dtype=np.float64).reshape(len(norths_m), len(easts_m))
+
+    def _look_up(
+        self,
+        places_m: FloatArray,
+        look: Callable[[Tile, FloatArray], FloatArray],
+        joined: Callable[[FloatArray, FloatArray], FloatArray],
+    ) -> FloatArray:
+        parts = [
+            self._look_up_part(places_m[first : first + AT_ONCE], look, joined)
+            for first in range(0, len(places_m), AT_ONCE)
+        ]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _look_up_part(
+        self,
+        places_m: FloatArray,
+        look: Callable[[Tile, FloatArray], FloatArray],
+        joined: Callable[[FloatArray, FloatArray], FloatArray],
+    ) -> FloatArray:
+        found = np.full(len(places_m), np.nan)
+        wanted = np.arange(len(places_m))
+        for tile in self.tiles:
+            found[wanted] = joined(found[wanted], look(tile, places_m[wanted]))
+            # At a seam the cells around a place are of two rasters.
+            wanted = wanted[np.isnan(found[wanted]) | tile.is_near_edge(places_m[wanted])]
+            if not len(wanted):
+                break
+        return found
+
+
+def find_bounds(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the south-western and north-eastern corners of a box around (m, 2) places."""
+    low, high = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
+    return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+
+def sort_tiles(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
+    """Return tiles as an elevation has them."""
+    return tuple(sorted(tiles, key=lambda tile: tile.cell_m))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Heights at nodes."""
+
+    low_m: Pair
+    """East and north of the first node."""
+    step_m: Above0
+    """Between nodes."""
+    heights_m: Annotated[FloatArray, array_of(Annotated[tuple[NodeRow, ...], Field(min_length=2)])]
+    """(easts, norths) float64."""
+
+    def interpolate_m(self, places_m: FloatArray) -> FloatArray:
+        """Return (m,) heights at (m, 2) places; beyond the grid those of its edge."""
+        at = (places_m - np.array(self.low_m)) / self.step_m
+        return interpolate_nodes(self.heights_m, np.clip(at, 0.0, np.array(self.heights_m.shape) - 1))
+
+    @property
+    def slope(self) -> float:
+        """The steepest of what lies between the nodes: it is so at one of them, of one of the cells around it."""
+        up_e, up_n = np.diff(self.heights_m, axis=0) ** 2, np.diff(self.heights_m, axis=1) ** 2
+        corners = (up_e[:, north] + up_n[east] for north in (slice(None, -1), slice(1, None)) for east in (
+            slice(None, -1), slice(1, None)))  # fmt: skip
+        return math.sqrt(max((float(one.max(initial=0.0)) for one in corners), default=0.0)) / self.step_m
+
+    @property
+    def places_m(self) -> FloatArray:
+        """(easts, norths, 2) float64: where its nodes are."""
+        axes = (self.low_m[axis] + self.step_m * np.arange(self.heights_m.shape[axis]) for axis in (0, 1))
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,18 +276,18 @@ class KnownGround:
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
-        return grids.limit_slope_above(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope)
+        return limit_slope_above(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope)
 
     def build_roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
-        return grids.limit_slope_below(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), slope)
+        return limit_slope_below(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), slope)
 
 
 def flight_area_m(places_m: FloatArray) -> FloatArray:
     """Return (k, 2) the corners of what flights between places are over."""
     aside = AROUND_M * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
     depot = PADS_M * np.array([(1, 0), (0.7, 0.7), (0, 1), (-0.7, 0.7), (-1, 0), (-0.7, -0.7), (0, -1), (0.7, -0.7)])
-    return grids.hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
+    return hull_m(np.concatenate(((places_m[:, np.newaxis] + aside).reshape(-1, 2), depot)))
 
 
 def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
@@ -133,7 +337,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
         norths_m = low_m[1] + step_m / looks * np.arange(first * looks, last * looks + 1)
         looked_m = np.stack(np.meshgrid(easts_m, norths_m, indexing="ij"), axis=-1)
         flat_m = looked_m.reshape(-1, 2)
-        area = grids.is_inside_convex(corners, flat_m, beyond_m=1.5 * step_m)
+        area = is_inside_convex(corners, flat_m, beyond_m=1.5 * step_m)
         high, low = (np.full(len(flat_m), value) for value in (UNKNOWN_M, -UNKNOWN_M))
         high[area] = terrain.elevation.highest_m(flat_m[area]) - frame.alt_m
         low[area] = terrain.elevation.lowest_m(flat_m[area]) - frame.alt_m
@@ -189,3 +393,64 @@ def _find_lowest_point(grid: Grid) -> GroundPoint:
     east, north = (int(one) for one in np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape))
     place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
     return GroundPoint(float(grid.heights_m[east, north]), place_m)
+
+
+def limit_slope_above(grid: Grid, slope: float) -> Grid:
+    """Return the lowest grid that is nowhere below another, and rises and falls by no more than a slope."""
+    return _apply_cones(grid, slope, np.maximum)
+
+
+def limit_slope_below(grid: Grid, slope: float) -> Grid:
+    """Return the highest grid that is nowhere above another, and rises and falls by no more than a slope."""
+    return _apply_cones(grid, -slope, np.minimum)
+
+
+def _apply_cones(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
+    """Take at every node the best of what cones from all others leave there.
+
+    Steps of 1, 2, 4 ... nodes one after another, each taken or not, make every distance along a direction.
+    """
+    heights_m = grid.heights_m.copy()
+    finite = heights_m[np.isfinite(heights_m)]
+    relief_m = float(np.ptp(finite)) if finite.size else 0.0
+    reach = min(max(heights_m.shape), math.ceil(relief_m / max(abs(slope) * grid.step_m, 1e-9)))
+    stride = 1
+    while stride <= max(reach, 1):
+        for east, north in DIRECTIONS:
+            drop_m = slope * grid.step_m * stride * math.hypot(east, north)
+            _apply_step(heights_m, east * stride, north * stride, drop_m, better)
+        stride *= 2
+    return Grid(grid.low_m, grid.step_m, heights_m)
+
+
+def _apply_step(heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]) -> None:
+    here_e, there_e = _shift_slices(heights_m.shape[0], east)
+    here_n, there_n = _shift_slices(heights_m.shape[1], north)
+    here, there = heights_m[here_e, here_n], heights_m[there_e, there_n]
+    if not here.size:
+        return
+    ahead = here - drop_m
+    better(here, there - drop_m, out=here)
+    better(there, ahead, out=there)
+
+
+def _shift_slices(count: int, by: int) -> tuple[slice, slice]:
+    """Return where steps of ``by`` begin and where they end along an axis."""
+    if by >= 0:
+        return slice(0, max(count - by, 0)), slice(by, None)
+    return slice(-by, None), slice(0, max(count + by, 0))
+
+
+def hull_m(places_m: FloatArray) -> FloatArray:
+    """Return (k, 2) the corners of the convex hull of (m, 2) places, counter-clockwise."""
+    return np.array(build_convex_hull(sorted(set(map(tuple, places_m.tolist())))), dtype=np.float64)
+
+
+def is_inside_convex(corners_m: FloatArray, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
+    """Return (m,) which of (m, 2) places are in a convex polygon, or no farther than so from each of its sides."""
+    found = np.ones(len(places_m), dtype=np.bool_)
+    for corner, following in zip(corners_m, np.roll(corners_m, -1, axis=0), strict=True):
+        along = following - corner
+        out_m = (along[1] * (places_m[:, 0] - corner[0]) - along[0] * (places_m[:, 1] - corner[1])) / math.hypot(*along)
+        found &= out_m <= beyond_m
+    return found

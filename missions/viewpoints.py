@@ -25,9 +25,10 @@ from missions.clearance import (
     lines_of,
 )
 from missions.errors import SafetyError
+from missions.flight_model import Performance
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from missions.network import Network, Pylon, Segment
-from missions.performance import Performance
 from missions.setup import FlightSetup
 
 APART_M = 1.0
@@ -185,8 +186,7 @@ class _ViewpointPlanner:
         """Return (m, 3) places on the way between two viewpoints."""
         surface = self._setup.layers.surface
         ends = np.array([(*end.place_m, surface.height_m(*end.place_m) - end.below_m) for end in (one, other)])
-        steps = max(1, math.ceil(float(np.linalg.norm(ends[1] - ends[0])) / STEP_M))
-        return np.asarray(ends[0] + np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis] * (ends[1] - ends[0]))
+        return sample_leg(ends, STEP_M)
 
     def _find_shortfall(self, places_m: FloatArray) -> ClearanceShortfall | None:
         """Return what is worst about (m, 3) places over lines and ground; None if nothing is."""

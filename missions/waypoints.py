@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from missions.cameras import Capture
+from missions.geo import FloatArray, LocalFrame
 
 
 class Phase(Enum):
@@ -49,3 +52,17 @@ class FlightPath:
 
     vehicle: str
     waypoints: tuple[Waypoint, ...]
+
+
+def legs_m(path: FlightPath, frame: LocalFrame, home_up_m: float = 0.0) -> FloatArray:
+    """Return (w, 2, 3) float64: start and end of every leg, the first one from the ground below the first waypoint.
+
+    Args:
+        path: With at least one waypoint.
+        frame: Whose east and north to use.
+        home_up_m: Height of the vehicle's home over the depot, to which the path's heights are relative.
+    """
+    places = np.array([(point.lat_deg, point.lon_deg, point.alt_rel_m) for point in path.waypoints])
+    ends = np.column_stack((frame.many_to_local_m(places[:, :2]), places[:, 2] + home_up_m))
+    ground = np.array([ends[0, 0], ends[0, 1], home_up_m])
+    return np.stack((np.vstack((ground, ends[:-1])), ends), axis=1)

@@ -202,7 +202,7 @@ def _find_turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]
     if content.pricing is None or not content.areas:
         return
     vehicle = content.vehicles[route.vehicle]
-    around = content.pricing.build_vehicle_moves([vehicle.name], around=True)[0].columns
+    around = content.pricing.build_vehicle_moves(vehicle.name, around=True).columns
     base_m = content.pricing.bases[vehicle.name].place_m[:2]
     tracks_m = content.pricing.tracks_m[:, :, :2]
     here_m = np.array(vehicle.start_m if vehicle.airborne else base_m)

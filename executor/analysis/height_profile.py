@@ -10,7 +10,7 @@ import numpy as np
 
 from missions import FlightPath, FlightSetup, Phase
 from missions.geo import FloatArray
-from missions.safety import legs_m
+from missions.waypoints import legs_m
 
 STEP_M = 5.0
 

@@ -16,7 +16,7 @@ from executor.core.limits import Limits
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
 from missions.areas import Unreachable
-from missions.pace import AS_MODELLED
+from missions.flight_model import AS_MODELLED
 from planner import Drone, pct_per_s, top_speed_m_s
 
 

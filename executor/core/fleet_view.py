@@ -24,7 +24,7 @@ from executor.core.state.inspection_run import Track
 from executor.core.state.positioning import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import mode_name
+from missions.autopilots.dialect import mode_name
 
 SAID_LINES = 60
 INTENTS = 30

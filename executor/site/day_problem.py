@@ -21,8 +21,8 @@ from executor.site.site_model import (
 from executor.site.site_planning import PlanRequest
 from executor.site.tables.day_tables import BaseTable, DayTable, parse_clock_s
 from missions import Base, BasePlace, DayPlanFile, Pricing, SolverRecord, build_plan_segment
-from missions.day_plan import Window
 from missions.geo import FloatArray
+from missions.plan_file import Window
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from planner import Progress, top_speed_m_s

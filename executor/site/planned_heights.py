@@ -10,7 +10,7 @@ from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import SafetyError, check_ceiling
-from missions.area_check import check_areas
+from missions.area_rules import check_areas
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,17 @@ from pydantic import TypeAdapter, ValidationError
 from executor.site.site_file import Site
 from executor.site.tables.area_tables import AreaTable, Margin, OverGround, OverSea, Width
 from missions import LocalFrame, Network, Pad, parse_where
-from missions.areas import Area, AreaKind, Ring
+from missions.areas import (
+    Area,
+    AreaKind,
+    Ring,
+    area_inside_m2,
+    clip_outline,
+    is_self_crossing,
+    remove_double_corners,
+    simplify_outline,
+)
 from missions.errors import AreaError
-from missions.outlines import area_inside_m2, clip_outline, is_self_crossing, remove_double_corners, simplify_outline
 from missions.readers.area_files import FIGURES, FileArea, check_outline, read_areas
 
 NEAR_M = 20_000.0

@@ -47,13 +47,13 @@ from missions import (
     plan_flight_setup,
     with_heights,
 )
+from missions.area_rules import apply_areas
 from missions.areas import Unreachable
+from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
-from missions.pace import AS_MODELLED
+from missions.line_heights import add_ground_heights, add_structure_heights
 from missions.pads import column_radius_m
 from missions.plan_file import PlanFence, PlanTerrain
-from missions.pole_heights import add_ground_heights, add_structure_heights
-from missions.reachability import apply_areas
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s

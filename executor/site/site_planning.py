@@ -31,8 +31,7 @@ from missions import (
     make_plan_file,
 )
 from missions.areas import Area, AreaKind
-from missions.inspection_height import Routes
-from missions.route_exchange import rearrange_routes
+from missions.inspection_height import Routes, rearrange_routes
 from planner import (
     DEFAULT_PARAMS,
     Cost,

@@ -1,15 +1,24 @@
-"""What one autopilot does otherwise than another, as data; each has a module of its own beside this one."""
+"""What one autopilot does otherwise than another, and by itself: the fields of the data files beside this module.
+
+Parameters, values and meanings are those of ArduPilot's and PX4's own references.
+"""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from importlib import resources
 
-from missions.autopilots.failsafes import BatteryFailsafe, Geofence, GroundStationFailsafe
+from pydantic import ConfigDict, TypeAdapter
+
 from missions.cameras import Trigger
+from missions.flight_model import Performance, Tuning
 from missions.items import Frame
-from missions.performance import Performance, Tuning
+
+Words = tuple[tuple[int, str], ...]
+"""A parameter's values and what the vehicle then does; a value that is not there is not known here."""
 
 
 class StartStep(Enum):
@@ -51,11 +60,11 @@ class Modes:
     """Modes of sticks, and those that follow somebody or something else than a mission."""
     blind: frozenset[int]
     """Modes of sticks in which a failsafe leaves it that does not know any more where it is."""
-    other_names: Mapping[int, str]
+    other_names: Words
     """As the autopilot calls the modes that are none of ours."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReturnParameters:
     """How the height of a return is set."""
 
@@ -63,11 +72,11 @@ class ReturnParameters:
     """Parameter: least height of the way home over the own home."""
     unit_m: float
     """One unit of ``height`` in metres."""
-    newer_height: str | None
+    newer_height: str | None = None
     """A later firmware's name of it, in metres."""
-    descend_height: str | None
+    descend_height: str | None = None
     """Parameter in metres: where it waits above home before it lands, if the autopilot has one."""
-    descend_wait: str | None
+    descend_wait: str | None = None
     """Parameter in seconds: how long it waits there; 0 lands without a stop, and then that height does not matter."""
     cone: str
     """Parameter: the cone about home in which it climbs less."""
@@ -104,9 +113,116 @@ class ShutterRule:
     """What it should be."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundStationFailsafe:
+    """What the vehicle does when it does not receive the ground station."""
+
+    action: str
+    """Parameter that chooses it; 0 is nothing on both autopilots."""
+    action_return: int
+    """Its value for a return home."""
+    actions: Words
+    timeout: str
+    """Parameter: seconds without a link until it acts."""
+    timeout_s: float
+    """Its default."""
+    timeout_most_s: float
+    """The longest that its reference allows."""
+    pause: str | None = None
+    """Parameter: seconds for which it holds before it acts; None if it acts at once."""
+    pause_s: float
+    """Its default."""
+    pause_most_s: float
+    """The longest that its reference allows."""
+    reacts_after_s: float
+    """Silence from the last heartbeat to the first reaction with the default timeout, in the vehicle's time."""
+    returns_after_s: float
+    """Silence to the return, with the defaults."""
+    exception: tuple[str, int]
+    """Parameter, and the bit of it with which the vehicle flies its mission on all the same."""
+    station_sysid: tuple[str, ...]
+    """Parameter, by its newest name first: whose heartbeats count; empty if anybody's do."""
+
+
+class ThresholdUnit(Enum):
+    """What a battery threshold counts."""
+
+    SHARE = "share"
+    """Of a full battery, 0 to 1."""
+    MAH = "mah"
+    """Left in the battery."""
+
+
 @dataclass(frozen=True, slots=True)
+class BatteryLevel:
+    """One level of a battery failsafe."""
+
+    name: str
+    action: str
+    """Parameter that chooses what is done; 0 is nothing on both autopilots."""
+    actions: Words
+    threshold: str
+    """Parameter: the charge below which it is done; 0 is never."""
+    unit: ThresholdUnit
+    voltage: str | None = None
+    """Parameter: volts below which it is done too; None if the autopilot has none, 0 is never."""
+
+
+@dataclass(frozen=True, slots=True)
+class EarlyReturn:
+    """A failsafe that acts as soon as the time left in the air is only just enough to come home."""
+
+    action: str
+    """Parameter that chooses what is done."""
+    actions: Words
+    nothing: tuple[int, ...]
+    """Its values for no action."""
+    since: tuple[int, int] | None = None
+    """Major and minor number of the firmware from which on it does so; None where it does if it has the parameter."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryFailsafe:
+    """What the vehicle does on a low battery."""
+
+    levels: tuple[BatteryLevel, ...]
+    """From the first to the last."""
+    early: tuple[EarlyReturn, ...]
+    """What acts before them."""
+    capacity: str | None = None
+    """Parameter: the full battery in mAh, where a threshold counts them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geofence:
+    """What a vehicle keeps to by itself: a cylinder about home, by parameters, and polygons by the mission protocol."""
+
+    enabled_by: tuple[str, ...]
+    """The fence stands if any of these parameters is not 0."""
+    kinds: tuple[str, int, int] | None = None
+    """Parameter, its bit for the height and its bit for the radius; None if a limit above 0 is enough."""
+    height: str
+    """Parameter: metres over home; 0 is no limit."""
+    radius: str
+    """Parameter: metres from home; 0 is no limit."""
+    action: str
+    """Parameter that chooses what the vehicle does at a breach; 0 is nothing on both autopilots."""
+    actions: Words
+    named: tuple[tuple[str, int], ...]
+    """The values of ``action`` for what site files call warn, hold, return and land."""
+    polygons: int
+    """The bit of ``kinds`` for polygons and circles that were put on board; 0 if they need none."""
+    enable: str | None = None
+    """Parameter that switches the fence on with 1; None if ``action`` does."""
+    checked_on_load: bool
+    """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
     """One autopilot's way of speaking and behaving."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
 
     name: str
     """In site files and plans."""
@@ -133,7 +249,7 @@ class Dialect:
     """param2 of a waypoint with a hold; 0 leaves the autopilot's own acceptance radius."""
     pass_radius_m: float
     """param2 of a waypoint that is flown through."""
-    flag_first: int | None
+    flag_first: int | None = None
     """Which item of a first upload has ``current`` set; None for none."""
     max_items: int
     """More than this is not encoded."""
@@ -183,3 +299,58 @@ class Dialect:
     """Major and minor number; what is older was not looked at."""
     tested_version: str
     """What this dialect was measured with."""
+
+
+def _read_dialects(*names: str) -> tuple[Dialect, ...]:
+    files = (resources.files(__package__).joinpath(f"{name}.toml") for name in names)
+    reader = TypeAdapter(Dialect)
+    return tuple(reader.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))) for file in files)
+
+
+AUTOPILOTS = ARDUPILOT, PX4 = _read_dialects("ardupilot", "px4")
+
+
+def dialect_for(name: str) -> Dialect:
+    """Return the dialect of an autopilot by its name in a site file.
+
+    Raises:
+        ValueError: there is no such autopilot.
+    """
+    for dialect in AUTOPILOTS:
+        if dialect.name == name:
+            return dialect
+    raise ValueError(f"autopilot: expected {' or '.join(dialect.name for dialect in AUTOPILOTS)}, got {name!r}")
+
+
+def dialect_of(number: int) -> Dialect | None:
+    """Return the dialect of a MAV_AUTOPILOT; None if it is not known."""
+    return next((dialect for dialect in AUTOPILOTS if dialect.number == number), None)
+
+
+def is_mission_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether the vehicle flies the mission on board."""
+    return custom_mode == dialect.modes.mission.custom_mode
+
+
+def is_home_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether the vehicle comes home, or lands, by itself."""
+    ours = {dialect.modes.return_home.custom_mode, dialect.modes.land.custom_mode}
+    return custom_mode in ours | dialect.modes.other_ways_home
+
+
+def is_manual_mode(dialect: Dialect, custom_mode: int | None) -> bool:
+    """Return whether somebody has to fly it: neither we, nor a mission, nor a failsafe leads there with hands off."""
+    return custom_mode in dialect.modes.manual
+
+
+def mode_name(dialect: Dialect, custom_mode: int) -> str:
+    """Return a mode in words."""
+    modes = dialect.modes
+    ours = {
+        modes.guided.custom_mode: "GUIDED",
+        modes.hold.custom_mode: "HOLD",
+        modes.mission.custom_mode: "MISSION",
+        modes.return_home.custom_mode: "RTL",
+        modes.land.custom_mode: "LAND",
+    }
+    return ours.get(custom_mode) or dict(modes.other_names).get(custom_mode) or f"number {custom_mode}"

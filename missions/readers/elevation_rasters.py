@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyproj
 
-from missions.elevation import Elevation, Heights, Tile, sort_tiles
 from missions.errors import ElevationError
 from missions.files import to_printable
 from missions.geo import LocalFrame
 from missions.readers.geoids import convert_to_sea_level
 from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
 from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
+from missions.terrain import Elevation, Heights, Tile, sort_tiles
 
 if TYPE_CHECKING:
     import rasterio

@@ -10,9 +10,9 @@ import numpy as np
 import pyproj
 from pyproj.exceptions import ProjError
 
-from missions.elevation import Heights, Tile
 from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
+from missions.terrain import Heights, Tile
 
 GRIDS = ("us_nga_egm96_15.tif", "egm96_15.gtx", "us_nga_egm08_25.tif", "egm08_25.gtx")
 """The geoids that heights are converted by; the first that is there."""

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from missions.elevation import Elevation, Tile
 from missions.errors import ElevationError
 from missions.files import write_whole
 from missions.geo import LocalFrame
+from missions.terrain import Elevation, Tile
 
 KEPT_SUFFIX = ".npz"
 FORMAT = "faultline-terrain/1"

@@ -30,7 +30,7 @@ from executor.site.tables import (
 )
 from executor.site.tables import learned as learned_table
 from executor.site.tables import map as map_table
-from missions import areas, day_plan, flight_model, geo, grids, pace, performance, plan_file, plan_json, pricing, setup
+from missions import areas, flight_model, geo, plan_file, plan_json, pricing, setup, terrain
 from missions import shortest_ways as ways
 from planner import moves
 
@@ -71,17 +71,14 @@ SITE = (
 """The modules that the site file's keys are in."""
 PLAN = (
     areas,
-    day_plan,
     flight_model,
     geo,
-    grids,
     moves,
-    pace,
-    performance,
     plan_file,
     plan_json,
     pricing,
     setup,
+    terrain,
     ways,
 )
 """Those that the plan file's keys are in."""

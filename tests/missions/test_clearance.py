@@ -156,7 +156,7 @@ def test_the_nearest_lines_of_a_long_path_are_those_of_all() -> None:
     chance = np.random.default_rng(7)
     places_m = np.round(chance.uniform(-4000.0, 4000.0, (60, 2)), 1)
     network = network_of([(east, north) for east, north in places_m.tolist()], list(pairwise(range(60))))
-    walls = clearance._walls_of(network, np.zeros((59, 2)), np.zeros((59, 2)))
+    walls = clearance.PowerLines(network, np.pad(network.ends_m, ((0, 0), (0, 0), (0, 2))), np.arange(59))
     for _ in range(50):
         path_m = chance.uniform(-4000.0, 4000.0, 2) + np.linspace(0.0, 1.0, 40)[:, np.newaxis] * chance.normal(
             0, 300, 2

@@ -54,7 +54,7 @@ def test_a_route_past_a_pad_is_priced_as_it_is_flown(autopilot: str) -> None:
 
 def test_the_lost_ones_pad_stays_in_the_way() -> None:
     priced = pricing(setup(), "px4").select_segments([0, 2], ["uav1"])
-    assert priced.build_vehicle_moves(["uav1"], around=True)[0].columns.centres_m == ((150.0, -8.0),)
+    assert priced.build_vehicle_moves("uav1", around=True).columns.centres_m == ((150.0, -8.0),)
 
 
 def test_a_column_at_either_end_is_led_around_by_nobody() -> None:

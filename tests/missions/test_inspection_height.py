@@ -39,7 +39,7 @@ from missions.inspection_height import (
 from missions.pads import column_radius_m
 from missions.pricing import Pricing, build_priced_instance
 from missions.readers import default_network_path, read_network
-from missions.safety import legs_m
+from missions.waypoints import legs_m
 from planner import Cost, Plan, Route, SteadyWind, evaluate, segment_of
 from tests.missions.builders import FLEET, depot_vehicle, line_east, network_of
 

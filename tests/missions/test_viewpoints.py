@@ -32,8 +32,8 @@ from missions.inspection_height import build_airway, build_first_paths, check_in
 from missions.network import Network
 from missions.readers import default_network_path, read_network
 from missions.routes import build_flight_path
-from missions.safety import legs_m
 from missions.viewpoints import ViewpointRequest, add_viewpoints, build_pylon_tasks, extra_time_s
+from missions.waypoints import legs_m
 from planner import SteadyWind
 from tests.missions.builders import FLEET, line_east, network_of, tall_line_east
 

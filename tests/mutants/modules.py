@@ -25,7 +25,7 @@ class Module:
 
 MODULES = {
     "core": Module(
-        ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/modes.py"),
+        ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/dialect.py"),
         (
             "tests/executor/core",
             "tests/executor/site/test_planned_heights.py",
@@ -57,9 +57,12 @@ MODULES = {
         ("tests/missions/test_mission_comparison.py", "tests/properties/test_missions_items.py"),
     ),
     "geometry": Module(
-        ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_safety.py")
+        ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_setup.py")
     ),
-    "safety": Module(("missions/safety.py",), ("tests/missions/test_safety.py", "tests/missions/test_clearance.py")),
+    "safety": Module(
+        ("missions/setup.py", "missions/waypoints.py"),
+        ("tests/missions/test_setup.py", "tests/missions/test_clearance.py"),
+    ),
     "replan": Module(("planner/replan.py",), ("tests/planner/test_replan.py", "tests/planner/test_window.py")),
     "window": Module(
         ("planner/window.py",), ("tests/planner/test_window.py", "tests/properties/test_planner_window.py")

@@ -27,14 +27,13 @@ from missions import (
     estimate,
     plan_flight_setup,
 )
-from missions.area_check import check_areas
+from missions.area_rules import apply_areas, check_areas
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import LocalFrame
 from missions.pads import column_radius_m
 from missions.pricing import Pricing, build_priced_instance
-from missions.reachability import apply_areas
 from missions.shortest_ways import Obstacle, build_visibility_graph
 from planner import Cost, Plan, Route, SteadyWind, evaluate
 from tests.missions.builders import depot_vehicle, network_of

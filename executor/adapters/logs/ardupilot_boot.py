@@ -31,7 +31,7 @@ from executor.core.interface.messages import (
 )
 from executor.core.interface.recorded_log import MODE_COMMANDS, RcChangeFilter, TiltFilter, is_wanted_setting
 from missions import ARDUPILOT
-from missions.autopilots.modes import mode_name
+from missions.autopilots.dialect import mode_name
 from missions.items import Frame, MissionItem
 
 STANDBY, ACTIVE = 3, 4

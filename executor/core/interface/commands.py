@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from missions.fences import Fence
-from missions.pace import AS_MODELLED, Pace
+from missions.flight_model import AS_MODELLED, Pace
 from missions.shortest_ways import Obstacle
 from missions.waypoints import FlightPath
 

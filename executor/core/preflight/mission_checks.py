@@ -18,7 +18,7 @@ from missions import (
     find_max_return_height,
     min_height_over_tops_m,
 )
-from missions.area_check import check_areas, describe_crossing, find_return_crossings
+from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.inspection_height import build_airway, check_inspection_airspace, segment_distances_m
 from missions.terrain import Terrain
 

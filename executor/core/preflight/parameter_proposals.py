@@ -192,7 +192,7 @@ def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return "keeps its RTL above the line"
-    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.setup` tells flat from uneven
         return "keeps its RTL above the others' layers"
     return "keeps its RTL in its own layer"
 

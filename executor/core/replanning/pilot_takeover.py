@@ -26,7 +26,7 @@ from executor.core.state.vehicle_position import (
     is_over_pad,
 )
 from executor.core.state.vehicle_state import Stage, VehicleState, change_stage
-from missions.autopilots.modes import mode_name
+from missions.autopilots.dialect import mode_name
 
 RETURNED_AFTER_S = 1.0
 """So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""

@@ -19,7 +19,7 @@ from executor.core.interface.commands import Survivor
 from executor.core.state.fleet_state import FleetState, Replan
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path, estimate
-from missions.autopilots.modes import is_home_mode
+from missions.autopilots.dialect import is_home_mode
 from missions.inspection_height import (
     Airway,
     build_airway,

@@ -14,8 +14,8 @@ from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeC
 from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
-from missions.pace import AS_MODELLED
+from missions.autopilots.dialect import is_mission_mode
+from missions.flight_model import AS_MODELLED
 
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""

@@ -20,9 +20,9 @@ from executor.core.state.landing_projection import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
 from missions import Pace, Phase
-from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
+from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
+from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
-from missions.pace import AS_MODELLED
 from planner import segment_of
 
 INDEX_S = 1.0

@@ -13,7 +13,7 @@ from executor.core.context import Scene, VehicleSetup
 from executor.core.state.vehicle_parts import OwnMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
+from missions.autopilots.dialect import is_mission_mode
 from missions.items import Frame, MissionItem
 
 _HOLDS = frozenset({Phase.TRANSIT, Phase.INSPECT, Phase.RETURN})

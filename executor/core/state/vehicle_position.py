@@ -11,7 +11,7 @@ from executor.core.state.positioning import accuracy_of, is_dead_reckoning, time
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
-from missions.autopilots.modes import is_home_mode
+from missions.autopilots.dialect import is_home_mode
 
 
 def format_coordinates(context: Scene, vehicle: VehicleState) -> str:

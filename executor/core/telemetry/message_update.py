@@ -46,7 +46,7 @@ from executor.core.telemetry.battery_reports import apply_battery_status, apply_
 from executor.core.telemetry.failsafe_texts import is_alarm, may_explain_disarming, may_stop_motors
 from executor.core.telemetry.foreign_systems import add_foreign_system
 from missions import Phase
-from missions.autopilots.modes import is_mission_mode
+from missions.autopilots.dialect import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
 
 OVERTAKEN_S = 60.0

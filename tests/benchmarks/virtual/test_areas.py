@@ -19,7 +19,7 @@ from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
 from missions import PlanFile
-from missions.area_check import check_areas
+from missions.area_rules import check_areas
 from simulator.vehicle import SimulatedVehicle
 from tests.benchmarks.virtual.short_line import write_line
 from tests.missions.builders import FRAME

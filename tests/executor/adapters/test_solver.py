@@ -21,7 +21,7 @@ from executor.core.interface.commands import Solve, Survivor
 from executor.core.interface.events import SolveEnded
 from executor.site import site_model
 from missions import Pace, Pricing
-from missions.pace import AS_MODELLED
+from missions.flight_model import AS_MODELLED
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import line_east
 from tests.patience import PATIENCE_S

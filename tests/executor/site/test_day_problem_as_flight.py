@@ -20,7 +20,7 @@ from executor.site.day_problem import build_day_problem
 from executor.site.site_file import Site, check_site
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, MissionsError, Network, Task, check_day_plan, read_day_plan, write_plan
-from missions.pole_heights import add_ground_heights, add_structure_heights
+from missions.line_heights import add_ground_heights, add_structure_heights
 from missions.terrain import Terrain
 from planner import Cost, Plan, Route, evaluate, visit_of
 from planner.sorties import Sortie, SortiePlan, evaluate_sorties

@@ -14,11 +14,11 @@ from executor.site import site_model
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import describe_site_changes, plan_site, preview_loss
 from missions import FlightPath, PlanFile, check_plan, continue_path, estimate, read_plan, write_plan
-from missions.area_check import check_areas
+from missions.area_rules import check_areas
 from missions.geo import LocalFrame
 from planner import Cost
 from tests.executor.site.test_terrain import MOUNTAIN, RASTER, SITE, WANTED, ground_at, write_site
-from tests.missions.test_overland_surface_areas import ROUNDING_M
+from tests.missions.test_surface_overland_areas import ROUNDING_M
 from tests.mountains import LAT_DEG, LON_DEG
 from tests.properties.test_missions_areas import least_m
 from tests.terrain_judge import Judge, lines_over

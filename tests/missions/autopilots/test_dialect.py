@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame, StartStep, dialect_for
+from missions.autopilots import dialect as dialects
 
 
 @pytest.mark.parametrize("command", Command)
@@ -49,6 +53,14 @@ def test_a_dialect_is_found_by_its_name(dialect: Dialect) -> None:
 def test_an_unknown_autopilot_is_refused() -> None:
     with pytest.raises(ValueError, match="autopilot: expected ardupilot or px4, got 'betaflight'"):
         dialect_for("betaflight")
+
+
+@pytest.mark.parametrize("part", ["", "performance", "modes"])
+def test_a_key_that_a_dialects_file_has_no_field_for_is_refused(part: str) -> None:
+    said = tomllib.loads((Path(dialects.__file__).parent / "px4.toml").read_text(encoding="utf-8"))
+    (said[part] if part else said)["misspelt"] = 1.0
+    with pytest.raises(ValidationError, match="misspelt"):
+        TypeAdapter(Dialect).validate_python(said)
 
 
 def test_what_was_measured_apart() -> None:

@@ -14,7 +14,7 @@ from executor.core.interface.messages import NO_ITEM, Actor, OwnFailsafe
 from executor.core.state.vehicle_parts import ModeEvidence
 from executor.core.state.vehicle_state import VehicleState
 from executor.core.telemetry.failsafe_texts import has_failsafe_action
-from missions.autopilots.modes import is_home_mode
+from missions.autopilots.dialect import is_home_mode
 
 RECORDED_S = 2.0
 """A mode's record and the HEARTBEAT that shows it come one after the other; the HEARTBEAT up to a second later."""

@@ -20,7 +20,7 @@ from executor.core.state.vehicle_position import is_home_by_own_estimate
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import may_change_mode
 from missions import Dialect, Phase
-from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
+from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
 
 SURE_AFTER_S = 1.0
 """A failsafe's text may come after the heartbeat that shows its mode: so long a change of mode is looked at."""

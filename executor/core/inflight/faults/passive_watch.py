@@ -21,7 +21,7 @@ from executor.core.interface.messages import Actor, Heartbeat
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import WATCHED, Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 from executor.core.telemetry.message_update import apply_message
-from missions.autopilots.modes import is_manual_mode, is_mission_mode, mode_name
+from missions.autopilots.dialect import is_manual_mode, is_mission_mode, mode_name
 
 WARN_S = 1.5
 """Warnings decide nothing: they are looked for less often than faults."""

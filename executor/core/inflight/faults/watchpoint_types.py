@@ -9,7 +9,7 @@ from executor.core.context import Scene, VehicleSetup
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
 from executor.core.telemetry.failsafe_texts import has_failsafe_action
-from missions.autopilots.modes import is_mission_mode
+from missions.autopilots.dialect import is_mission_mode
 
 
 @dataclass(frozen=True, slots=True)

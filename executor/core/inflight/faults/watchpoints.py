@@ -36,7 +36,7 @@ from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
 from executor.core.state.vehicle_position import has_fallen, has_mission_ended, is_resting_place_known
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
-from missions.autopilots.modes import is_home_mode, is_manual_mode, mode_name
+from missions.autopilots.dialect import is_home_mode, is_manual_mode, mode_name
 
 
 def check_link_silence(view: WatchView) -> Finding:

@@ -25,7 +25,7 @@ from executor.core.state.vehicle_position import (
 )
 from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState, change_stage
 from executor.core.telemetry.battery_reports import pack_facts_of
-from missions.autopilots.modes import mode_name
+from missions.autopilots.dialect import mode_name
 
 SEEN_AFTER_S = 0.5
 """A position so much later than the disarming shows where it lies."""

@@ -22,8 +22,8 @@ from executor.core.state.vehicle_parts import HomingOrder, ModeCause
 from executor.core.state.vehicle_position import is_kill_switch_text
 from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState
 from missions import Phase
-from missions.area_check import find_areas_on_return
-from missions.autopilots.modes import is_home_mode, is_mission_mode
+from missions.area_rules import find_areas_on_return
+from missions.autopilots.dialect import is_home_mode, is_mission_mode
 
 REFUSED_AGAIN_S = 5.0
 """After a refusal an order is given again this much later."""

@@ -17,7 +17,7 @@ from executor.core.state.vehicle_parts import ModeCause, PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import LearnedFactors, PaceEstimate
 from missions import Pace
-from missions.pace import AS_MODELLED
+from missions.flight_model import AS_MODELLED
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
     BATTERY_FAULT,

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from missions import FlightSetup, Inspection, dialect_for, plan_flight_setup
 from missions.flight_model import FlightModel
-from missions.inspection_height import Routes
-from missions.route_exchange import MOST_VISITS, RouteTimetable, rearrange_routes
+from missions.inspection_height import MOST_VISITS, Routes, RouteTimetable, rearrange_routes
 from planner import SteadyWind, segment_of
 from tests.missions.builders import line_east
 

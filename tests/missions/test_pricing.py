@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from missions import Base, FlightModel, Performance, Pricing, Ramp, build_open_task, build_priced_instance
+from missions.pricing import price_fleet
 from planner import Plan, Route, SteadyWind, Vehicle, build_remaining_problem
 from tests.missions.builders import depot_vehicle, line_east
 
@@ -100,12 +101,12 @@ def test_who_is_free_after_a_visit_is_turned_along_it() -> None:
 def test_many_segments_are_priced_when_they_are_asked_for() -> None:
     vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
     tables = build_priced_instance(pricing(6), vehicles)
-    asked = build_priced_instance(pricing(6), vehicles, tables_up_to=2)
+    asked = price_fleet(pricing(6), ["uav1", "uav2"]).moves
     every = np.arange(10)
-    assert asked.moves.seconds(0, every[:, np.newaxis], every) == pytest.approx(
+    assert asked.seconds(0, every[:, np.newaxis], every) == pytest.approx(
         tables.moves.seconds(0, every[:, np.newaxis], every)
     )
-    assert asked.moves.select_visits([3, 8]).pct(0, 0, 1) == pytest.approx(float(tables.moves.pct(0, 3, 8)))
+    assert asked.select_visits([3, 8]).pct(0, 0, 1) == pytest.approx(float(tables.moves.pct(0, 3, 8)))
 
 
 def test_visits_go_both_ways_between_problem_and_network() -> None:
@@ -128,11 +129,14 @@ def test_an_unknown_segment_is_refused(segment: int) -> None:
 
 
 @pytest.mark.parametrize("tables_up_to", [100, 0])
-def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(tables_up_to: int) -> None:
+def test_what_a_visit_takes_besides_its_track_is_in_every_way_to_it(
+    tables_up_to: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A pylon that is hovered at from its viewpoints: as a first visit, after another, and from the pad again."""
+    monkeypatch.setattr("missions.pricing.TABLES_UP_TO", tables_up_to)
     plain, vehicles = pricing(), [depot_vehicle("uav1", 90.0)]
     longer = replace(plain, besides_s={1: 20.0})
-    before, after = (build_priced_instance(one, vehicles, tables_up_to=tables_up_to) for one in (plain, longer))
+    before, after = (build_priced_instance(one, vehicles) for one in (plain, longer))
     slower = np.array([0.0, 0.0, 20.0, 20.0, 0.0, 0.0])
     assert after.start_s[0] - before.start_s[0] == pytest.approx(slower)
     assert after.depot_s[0] - before.depot_s[0] == pytest.approx(slower)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from missions import Pace, Phase, estimate
-from tests.missions.test_estimate import MODEL, OUT_AND_HOME
+from tests.missions.test_flight_model_estimate import MODEL, OUT_AND_HOME
 
 
 def test_take_offs_and_landings_are_as_the_model_has_them() -> None:

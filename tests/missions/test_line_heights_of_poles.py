@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from missions import Network, NetworkError, with_heights
-from missions.elevation import Elevation
 from missions.errors import ElevationError
 from missions.geo import LocalFrame
-from missions.pole_heights import add_ground_heights, add_structure_heights
+from missions.line_heights import add_ground_heights, add_structure_heights
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
-from missions.terrain import reading_box_m
+from missions.terrain import Elevation, reading_box_m
 from tests.mountains import Mountain, write_raster
 from tests.terrain_judge import lines_over
 

@@ -6,7 +6,7 @@ import pytest
 from pymavlink import mavutil
 
 from missions import ARDUPILOT, PX4
-from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode, mode_name
+from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode, mode_name
 
 OURS = {"AUTO": "MISSION", "BRAKE": "HOLD"}
 """What both autopilots have is called the same for both."""

@@ -15,14 +15,13 @@ import pytest
 from shapely.geometry import LineString
 
 from missions import FlightPath, FlightSetup, Inspection, build_flight_path, plan_flight_setup
-from missions.area_check import check_areas
+from missions.area_rules import apply_areas, check_areas
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.reachability import apply_areas
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
-from tests.missions.test_overland_surface import judged, replanned
+from tests.missions.test_surface_overland import judged, replanned
 from tests.mountains import write_raster
 from tests.properties.test_missions_areas import least_m, star
 from tests.terrain_judge import FLEET, RASTERS, Case, Judge, lines_over, mountain_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.vertical_legs import NEVER, VerticalLegs
+from missions.flight_model import NEVER, VerticalLegs
 
 LINE_M = np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 15.0], [0.0, 0.0, 15.0], [0.0, 0.0, 15.0]])
 ON = np.array([False, True, False, True])

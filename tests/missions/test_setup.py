@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
 
 from missions import (
     FlightPath,
@@ -25,7 +25,8 @@ from missions import (
 )
 from missions.geo import FloatArray
 from missions.geometry import leg_distances_m
-from missions.safety import FLAT_M, _find_nearest_legs, legs_m
+from missions.setup import FLAT_M, _find_nearest_legs
+from missions.waypoints import legs_m
 from tests.missions.builders import FLEET, FRAME, default_setup, line_east, network_of, path_through
 
 
@@ -43,7 +44,7 @@ def test_tracks_lie_to_the_right_of_a_to_b() -> None:
 
 
 def test_without_heights_layers_count_from_the_depots_ground() -> None:
-    layers = plan_layers(line_east(), FLEET, height_m=20.0, layer_m=5.0, standoff_m=5.0)
+    layers = plan_layers(line_east(), FLEET, Inspection(height_m=20.0))
     assert layers.reference is HeightReference.DEPOT_GROUND
     assert layers.reference.value == "the depot's ground"
     assert layers.spacing_m == 6.0
@@ -52,7 +53,7 @@ def test_without_heights_layers_count_from_the_depots_ground() -> None:
 
 def test_with_heights_layers_count_from_the_pylon_tops() -> None:
     network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(455.0, 30.0), (460.0, 32.0)])
-    layers = plan_layers(network, FLEET, height_m=15.0, layer_m=5.0, standoff_m=5.0)
+    layers = plan_layers(network, FLEET, Inspection(height_m=15.0))
     assert layers.reference is HeightReference.PYLON_TOPS
     # The depot is at 450 m: 5 + 30 + 15 and 10 + 32 + 15.
     assert layers.track_heights_m.tolist() == [[50.0, 57.0]]
@@ -64,12 +65,12 @@ def test_pylons_at_the_level_of_the_sea_and_without_height_count_as_they_are() -
     network = network_of(
         [(0.0, 0.0), (0.0, 100.0), (0.0, 200.0)], [(0, 1), (1, 2)], [(0.0, 30.0), (0.0, 0.0), (20.0, 0.0)]
     )
-    layers = plan_layers(network, FLEET, height_m=10.0, layer_m=5.0, standoff_m=5.0)
+    layers = plan_layers(network, FLEET, Inspection(height_m=10.0))
     assert layers.track_heights_m.tolist() == [[-410.0, -440.0], [-440.0, -420.0]]
 
 
 def test_a_vehicle_without_a_layer_is_refused() -> None:
-    layers = plan_layers(line_east(), FLEET, height_m=20.0, layer_m=5.0, standoff_m=5.0)
+    layers = plan_layers(line_east(), FLEET, Inspection(height_m=20.0))
     with pytest.raises(SafetyError, match=r"^vehicle 'uav9': expected one of uav1, uav2, uav3, uav4$"):
         layers.offset_m("uav9")
 
@@ -141,7 +142,7 @@ def test_vehicles_come_home_in_their_layers_over_flat_ground_and_stacked_over_re
     relief_m: float, *, stacked: bool
 ) -> None:
     network = network_of([(100.0, 0.0), (300.0, 0.0)], [(0, 1)], [(455.0, 30.0), (455.0 + relief_m, 30.0)])
-    layers = plan_layers(network, FLEET, height_m=15.0, layer_m=5.0, standoff_m=5.0)
+    layers = plan_layers(network, FLEET, Inspection(height_m=15.0))
     top_m, step_m = 50.0 + relief_m, layers.spacing_m
     # Over relief: the highest in its own layer, the others 5 m, 1 m of height keeping and a whole metre over the next.
     apart = (21.0, 14.0, 7.0, 0.0)
@@ -217,15 +218,16 @@ def test_lines_below_the_depot_are_refused() -> None:
 
 
 @pytest.mark.parametrize("key", ["height_m", "standoff_m", "speed_m_s", "transit_speed_m_s", "layer_m", "ceiling_m"])
-def test_an_inspection_figure_that_is_not_positive_is_named(key: str) -> None:
-    with pytest.raises(SafetyError, match=rf"^inspection\.{key}: expected a positive number up to 1000, got -1.0$"):
-        replace(Inspection(), **{key: -1.0})  # type: ignore[arg-type]
+@pytest.mark.parametrize("value", [-1.0, 1001.0, math.nan])
+def test_an_inspection_figure_of_a_file_that_is_not_positive_is_named(key: str, value: float) -> None:
+    with pytest.raises(ValidationError, match=key):
+        TypeAdapter(Inspection).validate_python({key: value})
 
 
 def test_a_standoff_of_nothing_is_allowed_and_a_speed_of_nothing_is_not() -> None:
-    assert Inspection(standoff_m=0.0).standoff_m == 0.0
-    with pytest.raises(SafetyError, match="speed_m_s"):
-        Inspection(speed_m_s=0.0)
+    assert TypeAdapter(Inspection).validate_python({"standoff_m": 0.0}).standoff_m == 0.0
+    with pytest.raises(ValidationError, match="speed_m_s"):
+        TypeAdapter(Inspection).validate_python({"speed_m_s": 0.0})
 
 
 def test_the_default_network_needs_little_more_than_the_layer() -> None:

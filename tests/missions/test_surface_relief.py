@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from missions import FlightModel, Pricing, build_flight_path, column_radius_m, dialect_for, estimate
-from missions.grids import Grid, hull_m, is_inside_convex, limit_slope_above, limit_slope_below
 from missions.pricing import build_priced_instance
+from missions.terrain import Grid, hull_m, is_inside_convex, limit_slope_above, limit_slope_below
 from planner import PRESETS, Cost, Plan, Route, Vehicle, build_steady_wind, evaluate, segment_of
 from tests.terrain_judge import Case, case_of
 

@@ -1,0 +1,334 @@
+"""What the areas of a site mean for a fleet: who keeps out of which, what nobody can reach, and the check of flights.
+
+A segment goes to the best vehicle, and to any survivor in a re-plan. One that not every vehicle may fly is therefore
+left out for all of them, and so is one in an area with a height limit that some vehicle's layer is above.
+
+The check that flights keep out has nothing to do with how their ways were found. Legs are looked at every ``STEP_M``:
+how far each place is from every outline, and whether the outline winds around it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
+from missions.clearance import measure_over_ground
+from missions.errors import SafetyError
+from missions.geo import FloatArray
+from missions.geometry import find_nearest_on_legs, sample_leg
+from missions.setup import FlightSetup
+from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
+from missions.terrain import is_inside_convex
+from missions.waypoints import FlightPath, Phase, legs_m
+from planner import segment_of
+
+STEP_M = 3.0
+ROUNDING_M = 0.1
+"""Items have places to a centimetre; a straight leg over the curved earth is as straight here to a few."""
+RETURN_STEP_M = 20.0
+"""How far apart places are from which a vehicle's own way home is looked at."""
+AT_ONCE = 2000
+"""Places that are held against an area in one step."""
+BEYOND_M = 500.0
+"""How far around lines and pads the heights of flights are looked at."""
+LOOKS = 40
+"""Places along each side of an area at which they are."""
+LIMIT_ROUNDING_M = 0.05
+OUTSIDE_M = 10_000.0
+"""So far around what is known all is closed: no way leads so far to get around it."""
+EDGE_M = 1.0
+"""What ways keep from its edge."""
+
+
+def apply_areas(setup: FlightSetup, areas: Sequence[Area], alternates: Sequence[str] = ()) -> FlightSetup:
+    """Return a setup whose flights keep out of areas, and know what they cannot reach for it.
+
+    Raises:
+        SafetyError: the depot or a pad is in an area, or no way leads from one to the other.
+    """
+    kept_out = tuple(_build_restrictions(setup, areas))
+    _check_depot(kept_out)
+    kept_out = (*kept_out, *_restrict_unknown_ground(setup, kept_out))
+    found = replace(setup, areas=tuple(areas), kept_out=kept_out, alternates=tuple(alternates))
+    return replace(found, unreachable=tuple(_find_unreachable(found)))
+
+
+def _build_restrictions(setup: FlightSetup, areas: Sequence[Area]) -> Iterator[AreaRestriction]:
+    everybody = setup.layers.vehicles
+    for area in areas:
+        if area.kind is not AreaKind.HEIGHT_LIMIT:
+            yield AreaRestriction(area, everybody)
+            continue
+        over_m = _excess_height_over_limit_m(setup, area)
+        if over_m is None:
+            continue
+        above = tuple(name for name in everybody if over_m + setup.layers.offset_m(name) > LIMIT_ROUNDING_M)
+        if above:
+            limit_m = area.max_agl_m if area.max_agl_m is not None else area.max_amsl_m
+            yield AreaRestriction(area, above, (limit_m or 0.0) + over_m + setup.layers.offset_m(above[-1]))
+
+
+def _restrict_unknown_ground(setup: FlightSetup, kept_out: Sequence[AreaRestriction]) -> Iterator[AreaRestriction]:
+    """Yield what lies beyond the ground that is known, if a way around an area would lead there.
+
+    All ways are straight between the lines, the pads and the nodes around areas. As long as these lie where the ground
+    is known, which is convex, so does everything that is flown.
+    """
+    if setup.layers.known is None:
+        return
+    corners_m = setup.layers.known.corners_m
+    nodes_m = build_area_graph(*(one.area for one in kept_out)).nodes_m
+    if is_inside_convex(corners_m, nodes_m).all():
+        return
+    (east, north), (far_east, far_north) = corners_m.min(axis=0) - OUTSIDE_M, corners_m.max(axis=0) + OUTSIDE_M
+    box = tuple((float(one), float(other)) for one, other in (
+        (east, north), (far_east, north), (far_east, far_north), (east, far_north)
+    ))  # fmt: skip
+    hull = tuple((float(one), float(other)) for one, other in corners_m)
+    area = Area(UNKNOWN_GROUND, AreaKind.NO_FLY, (box, hull), EDGE_M)
+    yield AreaRestriction(area, setup.layers.vehicles)
+
+
+def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
+    """Return how far the lowest layer is above the limit, negative where it is below; None if nobody comes near."""
+    places_m = _sample_area(setup, area)
+    if not len(places_m):
+        return None
+    up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
+    over_m = []
+    if area.max_agl_m is not None:
+        over_m.append(measure_over_ground(setup, np.column_stack((places_m, up_m)))[0] - area.max_agl_m)
+    if area.max_amsl_m is not None:
+        over_m.append(up_m + setup.frame.alt_m - area.max_amsl_m)
+    return float(np.max(over_m))
+
+
+def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
+    """Return (m, 2) places in an area and its margin, as far as flights may come there."""
+    known = np.concatenate((setup.tracks_m.reshape(-1, 2), [(pad.east_m, pad.north_m) for pad in setup.pads]))
+    corners = area.edges_m().reshape(-1, 2)
+    low = np.maximum(known.min(axis=0) - BEYOND_M, corners.min(axis=0) - area.keep_m)
+    high = np.minimum(known.max(axis=0) + BEYOND_M, corners.max(axis=0) + area.keep_m)
+    if (low > high).any():
+        return np.zeros((0, 2))
+    east, north = np.meshgrid(np.linspace(low[0], high[0], LOOKS), np.linspace(low[1], high[1], LOOKS))
+    along = np.linspace(0.0, 1.0, 9)[:, np.newaxis, np.newaxis]
+    on_tracks = (setup.tracks_m[:, 0] + along * (setup.tracks_m[:, 1] - setup.tracks_m[:, 0])).reshape(-1, 2)
+    places = np.concatenate((np.column_stack((east.ravel(), north.ravel())), corners, on_tracks))
+    places = places[((places >= low) & (places <= high)).all(axis=1)]
+    return np.asarray(places[build_area_graph(area).is_inside(places)])
+
+
+def _check_depot(kept_out: Sequence[AreaRestriction]) -> None:
+    for one in kept_out:
+        if build_area_graph(one.area).is_inside(np.zeros((1, 2)))[0]:
+            raise SafetyError(
+                f"depot: expected {one.area.margin_m:g} m or more outside of area {one.area.name!r}, got a place in it"
+                f"{describe_height_limit(one)}"
+            )
+
+
+def describe_height_limit(one: AreaRestriction) -> str:
+    """Return how high somebody would be in an area with a height limit; nothing for another."""
+    if one.highest_m is None:
+        return ""
+    reference, limit_m = "over the ground", one.area.max_agl_m
+    if limit_m is None:
+        reference, limit_m = "above sea level", one.area.max_amsl_m
+    return f": {one.vehicles[-1]} would be {one.highest_m:.0f} m {reference}, {limit_m:g} m allowed"
+
+
+def _find_unreachable(setup: FlightSetup) -> Iterator[Unreachable]:
+    begins, ends = setup.tracks_m[:, 0], setup.tracks_m[:, 1]
+    reasons: dict[int, str] = {}
+    for one in setup.kept_out:
+        within = _build_bare_graph(one.area, LIMIT_ROUNDING_M).is_met(begins, ends)
+        for segment in np.flatnonzero(build_area_graph(one.area).is_met(begins, ends)).tolist():
+            what = "lies in" if within[segment] else f"lies nearer than {one.area.margin_m:g} m to"
+            reasons.setdefault(segment, f"{what} area {one.area.name!r}{describe_height_limit(one)}")
+    areas = build_area_graph(*(one.area for one in setup.kept_out))
+    others = [number for number in range(len(begins)) if number not in reasons]
+    for number, away in zip(others, _find_cut_off(setup, areas, begins[others]), strict=True):
+        if away:
+            known = any(one.area.name == UNKNOWN_GROUND for one in setup.kept_out)
+            where = ", over ground that is known" if known else ""
+            reasons[number] = f"no way leads to it around the areas{where}"
+    for number in sorted(reasons):
+        yield Unreachable(number, reasons[number], setup.network.segment_name(number))
+
+
+def _build_bare_graph(area: Area, least_m: float) -> VisibilityGraph:
+    """Return the graph of ways around an area itself, without its margin."""
+    return build_visibility_graph((replace(build_obstacle(area), keep_m=max(least_m, area.width_m / 2)),))
+
+
+def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:
+    """Return which (n, 2) places no way leads to from the pads.
+
+    Raises:
+        SafetyError: no way leads from one pad to another.
+    """
+    pads_m = np.array([(pad.east_m, pad.north_m) for pad in setup.pads])
+    between_m = areas.distances_m(pads_m[0], pads_m)
+    for pad, away_m in zip(setup.pads, between_m, strict=True):
+        if np.isinf(away_m):
+            raise SafetyError(f"pad of {pad.vehicle}: expected a way from the pad of {setup.pads[0].vehicle}, "
+                              "got none around the areas")  # fmt: skip
+    return [bool(cut) for cut in np.isinf(areas.distances_m(pads_m[0], places_m))]
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnCrossing:
+    """That a vehicle's own straight way home leads through an area, from some of its legs."""
+
+    vehicle: str
+    area: str
+    segments: tuple[int, ...]
+    """The network's numbers, in the order of flight; legs between segments count for the one that they lead to."""
+    on_way_home: bool
+    """Whether that is so on the way back as well."""
+
+
+def check_areas(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
+    """Return in words which flights come into an area, or nearer to it than they should; empty if none do.
+
+    Args:
+        setup: Areas, heights and pads.
+        paths: Flights of the setup's vehicles: first missions, or those of a re-plan.
+    """
+    found = []
+    for path in paths:
+        if not path.waypoints or not setup.areas:
+            continue
+        legs = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
+        parts_m = [sample_leg(leg, STEP_M) for leg in legs]
+        places_m, numbers = np.concatenate(parts_m), np.repeat(np.arange(len(legs)), list(map(len, parts_m)))
+        for area in setup.areas:
+            short_m = np.concatenate(
+                [
+                    _shortfall_m(setup, area, places_m[first : first + AT_ONCE])
+                    for first in range(0, len(places_m), AT_ONCE)
+                ]
+            )
+            worst = int(short_m.argmax())
+            if short_m[worst] > ROUNDING_M:
+                leg = int(numbers[worst])
+                found.append(
+                    f"{path.vehicle} on leg {leg} ({path.waypoints[leg].phase.value}) comes "
+                    f"{_describe_shortfall(area, float(short_m[worst]))}"
+                )
+    return found
+
+
+def find_return_crossings(
+    setup: FlightSetup, paths: Iterable[FlightPath], routes: Mapping[str, Sequence[int]]
+) -> tuple[ReturnCrossing, ...]:
+    """Return where the straight way home that an autopilot flies by itself would lead through an area.
+
+    The areas themselves count, without their margins; those with a height limit where the way home is above it.
+
+    Args:
+        setup: Areas, heights and pads.
+        paths: Flights.
+        routes: Each vehicle's visits, by its name.
+    """
+    return tuple(crossing for path in paths for crossing in _find_path_crossings(setup, path, routes[path.vehicle]))
+
+
+def find_areas_on_return(setup: FlightSetup, vehicle: str, place_m: tuple[float, float]) -> tuple[str, ...]:
+    """Return the names of the areas that a straight way home from a place leads through."""
+    start_m = np.array([place_m])
+    return tuple(dict.fromkeys(area.name for area in setup.areas if _is_crossing(setup, vehicle, area, start_m)[0]))
+
+
+def describe_crossing(setup: FlightSetup, one: ReturnCrossing) -> str:
+    """Return that an own return leads through an area: "its own RTL from segments A, B crosses area 'airfield'"."""
+    shown = [setup.network.segment_name(segment) for segment in one.segments[:6]]
+    more = f" and {len(one.segments) - 6} more" if len(one.segments) > 6 else ""
+    where = f"from {', '.join(shown)}{more}" if shown else ""
+    where += (" and " if shown else "") + "on its way back" if one.on_way_home else ""
+    return f"{one.vehicle}: its own RTL {where} crosses area {one.area!r}"
+
+
+def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[int]) -> Iterator[ReturnCrossing]:
+    if not path.waypoints:
+        return
+    legs = legs_m(path, setup.frame)[:, :, :2]
+    for area in setup.areas:
+        segments: dict[int, None] = {}
+        on_way_home = False
+        for leg, point in zip(legs, path.waypoints, strict=True):
+            if not _is_crossing(setup, path.vehicle, area, sample_leg(leg, RETURN_STEP_M)).any():
+                continue
+            if point.visit is not None:
+                segments[segment_of(visits[point.visit])] = None
+            elif point.phase is Phase.RETURN:
+                on_way_home = True
+        if segments or on_way_home:
+            yield ReturnCrossing(path.vehicle, area.name, tuple(segments), on_way_home)
+
+
+def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
+    """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
+    pad = setup.pad_of(vehicle)
+    pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
+    met = _build_bare_graph(area, ROUNDING_M).is_met(places_m, pad_m)
+    if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
+        return met
+    up_m = setup.layers.return_up_m(vehicle)
+    for index in np.flatnonzero(met).tolist():
+        ends_m = np.column_stack((np.stack((places_m[index], pad_m[index])), np.full(2, up_m)))
+        way_m = sample_leg(ends_m, RETURN_STEP_M)
+        met[index] = (_shortfall_m(setup, replace(area, margin_m=ROUNDING_M), way_m) > ROUNDING_M).any()
+    return met
+
+
+def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
+    """Return (m,) how much nearer (m, 3) places are than they should be, or how much too high; negative: they are not.
+
+    Of an area itself, not its margin, it is at least the whole margin.
+    """
+    edges = area.edges_m()
+    far = np.full(len(places_m), -math.inf)
+    low, high = edges.min(axis=(0, 1)) - area.keep_m, edges.max(axis=(0, 1)) + area.keep_m
+    near = np.flatnonzero(((places_m[:, :2] >= low) & (places_m[:, :2] <= high)).all(axis=1))
+    if not len(near):
+        return far
+    at_m = places_m[near]
+    away_m = find_nearest_on_legs(at_m[:, :2], edges[:, 0], edges[:, 1] - edges[:, 0])[0].min(axis=1)
+    within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _is_enclosed(area, at_m[:, :2])
+    short_m = np.where(within, area.keep_m + away_m, area.keep_m - away_m)
+    if area.kind is AreaKind.HEIGHT_LIMIT:
+        over_m = np.full(len(near), -math.inf)
+        if area.max_agl_m is not None:
+            over_m = np.maximum(over_m, measure_over_ground(setup, at_m)[0] - area.max_agl_m)
+        if area.max_amsl_m is not None:
+            over_m = np.maximum(over_m, at_m[:, 2] + setup.frame.alt_m - area.max_amsl_m)
+        short_m = np.where(short_m > ROUNDING_M, over_m, -math.inf)
+    far[near] = short_m
+    return far
+
+
+def _is_enclosed(area: Area, places_m: FloatArray) -> np.ndarray:
+    """Return (m,) whether the outlines wind around (m, 2) places: once around the outer one, and around no hole."""
+    turns = np.zeros((len(area.rings_m), len(places_m)))
+    for number, ring in enumerate(area.rings_m):
+        off = np.array(ring) - places_m[:, np.newaxis]
+        angles = np.arctan2(off[..., 1], off[..., 0])
+        steps = np.diff(np.concatenate((angles, angles[:, :1]), axis=1), axis=1)
+        turns[number] = ((steps + math.pi) % (2 * math.pi) - math.pi).sum(axis=1) / (2 * math.pi)
+    wound = np.abs(np.round(turns)) % 2 == 1
+    return np.asarray(wound[0] & ~wound[1:].any(axis=0))
+
+
+def _describe_shortfall(area: Area, short_m: float) -> str:
+    if area.kind is AreaKind.HEIGHT_LIMIT:
+        limit = f"{area.max_agl_m:g} m over the ground" if area.max_agl_m is not None else f"{area.max_amsl_m:g} m"
+        return f"{short_m:.1f} m above the limit of area {area.name!r}, {limit}"
+    if short_m >= area.margin_m:
+        return f"into area {area.name!r}"
+    return f"within {area.margin_m - short_m:.1f} m of area {area.name!r}, {area.margin_m:g} m expected"
