@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import unescape
 from re import sub
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import pyproj
 
 from missions.files import to_printable
 from missions.geo import FloatArray, LocalFrame
-
-if TYPE_CHECKING:
-    from rasterio import Affine
 
 Pixels = npt.NDArray[np.uint8]
 Corner = tuple[float, float]
@@ -48,20 +43,6 @@ class PictureArea:
         """Return (n, 2) latitude and longitude of places all over the area, its edges included."""
         easts, norths = (np.linspace(low, high, 33) for low, high in zip(self.low_m, self.high_m, strict=True))
         return self.frame.many_to_wgs84_deg(np.stack(np.meshgrid(easts, norths), axis=-1).reshape(-1, 2))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PictureWindow:
-    """Pixels as their file has them, of about the area that is wanted."""
-
-    pixels: Pixels
-    """(rows, columns, 4)"""
-    crs: pyproj.CRS
-    transform: Affine
-    """From column and row, whole numbers at edges of pixels, to places in that system."""
-    step_m: float
-    """The side of a pixel over the ground, about."""
-    attribution: str
 
 
 def choose_grid_size(low_m: Corner, high_m: Corner, most_pixels: float, least_step_m: float) -> tuple[int, int]:

@@ -147,11 +147,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/exports/plan_features.py",
         "missions/exports/xml_text.py",
     ),
-    "tests/missions/readers/test_background_files.py": (
-        "missions/background.py",
-        "missions/readers/imagery.py",
-        "missions/readers/mbtiles.py",
-    ),
+    "tests/missions/readers/test_background_files.py": ("missions/background.py",),
     "tests/missions/readers/test_elevation_rasters.py": (
         "missions/elevation.py",
         "missions/readers/geoids.py",

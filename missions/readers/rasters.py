@@ -24,7 +24,14 @@ if TYPE_CHECKING:
 
 @contextmanager
 def open_raster(
-    path: Path, drivers: Sequence[str], error: type[MissionsError], what: str, needs: str, **options: str
+    path: Path,
+    drivers: Sequence[str],
+    error: type[MissionsError],
+    what: str,
+    needs: str,
+    *,
+    zoom: int | None = None,
+    **options: str,
 ) -> Iterator[Any]:
     """Open a raster that knows where it lies; nothing that it names is fetched, for it is read by these drivers alone.
 
@@ -34,6 +41,7 @@ def open_raster(
         error: What to raise.
         what: What is expected, for messages.
         needs: What is said where nothing is installed to read it with.
+        zoom: Of tiles; None where there are none.
         options: Of GDAL.
 
     Raises:
@@ -49,7 +57,8 @@ def open_raster(
         # A small cache: blocks are read once, and in order.
         with warnings.catch_warnings(), Env(GDAL_CACHEMAX=64, GDAL_NUM_THREADS="1", **options):
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused in our own words
-            with DatasetReader(str(path.absolute()), driver=list(drivers)) as dataset:
+            tiles = {} if zoom is None else {"ZOOM_LEVEL": zoom}
+            with DatasetReader(str(path.absolute()), driver=list(drivers), **tiles) as dataset:
                 yield dataset
     except (RasterioError, CRSError, ProjError, ValueError) as reason:
         text = to_printable(str(reason.__cause__ or reason)).replace(str(path.absolute()), path.name)
