@@ -17,7 +17,7 @@ from missions.files import NESTED, decode_text
 from missions.readers import geojson, kml
 from missions.readers.archives import Archive, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
-from missions.readers.raw_network import MOST_VERTICES, Vertex
+from missions.readers.raw_network import MOST_VERTICES
 from missions.readers.read_options import Comparison, ReadOptions
 from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
 
@@ -123,25 +123,15 @@ def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptio
             continue
         name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
         place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
-        figures = _read_figures(feature.properties, place)
-        at = f"{place}: coordinates"
-        match feature.kind:
-            case "Polygon" | "MultiPolygon":
-                polygons = [feature.coordinates] if feature.kind == "Polygon" else _expect_list(feature.coordinates, at)
-                for polygon in polygons:
-                    rings = tuple(
-                        _check_closed_ring(geojson.positions_of(ring, at, system), place)
-                        for ring in _expect_list(polygon, at)
-                    )
-                    yield _build_area(place, name, rings, figures)
-            case "LineString" | "MultiLineString":
-                lines = [feature.coordinates] if feature.kind == "LineString" else _expect_list(feature.coordinates, at)
-                for line in lines:
-                    yield _build_area(
-                        place, name, (_drop_heights(geojson.positions_of(line, at, system)),), figures, is_line=True
-                    )
-            case other:
-                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
+        at, kind = f"{place}: coordinates", str(feature.kind)
+        if kind.removeprefix("Multi") not in {"Polygon", "LineString"}:
+            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {feature.kind or 'none'}")
+        is_line, figures = kind.endswith("LineString"), _read_figures(feature.properties, place)
+        for part in _expect_list(feature.coordinates, at) if kind.startswith("Multi") else [feature.coordinates]:
+            rings = [part] if is_line else _expect_list(part, at)
+            yield _build_area(
+                place, name, [geojson.places_of(ring, at, system) for ring in rings], figures, is_line=is_line
+            )
 
 
 def _read_kml(
@@ -165,54 +155,33 @@ def _read_kml(
 
 
 def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
-    empty = True
-    for geometry in kml.geometries_of(mark):
-        empty = False
-        match tag_of(geometry):
-            case "Polygon":
-                sides = [
-                    side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)
-                ]
-                rings = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
-                if next(iterate_children(geometry, "outerBoundaryIs"), None) is None or not rings:
-                    raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
-                yield _build_area(
-                    place, name, tuple(_check_closed_ring(_read_ring(ring, place), place) for ring in rings), figures
-                )
-            case "LinearRing":
-                yield _build_area(place, name, (_check_closed_ring(_read_ring(geometry, place), place),), figures)
-            case "LineString":
-                yield _build_area(place, name, (_drop_heights(_read_ring(geometry, place)),), figures, is_line=True)
-            case other:
-                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other}")
-    if empty:
-        raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got none")
+    for geometry in list(kml.geometries_of(mark)) or [mark]:
+        tag, lines = tag_of(geometry), [geometry]
+        if tag == "Polygon":
+            sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)]
+            lines = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
+            if not lines or tag_of(sides[0]) != "outerBoundaryIs":
+                raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
+        elif tag not in {"LinearRing", "LineString"}:
+            got = "none" if geometry is mark else tag
+            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {got}")
+        rings = [[(lat_deg, lon_deg) for lon_deg, lat_deg, _ in kml.positions_of(line, place, Counter())]
+                 for line in lines]  # fmt: skip
+        yield _build_area(place, name, rings, figures, is_line=tag == "LineString")
 
 
 def _build_area(
-    place: str, name: str, rings: tuple[tuple[LatLon, ...], ...], figures: Mapping[str, float], *, is_line: bool = False
+    place: str, name: str, rings: Sequence[Sequence[LatLon]], figures: Mapping[str, float], *, is_line: bool
 ) -> FileArea:
-    if not rings:
-        raise AreaError(f"{place}: coordinates: expected an outline, got none")
-    check_outline(rings, place, is_line=is_line)
-    return FileArea(place, name, rings, is_line, figures)
-
-
-def _check_closed_ring(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
-    places = _drop_heights(positions)
-    if len(places) < 4 or places[0] != places[-1]:
-        raise AreaError(
-            f"{place}: expected an outline of at least 3 corners that ends where it begins, got {len(places)} positions"
-        )
-    return places[:-1]
-
-
-def _drop_heights(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
-    return tuple((lat_deg, lon_deg) for lat_deg, lon_deg, _ in positions)
-
-
-def _read_ring(geometry: etree._Element, place: str) -> list[Vertex]:
-    return kml.vertices_of(geometry, place, Counter())
+    for ring in () if is_line else rings:
+        if len(ring) < 4 or ring[0] != ring[-1]:
+            raise AreaError(
+                f"{place}: expected an outline of at least 3 corners that ends where it begins, "
+                f"got {len(ring)} positions"
+            )
+    known = tuple(tuple(ring if is_line else ring[:-1]) for ring in rings)
+    check_outline(known, place, is_line=is_line)
+    return FileArea(place, name, known, is_line, figures)
 
 
 def _read_figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:

@@ -50,9 +50,8 @@ class Wgs84Transform:
         return found
 
 
-def build_identity_transform(place: str) -> Wgs84Transform:
-    """Return the system of files that have no other: there is nothing to do."""
-    return Wgs84Transform("WGS 84", place, None)
+IDENTITY = Wgs84Transform("WGS 84", "", None)
+"""Of files that have no other system."""
 
 
 def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
@@ -81,5 +80,5 @@ def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
     name = to_printable(system.name)
     words = name if code is None else f"{name} ({':'.join(code)})"
     if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
-        return build_identity_transform(place)
+        return IDENTITY
     return Wgs84Transform(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))

@@ -157,8 +157,9 @@ def _read(path: Path, reading: RasterOptions) -> _RasterPart:
     if path.suffix == KEPT_SUFFIX:
         raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
     # Nothing beside the file is looked for.
-    alone = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR"}
-    with open_raster(path, DRIVERS, ElevationError, "raster of heights", NEEDS, **alone) as dataset:
+    with open_raster(
+        path, DRIVERS, ElevationError, "raster of heights", NEEDS, GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"
+    ) as dataset:
         _check_kind(path, dataset)
         product = next((one for one in PRODUCTS if one.name.search(path.name)), None)
         level, vertical_crs = _read_systems(path, dataset)

@@ -30,7 +30,7 @@ from missions.readers.attributes import (
     read_loose_metres,
 )
 from missions.readers.classification import PowerFeature, classify_line, classify_point, has_all_tags
-from missions.readers.crs import Wgs84Transform
+from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.raw_network import Attributes, Line, Pole, RawNetwork
 from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import NO_HEIGHT_M
@@ -50,26 +50,12 @@ class GeometryKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class SourceLayer:
-    """One layer of a file, before it is read."""
-
-    name: str
-    kind: GeometryKind
-    count: int
-
-    @property
-    def words(self) -> str:
-        """The layer for people."""
-        return f"{self.name!r} ({self.count} {self.kind.value}s)"
-
-
-@dataclass(frozen=True, slots=True)
 class Feature:
-    """One feature: points, or a line of several parts."""
+    """One feature: points, or a line of several parts, which are looked at only if it is wanted."""
 
     place: str
     kind: GeometryKind
-    parts: Sequence[Sequence[Position]]
+    parts: Iterable[Sequence[Position]]
     attributes: Attributes
     id: object = None
     """What the file says beside the attributes, as GeoJSON and OpenStreetMap do."""
@@ -77,6 +63,24 @@ class Feature:
     """What it is called whatever its attributes say."""
     other: str = OTHER
     """What it is where it is neither."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceLayer:
+    """One layer of a file, before it is read."""
+
+    name: str
+    kind: GeometryKind
+    count: int
+    features: Iterable[Feature]
+    """Read only if the layer is wanted."""
+    system: str
+    """What names or defines its reference system; empty where the file does not say one."""
+
+    @property
+    def words(self) -> str:
+        """The layer for people."""
+        return f"{self.name!r} ({self.count} {self.kind.value}s)"
 
 
 def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: ReadOptions) -> list[SourceLayer]:
@@ -98,11 +102,34 @@ def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: Rea
     return wanted
 
 
+def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadOptions) -> None:
+    """Add the layers that are wanted, each in its own reference system.
+
+    Raises:
+        NetworkError: one line that names the file, the layer and feature and what was expected.
+    """
+    systems = []
+    for layer in select_wanted_layers(layers, drawing.source, choice):
+        system = _find_system(layer, f"{drawing.source}: layer {layer.name!r}", choice.crs)
+        systems.append(system.words)
+        add_features(drawing, layer.features, choice, system)
+    drawing.crs = ", ".join(dict.fromkeys(systems))
+
+
+def _find_system(layer: SourceLayer, place: str, asked: str | None) -> Wgs84Transform:
+    if not layer.system and asked is None:
+        raise NetworkError(f"{place}: crs: expected a reference system, none is in the file; crs says it")
+    system = build_wgs84_transform(layer.system or asked, place)
+    if layer.system and asked is not None and build_wgs84_transform(asked, place).words != system.words:
+        raise NetworkError(f"{place}: crs: expected none, the file says {system.words}; got {asked!r}")
+    return system
+
+
 def add_features(
     drawing: RawNetwork,
     features: Iterable[Feature],
-    system: Wgs84Transform,
     choice: ReadOptions,
+    system: Wgs84Transform = IDENTITY,
     pole_names: Sequence[str] = POLE_NAMES,
 ) -> None:
     """Add features to what is drawn.
@@ -110,8 +137,8 @@ def add_features(
     Args:
         drawing: What is drawn.
         features: Of a layer, or of a whole file.
-        system: Of their positions.
         choice: What of them is wanted.
+        system: Of their positions.
         pole_names: What is taken for a pole's name first.
 
     Raises:
@@ -143,7 +170,10 @@ def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -
 
 
 def add_points(
-    drawing: RawNetwork, feature: Feature, system: Wgs84Transform, pole_names: Sequence[str] = POLE_NAMES
+    drawing: RawNetwork,
+    feature: Feature,
+    system: Wgs84Transform = IDENTITY,
+    pole_names: Sequence[str] = POLE_NAMES,
 ) -> None:
     """Add the poles of a feature, or the depot; what is no pole is noted.
 
@@ -212,17 +242,14 @@ def _check_positions(positions: Iterable[Position], place: str) -> None:
             raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
 
 
-def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform) -> None:
+def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
     """Add a line.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, name = (
-        f"{drawing.source}: {feature.place}",
-        _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes))),
-    )
-    parts = []
+    place, parts = f"{drawing.source}: {feature.place}", []
+    name = _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes)))
     for part in feature.parts:
         if len(part) < 2:
             raise NetworkError(f"{place}: expected a line of at least two positions, found {len(part)}")

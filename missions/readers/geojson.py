@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from missions.errors import NetworkError
 from missions.files import is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
-from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
+from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.features import (
     EMPTY,
     Feature,
@@ -34,7 +34,7 @@ from missions.readers.features import (
     is_wanted_line,
     read_third_coordinate,
 )
-from missions.readers.raw_network import RawNetwork, Span, Vertex
+from missions.readers.raw_network import RawNetwork, Span
 from missions.readers.read_options import ReadOptions
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
@@ -83,7 +83,7 @@ def parse_geojson(document: Mapping[str, object], source: str, choice: ReadOptio
     spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _build_feature(one, meant), choice))
     drawing.spans += map(_build_span, spans)
     rest = (_read_feature(one, source, meant) for one in every if not _is_span(one))
-    add_features(drawing, rest, system, choice, OWN_NAMES)
+    add_features(drawing, rest, choice, system, OWN_NAMES)
     _check_names(drawing, meant)
     return drawing
 
@@ -153,7 +153,7 @@ def system_of(document: Mapping[str, object], source: str) -> Wgs84Transform:
     """
     crs = document.get("crs")
     if crs is None:
-        return build_identity_transform(source)
+        return IDENTITY
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
@@ -242,15 +242,14 @@ def _read_feature(feature: GeoFeature, source: str, meant: Container[str]) -> Fe
     return _build_feature(feature, meant, [_read_positions(part, place) for part in parts])
 
 
-def positions_of(positions: object, place: str, system: Wgs84Transform) -> tuple[Vertex, ...]:
-    """Return the places of a line or an outline.
+def places_of(positions: object, place: str, system: Wgs84Transform) -> list[tuple[float, float]]:
+    """Return latitude and longitude of all positions of a line or an outline.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     read = _read_positions(positions, place)
-    places = system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
-    return tuple((*at, third_m) for at, (_, _, third_m) in zip(places, read, strict=True))
+    return system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
 
 
 def _read_positions(positions: object, place: str) -> list[Position]:

@@ -17,7 +17,6 @@ from urllib.parse import quote
 
 from missions.errors import NetworkError
 from missions.files import to_printable
-from missions.readers.crs import Wgs84Transform, build_wgs84_transform
 from missions.readers.features import (
     EMPTY,
     OTHER,
@@ -25,8 +24,7 @@ from missions.readers.features import (
     GeometryKind,
     Position,
     SourceLayer,
-    add_features,
-    select_wanted_layers,
+    add_layers,
 )
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions
@@ -125,20 +123,14 @@ def _read_layers(database: sqlite3.Connection, source: str, choice: ReadOptions)
         "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c "
         "JOIN gpkg_geometry_columns g ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.rowid"
     ).fetchall()
-    columns = {str(table): (str(column), srs) for table, column, _, srs in rows}
     layers = []
-    for table, _, kind, _ in rows:
+    for table, column, kind, srs in rows:
         ((count,),) = database.execute(_build_query("count(*)", table))
-        layers.append(SourceLayer(str(table), KINDS.get(str(kind).upper(), GeometryKind.OTHER), count))
-    drawing, systems = choice.create_raw_network(source, FORMAT), []
-    for layer in select_wanted_layers(layers, source, choice):
-        if layer.count > MOST_FEATURES:
-            raise NetworkError(f"{source}: layer {layer.name!r}: expected at most {MOST_FEATURES} features")
-        column, srs = columns[layer.name]
-        system = _read_system(database, srs, source, layer.name, choice)
-        systems.append(system.words)
-        add_features(drawing, _iterate_features(database, layer.name, column, source), system, choice)
-    drawing.crs = ", ".join(dict.fromkeys(systems))
+        name, kind = str(table), KINDS.get(str(kind).upper(), GeometryKind.OTHER)
+        features = _iterate_features(database, name, str(column), source)
+        layers.append(SourceLayer(name, kind, count, features, _find_system(database, srs)))
+    drawing = choice.create_raw_network(source, FORMAT)
+    add_layers(drawing, layers, choice)
     return drawing
 
 
@@ -148,23 +140,15 @@ def _build_query(what: str, table: object) -> str:
     return " ".join(("SELECT", what, "FROM", f'"{name}"'))
 
 
-def _read_system(
-    database: sqlite3.Connection, srs: object, source: str, layer: str, choice: ReadOptions
-) -> Wgs84Transform:
-    place = f"{source}: layer {layer!r}"
+def _find_system(database: sqlite3.Connection, srs: object) -> str:
     row = database.execute(
         "SELECT organization, organization_coordsys_id, definition FROM gpkg_spatial_ref_sys WHERE srs_id = ?", (srs,)
     ).fetchone()
     if row is None or srs in {0, -1}:
-        if choice.crs is None:
-            raise NetworkError(f"{place}: crs: expected a reference system, none is in the file; crs says it")
-        return build_wgs84_transform(choice.crs, place)
+        return ""
     organization, code, definition = row
     known = str(organization).upper() in {"EPSG", "ESRI", "IGNF", "OGC"}
-    system = build_wgs84_transform(f"{organization}:{code}" if known else str(definition), place)
-    if choice.crs is not None and build_wgs84_transform(choice.crs, place).words != system.words:
-        raise NetworkError(f"{place}: crs: expected none, the file says {system.words}; got {choice.crs!r}")
-    return system
+    return f"{organization}:{code}" if known else str(definition)
 
 
 def _iterate_features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
@@ -175,6 +159,8 @@ def _iterate_features(database: sqlite3.Connection, table: str, column: str, sou
     key = next((name for name in names if name.lower() in {"fid", "ogc_fid"}), None)
     at = names.index(column)
     for number, row in enumerate(cursor, start=1):
+        if number > MOST_FEATURES:
+            raise NetworkError(f"{source}: layer {table!r}: expected at most {MOST_FEATURES} features")
         attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]

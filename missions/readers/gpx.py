@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.crs import build_identity_transform
 from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions
@@ -55,7 +54,7 @@ def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetw
             drawing.found.append(Remark(RemarkTopic.LEFT_OUT, name or place, text))
         if parts:
             places = [[_read_position(point, source) for point in part] for part in parts]
-            add_line(drawing, replace(feature, parts=places), build_identity_transform(source))
+            add_line(drawing, replace(feature, parts=places))
     if drawing.found and not drawing.lines and drawing.far is None:
         raise NetworkError(f"{source}: {drawing.found[0].asset}: expected a line of at least two points")
     return drawing
@@ -65,7 +64,7 @@ def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
     place = f"{tag_of(point)} in {line_of(point)}"
     attributes = {**_read_attributes(point), **({"line": line} if line else {})}
     feature = Feature(place, GeometryKind.POINT, [[_read_position(point, drawing.source)]], attributes)
-    add_points(drawing, feature, build_identity_transform(drawing.source))
+    add_points(drawing, feature)
 
 
 def _read_attributes(element: etree._Element) -> dict[str, object]:

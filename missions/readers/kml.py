@@ -16,9 +16,8 @@ from urllib.parse import unquote
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
 from missions.readers.archives import Archive
-from missions.readers.crs import build_identity_transform
-from missions.readers.features import EMPTY, Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
-from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic, Vertex
+from missions.readers.features import EMPTY, Feature, GeometryKind, Position, add_features
+from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import parse_figure
 from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
@@ -94,7 +93,7 @@ def parse_kml(
     wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
-            _add_placemark(drawing, mark, folder, choice, modes)
+            add_features(drawing, _read_placemark(source, mark, folder, modes), choice)
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
         drawing.found.append(Remark(RemarkTopic.WHOLE, read_child_text(link, "name") or line_of(link), text))
@@ -119,38 +118,24 @@ def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[t
             yield from placemarks_of(child, read_child_text(child, "name") if tag == "Folder" else folder)
 
 
-def _add_placemark(
-    drawing: RawNetwork, mark: etree._Element, folder: str, choice: ReadOptions, modes: Counter[str]
-) -> None:
+def _read_placemark(source: str, mark: etree._Element, folder: str, modes: Counter[str]) -> Iterator[Feature]:
+    """Yield what a Placemark has: its points, its lines, and what is neither."""
     name = read_child_text(mark, "name")
     place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
-    attributes = {**attributes_of(mark), "folder": folder}
-    if name:
-        attributes["name"] = name
-    points: list[list[Vertex]] = []
-    parts: list[list[Vertex]] = []
-    for geometry in geometries_of(mark):
+    attributes = {**attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
+    parts: dict[str, list[list[Position]]] = {"Point": [], "LineString": []}
+    geometries = list(geometries_of(mark))
+    for geometry in geometries:
         tag = tag_of(geometry)
-        if tag in {"Point", "LineString"}:
-            vertices = vertices_of(geometry, f"{drawing.source}: {place}", modes)
-            (points if tag == "Point" else parts).append(vertices)
+        if tag in parts:
+            parts[tag].append(positions_of(geometry, f"{source}: {place}", modes))
         else:
-            drawing.leave_out(tag, name or place)
-    if next(geometries_of(mark), None) is None:
-        drawing.leave_out(EMPTY, name or place)
-    system = build_identity_transform(drawing.source)
-    if points:
-        add_points(drawing, Feature(place, GeometryKind.POINT, _to_positions(points), attributes), system)
-    for part in parts:
-        if len(part) < 2:
-            raise NetworkError(f"{drawing.source}: {place}: coordinates: expected a line of at least two positions")
-    line = Feature(place, GeometryKind.LINE, _to_positions(parts), attributes)
-    if parts and is_wanted_line(drawing, line, choice):
-        add_line(drawing, line, system)
-
-
-def _to_positions(parts: Iterable[Iterable[Vertex]]) -> list[list[Position]]:
-    return [[(lon_deg, lat_deg, third_m) for lat_deg, lon_deg, third_m in part] for part in parts]
+            yield Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=tag)
+    if not geometries:
+        yield Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=EMPTY)
+    for tag, kind in (("Point", GeometryKind.POINT), ("LineString", GeometryKind.LINE)):
+        if parts[tag]:
+            yield Feature(place, kind, parts[tag], attributes)
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
@@ -172,7 +157,7 @@ def attributes_of(mark: etree._Element) -> dict[str, object]:
     return found
 
 
-def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Vertex]:
+def positions_of(geometry: etree._Element, place: str, modes: Counter[str]) -> list[Position]:
     """Return the positions of a geometry, and count the modes of those with an altitude.
 
     Raises:
@@ -183,7 +168,7 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
     words = ((coordinates.text or "") if coordinates is not None else "").split()
     if not words:
         raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")
-    vertices: list[Vertex] = []
+    positions: list[Position] = []
     for word in words:
         figures = [parse_figure(figure) for figure in word.split(",")]
         if len(figures) < 2 or not all(map(is_figure, figures[:2])):
@@ -192,5 +177,5 @@ def vertices_of(geometry: etree._Element, place: str, modes: Counter[str]) -> li
         altitude_m = figures[2] if len(figures) > 2 else None
         if altitude_m:
             modes[mode] += 1
-        vertices.append((lat_deg, lon_deg, altitude_m if altitude_m and mode == "absolute" else None))
-    return vertices
+        positions.append((lon_deg, lat_deg, altitude_m if altitude_m and mode == "absolute" else None))
+    return positions

@@ -15,7 +15,6 @@ from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
 from missions.readers.attributes import NODE, WAY, normalise_attributes
 from missions.readers.classification import POWER_LINES, has_power_tag
-from missions.readers.crs import build_identity_transform
 from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic, explain_empty_file
 from missions.readers.read_options import ReadOptions
@@ -143,7 +142,7 @@ def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOp
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
         places = [[_position_of(content, node) for node in part] for part in parts]
-        add_line(drawing, replace(feature, parts=places), build_identity_transform(source))
+        add_line(drawing, replace(feature, parts=places))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
         if has_power_tag(normalise_attributes(content.nodes[node].tags)):
@@ -151,7 +150,7 @@ def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOp
             own = Feature(
                 place, GeometryKind.POINT, [[_position_of(content, node)]], content.nodes[node].tags, f"node/{node}"
             )
-            add_points(drawing, own, build_identity_transform(source))
+            add_points(drawing, own)
     if content.deleted:
         drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:

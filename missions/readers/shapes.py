@@ -16,15 +16,13 @@ from missions.errors import NetworkError
 from missions.files import to_printable
 from missions.readers.archives import NEEDS, Archive, read_limited
 from missions.readers.code_pages import code_page_of
-from missions.readers.crs import Wgs84Transform, build_wgs84_transform
 from missions.readers.features import (
     EMPTY,
     OTHER,
     Feature,
     GeometryKind,
     SourceLayer,
-    add_features,
-    select_wanted_layers,
+    add_layers,
 )
 from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions
@@ -86,23 +84,16 @@ def read_zipped_shapes(archive: Archive, source: str, choice: ReadOptions) -> Ra
 def _read_layers(every: list[_Shapes], source: str, choice: ReadOptions) -> RawNetwork:
     if find_spec("shapefile") is None:
         raise NetworkError(f"{source}: a shapefile {NEEDS}")
-    drawing, systems = choice.create_raw_network(source, FORMAT), []
+    drawing = choice.create_raw_network(source, FORMAT)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        readers = {shapes.name: _open_reader(shapes, drawing, choice) for shapes in every}
-        layers = [SourceLayer(name, _kind_of(reader.shapeType), len(reader)) for name, reader in readers.items()]
-        for layer in select_wanted_layers(layers, source, choice):
-            files = next(shapes.files for shapes in every if shapes.name == layer.name)
-            system = _read_system(files, f"{source}: {layer.name}", choice)
-            systems.append(system.words)
-            add_features(drawing, _iterate_features(readers[layer.name], layer.name, source), system, choice)
-    drawing.crs = ", ".join(dict.fromkeys(systems))
+        add_layers(drawing, [_open_layer(shapes, drawing, choice) for shapes in every], choice)
     said = dict.fromkeys(to_printable(str(one.message)) for one in warned)
     drawing.found += [Remark(RemarkTopic.FILE, FORMAT, words) for words in said]
     return drawing
 
 
-def _open_reader(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> shapefile.Reader:
+def _open_layer(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> SourceLayer:
     import shapefile
 
     source = drawing.source
@@ -116,30 +107,18 @@ def _open_reader(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> s
     if words:
         drawing.found.append(Remark(RemarkTopic.FILE, f"{shapes.name}.dbf", words))
     try:
-        return shapefile.Reader(
+        reader = shapefile.Reader(
             shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]), encoding=encoding, encodingErrors="replace",
         )  # fmt: skip
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
         raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
+    system = shapes.files.get("prj", b"").decode("utf-8-sig", "replace").strip()
+    features = _iterate_features(reader, shapes.name, source)
+    return SourceLayer(shapes.name, _kind_of(reader.shapeType), len(reader), features, system)
 
 
 def _kind_of(shape_type: int) -> GeometryKind:
     return KINDS.get(shape_type % 10, GeometryKind.OTHER)
-
-
-def _read_system(files: Mapping[str, bytes], place: str, choice: ReadOptions) -> Wgs84Transform:
-    text = files.get("prj", b"").decode("utf-8-sig", "replace").strip()
-    if not text:
-        if choice.crs is None:
-            raise NetworkError(f"{place}.prj: expected the reference system, the file is missing; crs says it")
-        return build_wgs84_transform(choice.crs, place)
-    if (
-        choice.crs is not None
-        and build_wgs84_transform(choice.crs, place).words != build_wgs84_transform(text, f"{place}.prj").words
-    ):
-        said = build_wgs84_transform(text, f"{place}.prj").words
-        raise NetworkError(f"{place}.prj: crs: expected none, the file says {said}; got {choice.crs!r}")
-    return build_wgs84_transform(text, f"{place}.prj")
 
 
 def _iterate_features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Feature]:

@@ -32,7 +32,7 @@ from missions.readers.attributes import (
     normalise_attributes,
 )
 from missions.readers.classification import PowerFeature, classify_row
-from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
+from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic
 from missions.readers.read_options import ReadOptions, quote_names
 from missions.readers.values import (
@@ -325,7 +325,7 @@ def _find_system(
     known = {name.lower() for name in columns}
     if known & set(LAT) and known & set(LON):
         choice.refuse_crs(source, "columns lat and lon")
-        return build_identity_transform(source), (LON, LAT)
+        return IDENTITY, (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
         raise NetworkError(
             f"{source}: columns: expected lat and lon, or easting and northing, got {quote_names(columns)}"
