@@ -26,7 +26,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/reachability.py",
     ),
     "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/shortest_ways.py"),
-    "tests/executor/replay/test_learning.py": ("executor/replay/learned_toml.py",),
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
         "benchmarks/witness/packs.py",
@@ -240,14 +239,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
-        "executor/replay/replay_page.py",
         "executor/replay/timeline.py",
     ),
     "tests/executor/replay/test_log_replay_of_real_flights.py": (
-        "executor/replay/ground_truth.py",
+        "benchmarks/recorded_truths.py",
         "executor/replay/open_log.py",
     ),
-    "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
     "tests/executor/runtime/test_turnaround.py": ("executor/runtime/turnaround_check.py",),
     "tests/benchmarks/test_distance.py": (
         "benchmarks/distancepage.py",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.pack_book import PackFlight
 
 TRACE_S = 3.0
 MOST_SAMPLES = 4000
@@ -38,11 +38,11 @@ class SampleTrace:
     samples: list[ReplaySample] = field(default_factory=list)
     every_s: float = TRACE_S
 
-    def add(self, sample: ReplaySample) -> None:
+    def add(self, at_s: float, take: Callable[[], ReplaySample]) -> None:
         """Take a sample, unless the last one is young."""
-        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
+        if self.samples and at_s - self.samples[-1].at_s < self.every_s:
             return
-        self.samples.append(sample)
+        self.samples.append(take())
         if len(self.samples) > MOST_SAMPLES:
             self.samples = self.samples[::2]
             self.every_s *= 2
@@ -81,6 +81,36 @@ class ModeTransition:
 
 
 @dataclass(frozen=True, slots=True)
+class PackFlight:
+    """One flight of a pack."""
+
+    began_s: float
+    ended_s: float
+    number: int
+    """Which of the packs in this log it is, from 1."""
+    cells: int
+    began_cell_v: float | None
+    """A cell at rest before the flight."""
+    ended_cell_v: float
+    """A cell at its end as it would rest."""
+    began_pct: float
+    ended_pct: float
+    """What was reported at rest before, and at the end."""
+    sag_cell_v: float | None
+    """The most that a cell lost under the load."""
+    ohm: float | None
+    ohm_sd: float | None
+    """Of the whole pack; None where no current was reported."""
+    counted_ah: float | None
+    """What its counter says was used."""
+    set_ah: float | None
+    """The capacity that its autopilot counts by."""
+    capacity_ah: tuple[float, float] | None
+    """What its voltage says of its capacity since it was put in: the least and the most, by the chemistries that it may
+    have."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleReplay:
     """One vehicle of a log."""
 
@@ -107,23 +137,3 @@ class LogReplay:
     began_usec: int
     lasted_s: float
     notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class TrueEvent:
-    """One thing that really happened, by the truth that lies beside a log."""
-
-    t_usec: int
-    """On the log's own clock."""
-    what: str
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedTruth:
-    """What is known of a recorded flight."""
-
-    kind: FaultKind | None
-    """Of the fault that was injected; None for a healthy flight."""
-    fault_usec: int | None
-    """When it became visible in the data, on the log's own clock."""
-    events: tuple[TrueEvent, ...]

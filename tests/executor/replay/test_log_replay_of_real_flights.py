@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.recorded_truths import RecordedTruth, read_recorded_truths, truth_for
 from benchmarks.tuning import few_lines
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import build_replay_rules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.replay_result import LogReplay, RecordedTruth
+from executor.replay.replay_result import LogReplay
 from tests.recorded import LOGS, real_logs
 
 TELEMETRY = sorted(LOGS.glob("*.tlog")) if LOGS.is_dir() else []
