@@ -137,7 +137,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/network_figure.py",
         "executor/cli/network_options.py",
         "missions/readers/archives.py",
-        "missions/readers/xml_tree.py",
+        "missions/readers/xml_files.py",
     ),
     "tests/missions/exports/test_exports.py": (
         "missions/exports/geojson_export.py",
@@ -149,8 +149,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/readers/test_background_files.py": ("missions/background.py",),
     "tests/missions/readers/test_elevation_rasters.py": (
         "missions/elevation.py",
-        "missions/readers/geoids.py",
-        "missions/readers/kept_elevation.py",
         "missions/readers/rasters.py",
     ),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
@@ -175,24 +173,16 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
     "tests/missions/test_camera_items.py": ("missions/cameras.py",),
-    "tests/missions/readers/test_whole.py": ("missions/readers/shape_parts.py",),
     "tests/missions/readers/test_network_build.py": (
-        "missions/readers/network_checks.py",
-        "missions/readers/read_options.py",
+        "missions/readers/raw_network.py",
         "missions/readers/nodes.py",
-        "missions/readers/planar.py",
     ),
     "tests/missions/readers/test_formats.py": (
         "missions/readers/attributes.py",
-        "missions/readers/crs.py",
-        "missions/readers/raw_network.py",
         "missions/readers/features.py",
         "missions/readers/geopackage.py",
-        "missions/readers/gpx.py",
-        "missions/readers/kml.py",
         "missions/readers/osm.py",
         "missions/readers/shapes.py",
-        "missions/readers/network_import.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (

@@ -1,25 +1,35 @@
-"""Network files: which reader takes which file, and what comes of it."""
+"""Network files: which reader takes which file, and what comes of it.
+
+Written as GeoJSON it is read back to the same network, whatever file it came from.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from missions.errors import NetworkError
 from missions.files import NESTED, decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
-from missions.network import CUT, MAX_DISTANCE_M, Network, part_within
-from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
+from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
+from missions.readers import geojson, geopackage, osm, shapes, table, xml_files
 from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.readers.code_pages import decode_table
 from missions.readers.graph_file import parse_graph
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
-from missions.readers.network_import import NetworkImport, Selection, build_network_document
-from missions.readers.raw_network import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
-from missions.readers.read_options import Comparison, ReadOptions, parse_where
-from missions.readers.table_text import decode_table
-from missions.readers.xml_tree import root_of, tag_of
+from missions.readers.raw_network import (
+    Comparison,
+    NearFilter,
+    RawNetwork,
+    ReadOptions,
+    Remark,
+    RemarkTopic,
+    explain_empty_file,
+    parse_where,
+)
 
 __all__ = [
     "SNAP_M",
@@ -50,6 +60,34 @@ XML = (".kml", ".gpx", ".osm", ".xml")
 FORMATS = (
     "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a file is wanted, and how far it may be mended."""
+
+    layers: tuple[str, ...] = ()
+    where: tuple[Comparison, ...] = ()
+    crs: str | None = None
+    """Of a file that does not say its own; of a graph file the map grid of its metres."""
+    mending: MendingLimits = field(default_factory=MendingLimits)
+    encoding: str | None = None
+    """Of a table in text that is not UTF-8; None to try."""
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkImport:
+    """A network, and how it came out of its file."""
+
+    network: Network
+    format: str
+    crs: str
+    has_depot: bool
+    """Whether the depot is known; otherwise the network's is the middle of its poles."""
+    lines: Mapping[str, str]
+    """The line of each segment, by the segment's label; empty where there is none."""
+    found: tuple[Remark, ...]
+    """What was mended or left out, and what is worth a look."""
 
 
 def default_network_path() -> Path:
@@ -198,7 +236,7 @@ def _read_archive(content: bytes, source: str, choice: ReadOptions) -> RawNetwor
     if archive.list_by_suffix(".shp"):
         drawing, read = shapes.read_zipped_shapes(archive, source, choice), ".shp"
     elif archive.list_by_suffix(".kml"):
-        drawing, read = kml.parse_kmz(archive, source, choice), ".kml"
+        drawing, read = xml_files.parse_kmz(archive, source, choice), ".kml"
     else:
         others = ", ".join(map(repr, _list_other_files(archive, "")))
         raise NetworkError(
@@ -221,15 +259,15 @@ def _list_other_files(archive: Archive, read: str) -> Iterator[str]:
 
 
 def _read_xml(content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
-    root = root_of(content, source)
-    if tag_of(root) in {"kml", *kml.ROOTS}:
-        return kml.parse_kml([root], source, choice)
-    reader = {"gpx": gpx.parse_gpx, "osm": osm.parse_osm_xml}.get(tag_of(root))
+    root = xml_files.root_of(content, source)
+    tag = xml_files.tag_of(root)
+    if tag in {"kml", *xml_files.KML_ROOTS}:
+        return xml_files.parse_kml([root], source, choice)
+    reader = {"gpx": xml_files.parse_gpx, "osm": osm.parse_osm_xml}.get(tag)
     if reader is None:
         says = to_printable(" ".join(str(text) for text in root.itertext()))[:200]
-        is_error = any(word in tag_of(root).lower() for word in ("exception", "error"))
-        words = f": a server's error: {says}" if is_error else ""
-        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}{words}")
+        words = f": a server's error: {says}" if re.search("exception|error", tag, re.IGNORECASE) else ""
+        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag!r}{words}")
     return reader(root, source, choice)
 
 
@@ -348,3 +386,39 @@ def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> Lo
         return LocalFrame(depot[0], depot[1], depot[2] or 0.0)
     except ValueError as error:
         raise NetworkError(f"{path}: depot: {error}") from error
+
+
+def build_network_document(understood: NetworkImport) -> dict[str, object]:
+    """Return a FeatureCollection of the depot, where there is one, all pylons and all segments.
+
+    A segment is a LineString with the ids of its pylons, so that it stays one whatever it passes.
+    """
+    document: dict[str, object] = {"type": "FeatureCollection", "features": list(_build_features(understood))}
+    # The site may claim so as well; what is known by the file's format would be lost.
+    return {**document, geojson.FLAT: True} if understood.network.flat else document
+
+
+def _build_features(understood: NetworkImport) -> Iterator[dict[str, object]]:
+    network = understood.network
+    if understood.has_depot:
+        lat_deg, lon_deg, alt_m = network.depot
+        known = alt_m or any(pylon.elevation_m is not None for pylon in network.pylons)
+        heights = {"elevation_m": alt_m} if known else {}
+        yield _build_feature("Point", [lon_deg, lat_deg], {"role": "depot", **heights})
+    for pylon in network.pylons:
+        figures = {"elevation_m": pylon.elevation_m, "height_m": pylon.height_m}
+        heights = {key: value for key, value in figures.items() if value is not None}
+        yield _build_feature("Point", _to_coordinates(pylon), {"id": pylon.id, **heights})
+    for segment in network.segments:
+        a, b = network.pylons[segment.a], network.pylons[segment.b]
+        line = understood.lines.get(segment.label, "")
+        named = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
+        yield _build_feature("LineString", [_to_coordinates(a), _to_coordinates(b)], named)
+
+
+def _to_coordinates(pylon: Pylon) -> list[float]:
+    return [pylon.lon_deg, pylon.lat_deg, *([] if pylon.third_m is None else [pylon.third_m])]
+
+
+def _build_feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 
 from missions.errors import AreaError, NetworkError
 from missions.files import NESTED, decode_text
-from missions.readers import geojson, kml
+from missions.readers import geojson, xml_files
 from missions.readers.archives import Archive, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
-from missions.readers.raw_network import MOST_VERTICES
-from missions.readers.read_options import Comparison, ReadOptions
-from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
+from missions.readers.raw_network import MOST_VERTICES, Comparison, ReadOptions
+from missions.readers.xml_files import iterate_children, line_of, read_child_text, root_of, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -102,7 +101,7 @@ def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
         archive = Archive(content, source)
         if not archive.list_by_suffix(".kml"):
             raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
-        roots = [root_of(document, source) for document in kml.extract_kml(archive)]
+        roots = [root_of(document, source) for document in xml_files.extract_kml(archive)]
         yield from _read_kml(roots, source, choice, archive.list_by_suffix(".kml"))
         return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
@@ -138,24 +137,24 @@ def _read_kml(
     roots: Sequence[etree._Element], source: str, choice: ReadOptions, inside: Sequence[str] = ()
 ) -> Iterator[FileArea]:
     for root in roots:
-        if tag_of(root) not in {"kml", *kml.ROOTS}:
+        if tag_of(root) not in {"kml", *xml_files.KML_ROOTS}:
             raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
-    for link in kml.links_of(roots, inside):
+    for link in xml_files.links_of(roots, inside):
         raise AreaError(
             f"{source}: NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link"
         )
-    marks = list(kml.placemarks_of(roots, ""))
+    marks = list(xml_files.placemarks_of(roots, ""))
     wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         name = read_child_text(mark, "name")
-        attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
+        attributes = {**xml_files.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
         if folder in wanted and choice.is_wanted(attributes):
             place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
             yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
 
 
 def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
-    for geometry in list(kml.geometries_of(mark)) or [mark]:
+    for geometry in list(xml_files.geometries_of(mark)) or [mark]:
         tag, lines = tag_of(geometry), [geometry]
         if tag == "Polygon":
             sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)]
@@ -165,7 +164,7 @@ def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mappin
         elif tag not in {"LinearRing", "LineString"}:
             got = "none" if geometry is mark else tag
             raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {got}")
-        rings = [[(lat_deg, lon_deg) for lon_deg, lat_deg, _ in kml.positions_of(line, place, Counter())]
+        rings = [[(lat_deg, lon_deg) for lon_deg, lat_deg, _ in xml_files.positions_of(line, place, Counter())]
                  for line in lines]  # fmt: skip
         yield _build_area(place, name, rings, figures, is_line=tag == "LineString")
 

@@ -1,26 +1,31 @@
 """Rasters of heights: GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids, by rasterio; only what lies around the flights.
 
-Heights come out above mean sea level. What they are counted from is the file's word, its product's, or the site's.
+Heights come out above mean sea level. What they are counted from is the file's word, its product's, or the site's; over
+the ellipsoid they are converted where PROJ has a geoid on this computer. What a run keeps of the rasters that it was
+planned by is numpy's own format, read without any library of rasters.
 """
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import re
+import warnings
+import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pyproj
+from pyproj.exceptions import ProjError
 
 from missions.elevation import Elevation, Heights, Tile, sort_tiles
 from missions.errors import ElevationError
-from missions.files import to_printable
-from missions.geo import LocalFrame
-from missions.readers.geoids import convert_to_sea_level
-from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
+from missions.files import to_printable, write_whole
+from missions.geo import FloatArray, LocalFrame
 from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
 
 if TYPE_CHECKING:
@@ -28,6 +33,7 @@ if TYPE_CHECKING:
     from rasterio.windows import Window
 
 NEEDS = "a raster needs the extra terrain: pip install rasterio"
+KEPT_SUFFIX = ".npz"
 DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid")
 """Formats that hold their own content: a raster that names others could fetch them from anywhere."""
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", KEPT_SUFFIX})
@@ -52,6 +58,13 @@ BETWEEN_GEOIDS_M = 1.0
 """EGM96, EGM2008 and the levelled heights of countries differ by less than this nearly everywhere."""
 UNITS_M = {"": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "ft": 0.3048, "foot": 0.3048,
            "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}  # fmt: skip
+GRIDS = ("us_nga_egm96_15.tif", "egm96_15.gtx", "us_nga_egm08_25.tif", "egm08_25.gtx")
+"""The geoids that heights are converted by; the first that is there."""
+FORMAT = "faultline-terrain/1"
+MOST_BYTES = 1_000_000_000
+"""That an archive unpacks to: twice what reading keeps of the largest area."""
+SAME_DEG = 1e-9
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,3 +328,142 @@ def _check_values(path: Path, dataset: rasterio.DatasetReader, part: Window, val
         f"{LOWEST_M:g} to {HIGHEST_M:g}, got {values[row, column]:g}: is it a no-data value that the file does not "
         f"declare (its own is {'none' if dataset.nodata is None else format(dataset.nodata, 'g')})?"
     )
+
+
+def convert_to_sea_level(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]:
+    """Return a tile whose heights were counted from the ellipsoid, and by how much it may be off for it.
+
+    The geoid is even over kilometres: between the lattice's nodes it is a curved plane, whose largest error is told.
+
+    Raises:
+        ElevationError: there is no geoid here, and nothing is fetched.
+    """
+    easts, norths = (tile.low_m[axis] + tile.step_m * np.arange(tile.lattice.shape[axis]) for axis in (0, 1))
+    nodes_m = np.stack(np.meshgrid(easts, norths, indexing="ij"), axis=-1).reshape(-1, 2)
+    geoid_m = _undulations_m(path, frame.many_to_wgs84_deg(nodes_m))
+    at = tile.lattice.reshape(-1, 2)
+    rows, columns = tile.heights_m.shape
+    design = np.column_stack((np.ones(len(at)), at, at**2, at.prod(axis=1)))
+    scale = np.abs(design).max(axis=0)
+    terms = np.linalg.lstsq(design / scale, geoid_m, rcond=None)[0] / scale
+    off_m = float(np.abs(design @ terms - geoid_m).max())
+    r, c = np.arange(rows)[:, np.newaxis], np.arange(columns)[np.newaxis]
+    over_m = terms[0] + terms[1] * r + terms[2] * c + terms[3] * r**2 + terms[4] * c**2 + terms[5] * r * c
+    same = tile.highest_m is tile.heights_m
+    heights_m = _subtract_geoid(tile.heights_m, over_m)
+    highest_m = heights_m if same else _subtract_geoid(tile.highest_m, over_m)
+    return replace(tile, heights_m=heights_m, highest_m=highest_m), off_m
+
+
+def _subtract_geoid(heights_m: Heights, over_m: FloatArray) -> Heights:
+    return np.asarray(np.ceil((heights_m - over_m) * 10.0) / 10.0, dtype=np.float32)
+
+
+def _undulations_m(path: Path, places_deg: FloatArray) -> FloatArray:
+    """Return (m,) heights of the geoid over the ellipsoid at (m, 2) latitudes and longitudes."""
+    for grid in GRIDS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                shift = pyproj.Transformer.from_pipeline(
+                    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+                    f"+step +proj=vgridshift +grids={grid} +multiplier=1"
+                )
+                up_m = shift.transform(places_deg[:, 1], places_deg[:, 0], np.zeros(len(places_deg)))[2]
+        except ProjError:
+            continue
+        if np.isfinite(up_m).all():
+            return np.asarray(up_m, dtype=np.float64)
+    raise ElevationError(
+        f"{path}: vertical: expected heights above mean sea level, but these are over the ellipsoid, and no geoid to "
+        f"convert them by is installed: `pyproj sync --file {GRIDS[0]}` brings it where there is a network"
+    )
+
+
+def write_kept_ground(path: Path, elevation: Elevation) -> None:
+    """Write what was read, so that the same ground is read again without the rasters.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    about = {
+        "format": FORMAT,
+        "lat_deg": elevation.frame.lat_deg,
+        "lon_deg": elevation.frame.lon_deg,
+        "source": elevation.source,
+        "vertical": elevation.vertical,
+        "uncertainty_m": elevation.uncertainty_m,
+        "remarks": list(elevation.remarks),
+        "tiles": [
+            {
+                "low_m": tile.low_m,
+                "step_m": tile.step_m,
+                "cell_m": tile.cell_m,
+                "same": tile.highest_m is tile.heights_m,
+            }
+            for tile in elevation.tiles
+        ],
+    }
+    parts: dict[str, np.ndarray] = {"about": np.array(json.dumps(about))}
+    for number, tile in enumerate(elevation.tiles):
+        parts[f"heights_{number}"] = tile.heights_m
+        parts[f"lattice_{number}"] = tile.lattice
+        if tile.highest_m is not tile.heights_m:
+            parts[f"highest_{number}"] = tile.highest_m
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **parts)
+    write_whole(path, content.getvalue())
+
+
+def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
+    """Read what a run has kept.
+
+    Args:
+        path: The file.
+        frame: Of the site, which must be the one that it was kept for.
+
+    Raises:
+        ElevationError: it is damaged, or of another depot.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
+                raise ElevationError(f"{path}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
+        with np.load(path, allow_pickle=False) as parts:
+            about = json.loads(str(parts["about"]))
+            if about["format"] != FORMAT:
+                raise ValueError(f"format: expected {FORMAT!r}")
+            tiles = tuple(_load_tile(parts, number, row) for number, row in enumerate(about["tiles"]))
+            found = Elevation(
+                frame=LocalFrame(float(about["lat_deg"]), float(about["lon_deg"])),
+                tiles=tiles,
+                source=str(about["source"]),
+                vertical=str(about["vertical"]),
+                uncertainty_m=float(about["uncertainty_m"]),
+                remarks=tuple(str(one) for one in about["remarks"]),
+            )
+    except UNREADABLE as error:
+        raise ElevationError(f"{path}: content: expected the ground that a run has kept, whole: {error}") from error
+    off_deg = max(abs(found.frame.lat_deg - frame.lat_deg), abs(found.frame.lon_deg - frame.lon_deg))
+    if off_deg > SAME_DEG:
+        raise ElevationError(
+            f"{path}: depot: expected the ground around {frame.lat_deg:.6f}, {frame.lon_deg:.6f}, got that around "
+            f"{found.frame.lat_deg:.6f}, {found.frame.lon_deg:.6f}"
+        )
+    return found
+
+
+def _load_tile(parts: np.lib.npyio.NpzFile, number: int, row: dict[str, object]) -> Tile:
+    heights_m, lattice = parts[f"heights_{number}"].astype(np.float32), parts[f"lattice_{number}"].astype(np.float64)
+    highest_m = heights_m if row["same"] else parts[f"highest_{number}"].astype(np.float32)
+    if heights_m.ndim != 2 or heights_m.shape != highest_m.shape or not heights_m.size:
+        raise ValueError(f"heights_{number}: expected rows and columns")
+    if lattice.ndim != 3 or lattice.shape[2] != 2 or min(lattice.shape[:2]) < 2:
+        raise ValueError(f"lattice_{number}: expected rows and columns of cells")
+    low_m = row["low_m"]
+    if not isinstance(low_m, list):
+        raise TypeError("low_m: expected a list")
+    return Tile(
+        heights_m, highest_m, (float(low_m[0]), float(low_m[1])), float(str(row["step_m"])), lattice,
+        float(str(row["cell_m"])),
+    )  # fmt: skip

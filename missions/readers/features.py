@@ -1,18 +1,22 @@
 """The one road from what a file has to what is drawn, so that a file means the same in every format.
 
-Points are poles and lines are lines, if they are any by what their attributes say.
+Points are poles and lines are lines, if they are any by what their attributes say; positions become WGS 84.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import isnan
 
+import pyproj
+from pyproj.exceptions import CRSError, ProjError
+
 from missions.errors import NetworkError
-from missions.files import MOST_FIGURE, is_figure
+from missions.files import MOST_FIGURE, is_figure, to_printable
 from missions.readers.attributes import (
     LINES,
     LOOSE,
@@ -21,7 +25,11 @@ from missions.readers.attributes import (
     POLES,
     WAY,
     PlainAttributes,
+    PowerFeature,
+    classify_line,
+    classify_point,
     flatten_attributes,
+    has_all_tags,
     heights_of,
     name_of,
     normalise_attributes,
@@ -29,16 +37,83 @@ from missions.readers.attributes import (
     osm_name_of,
     read_loose_metres,
 )
-from missions.readers.classification import PowerFeature, classify_line, classify_point, has_all_tags
-from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
-from missions.readers.raw_network import Attributes, Line, Pole, RawNetwork
-from missions.readers.read_options import ReadOptions, quote_names
-from missions.readers.values import NO_HEIGHT_M
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, quote_names
+from missions.readers.values import NO_HEIGHT_M, Attributes
 
+WGS84 = "EPSG:4326"
 Position = tuple[float, float, float | None]
 """Easting or longitude first, then northing or latitude, and the third coordinate where there is one."""
 POLE_NAMES = ("name", "ref", "id")
 EMPTY, OTHER = "empty feature", "feature of another geometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Wgs84Transform:
+    """From one reference system; longitude or easting comes first, whatever the system's own order."""
+
+    words: str
+    """What the system is called."""
+    place: str
+    """Where it was said, for messages."""
+    transformer: pyproj.Transformer | None
+    """None where there is nothing to do."""
+
+    def lat_lon_deg(
+        self, xs: Sequence[float], ys: Sequence[float], places: Sequence[str] | str
+    ) -> list[tuple[float, float]]:
+        """Return latitude and longitude of many places.
+
+        Raises:
+            NetworkError: one has none in this system.
+        """
+        if self.transformer is None:
+            return list(zip(ys, xs, strict=True))
+        try:
+            lons, lats = self.transformer.transform(xs, ys)
+        except ProjError as error:
+            raise NetworkError(f"{self.place}: crs: expected coordinates of {self.words}: {error}") from error
+        found = list(zip(map(float, lats), map(float, lons), strict=True))
+        for index, (lat_deg, lon_deg) in enumerate(found):
+            if not math.isfinite(lat_deg) or not math.isfinite(lon_deg):
+                where = places if isinstance(places, str) else places[index]
+                raise NetworkError(
+                    f"{where}: position: expected a place of {self.words}, got {xs[index]:g}, {ys[index]:g}"
+                )
+        return found
+
+
+IDENTITY = Wgs84Transform("WGS 84", "", None)
+"""Of files that have no other system."""
+
+
+def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
+    """Return the way from a reference system to WGS 84.
+
+    Args:
+        said: What names or defines it: 'EPSG:5514', well-known text.
+        place: The file, for messages.
+
+    Raises:
+        NetworkError: it is unknown, or has no two horizontal axes.
+    """
+    try:
+        system = pyproj.CRS.from_user_input(said)
+    except CRSError as error:
+        text = to_printable(str(said))
+        text = text if len(text) <= 60 else f"{text[:60]}..."
+        raise NetworkError(
+            f"{place}: crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
+        ) from error
+    if system.is_compound:  # with heights, of which nothing is used
+        system = system.sub_crs_list[0]
+    if not (system.is_projected or system.is_geographic):
+        raise NetworkError(f"{place}: crs: expected a map grid or degrees, got {system.name!r}")
+    code = system.to_authority(min_confidence=70)
+    name = to_printable(system.name)
+    words = name if code is None else f"{name} ({':'.join(code)})"
+    if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
+        return IDENTITY
+    return Wgs84Transform(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))
 
 
 class GeometryKind(StrEnum):

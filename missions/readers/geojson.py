@@ -24,18 +24,19 @@ from dataclasses import dataclass
 from missions.errors import NetworkError
 from missions.files import is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
-from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
 from missions.readers.features import (
     EMPTY,
+    IDENTITY,
     Feature,
     GeometryKind,
     Position,
+    Wgs84Transform,
     add_features,
+    build_wgs84_transform,
     is_wanted_line,
     read_third_coordinate,
 )
-from missions.readers.raw_network import RawNetwork, Span
-from missions.readers.read_options import ReadOptions
+from missions.readers.raw_network import RawNetwork, ReadOptions, Span
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
 FORMAT = "GeoJSON"

@@ -26,8 +26,7 @@ from missions.readers.features import (
     SourceLayer,
     add_layers,
 )
-from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic
-from missions.readers.read_options import ReadOptions
+from missions.readers.raw_network import RawNetwork, ReadOptions, Remark, RemarkTopic
 
 FORMAT = "GeoPackage"
 MAGIC = b"SQLite format 3\x00"

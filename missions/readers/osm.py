@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.attributes import NODE, WAY, normalise_attributes
-from missions.readers.classification import POWER_LINES, has_power_tag
+from missions.readers.attributes import NODE, POWER_LINES, WAY, has_power_tag, normalise_attributes
 from missions.readers.features import Feature, GeometryKind, Position, add_line, add_points, is_wanted_line
-from missions.readers.raw_network import RawNetwork, Remark, RemarkTopic, explain_empty_file
-from missions.readers.read_options import ReadOptions
+from missions.readers.raw_network import RawNetwork, ReadOptions, Remark, RemarkTopic, explain_empty_file
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of
 
 if TYPE_CHECKING:

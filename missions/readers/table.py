@@ -25,16 +25,16 @@ from missions.readers.attributes import (
     HEIGHT,
     LINES,
     POLES,
+    PowerFeature,
+    classify_row,
     find_first_value,
     flatten_attributes,
     heights_of,
     name_of,
     normalise_attributes,
 )
-from missions.readers.classification import PowerFeature, classify_row
-from missions.readers.crs import IDENTITY, Wgs84Transform, build_wgs84_transform
-from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic
-from missions.readers.read_options import ReadOptions, quote_names
+from missions.readers.features import IDENTITY, Wgs84Transform, build_wgs84_transform
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Remark, RemarkTopic, quote_names
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,

@@ -8,8 +8,7 @@ import pytest
 
 from missions import LocalFrame, MendingLimits, RemarkTopic
 from missions.readers.network_build import UnplacedNetwork, build_unplaced_network
-from missions.readers.raw_network import Line, Pole, RawNetwork
-from missions.readers.read_options import ReadOptions, parse_where
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, parse_where
 
 FRAME = LocalFrame(49.6, 15.6)
 Spot = tuple[float, float]
