@@ -52,14 +52,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
     ),
-    "tests/executor/adapters/logs/test_odd_dataflash.py": (
-        "executor/adapters/logs/ardupilot_boot.py",
-        "executor/adapters/logs/dataflash_rows.py",
-    ),
-    "tests/executor/adapters/logs/test_who_and_why.py": (
-        "executor/adapters/logs/ardupilot_codes.py",
-        "executor/adapters/logs/px4_vehicle.py",
-    ),
+    "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
     "tests/executor/adapters/mavlink/test_codec.py": (
         "executor/adapters/mavlink/message_readers.py",
         "executor/adapters/mavlink/integers.py",
@@ -68,7 +61,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
         "executor/adapters/mavlink/frame_layout.py",
         "executor/adapters/chunks.py",
-        "executor/adapters/mavlink/tlog_kinds.py",
     ),
     "tests/executor/adapters/mavsdk/test_mavsdk_link.py": ("executor/adapters/mavsdk/library.py",),
     "tests/executor/adapters/mqtt/test_client.py": (
@@ -164,10 +156,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
-        "executor/images/clock_offsets.py",
         "executor/images/exif.py",
         "executor/images/asset_pages.py",
-        "executor/images/index_rows.py",
         "executor/images/index_files.py",
         "executor/simulated/cards.py",
     ),

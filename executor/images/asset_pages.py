@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executor.adapters.templates import render_template, write_page
-from executor.images.index_files import ImageIndex
-from executor.images.index_rows import AssetRow
+from executor.images.index_files import AssetRow, ImageIndex
 from executor.images.matching import FileMatch, Matching
 
 THUMBNAIL_PX = (320, 240)

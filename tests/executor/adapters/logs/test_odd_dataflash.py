@@ -13,8 +13,8 @@ from pymavlink import DFReader
 
 from benchmarks.witness.statements import read_log_evidence
 from executor.adapters.chunks import PIECE
-from executor.adapters.logs.dataflash import DataFlashFile
-from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
+from executor.adapters.logs.ardupilot_boot import WantedColumns
+from executor.adapters.logs.dataflash import BinaryRows, DataFlashFile
 from executor.core.interface.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
 from executor.core.interface.recorded_log import Record, SkippedRecords
 from executor.errors import LogError
