@@ -6,10 +6,12 @@ import io
 import lzma
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from missions.errors import NetworkError
-from missions.files import to_printable
+from missions.errors import MissionsError, NetworkError
+from missions.files import NESTED, to_printable
 
 MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
@@ -55,15 +57,15 @@ def read_first_bytes(path: Path) -> bytes:
         NetworkError: it cannot be read, or is of a kind that is not read anywhere.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise NetworkError(f"{path}: file: expected a readable network file: it is a device or a pipe")
+        raise NetworkError("file: expected a readable network file: it is a device or a pipe")
     try:
         with path.open("rb") as file:
             begin = file.read(16)
     except OSError as reason:
-        raise NetworkError(f"{path}: file: expected a readable network file: {reason.strerror}") from reason
+        raise NetworkError(f"file: expected a readable network file: {reason.strerror}") from reason
     for magic, words in FOREIGN.items():
         if begin.startswith(magic):
-            raise NetworkError(f"{path}: content: expected a map's data, got {words}")
+            raise NetworkError(f"content: expected a map's data, got {words}")
     return begin
 
 
@@ -74,34 +76,47 @@ def read_limited(path: Path) -> bytes:
         NetworkError: it is too large.
     """
     if path.stat().st_size > MOST_BYTES:
-        raise NetworkError(f"{path}: file: expected at most {MOST_BYTES // 1_000_000} MB; cut out what is flown")
+        raise NetworkError(f"file: expected at most {MOST_BYTES // 1_000_000} MB; cut out what is flown")
     return path.read_bytes()
+
+
+@contextmanager
+def naming_file(path: Path, error: type[MissionsError] = NetworkError) -> Iterator[None]:
+    """Let what is wrong with a file's content be said of the file.
+
+    Raises:
+        MissionsError: of the type that is given, in one line that begins with the file's name.
+    """
+    try:
+        yield
+    except MissionsError as reason:
+        text = str(reason)
+        raise error(text if text.startswith(f"{path}: ") else f"{path}: {text}") from reason
+    except RecursionError:
+        raise error(f"{path}: content: {NESTED}") from None
 
 
 class Archive:
     """A zip archive, of which nothing is unpacked that is not asked for."""
 
-    def __init__(self, content: bytes, source: str) -> None:
+    def __init__(self, content: bytes) -> None:
         """Look into an archive.
 
         Raises:
             NetworkError: it is none, or unpacks to too much.
         """
-        self.source = source
         try:
             self._zip = zipfile.ZipFile(io.BytesIO(content))
             members = [member for member in self._zip.infolist() if not member.is_dir()]
         except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
-            raise NetworkError(
-                f"{source}: content: expected a whole zip archive: {to_printable(str(reason))}"
-            ) from reason
+            raise NetworkError(f"content: expected a whole zip archive: {to_printable(str(reason))}") from reason
         if len(members) > MOST_MEMBERS:
-            raise NetworkError(f"{source}: content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
+            raise NetworkError(f"content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
         if sum(member.file_size for member in members) > MOST_BYTES:
-            raise NetworkError(f"{source}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
+            raise NetworkError(f"content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
         for member in members:
             if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
-                place = f"{source}: {to_printable(member.filename)}"
+                place = f"{to_printable(member.filename)}"
                 raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
         # What macOS puts beside every file is none of ours.
         self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
@@ -121,6 +136,5 @@ class Archive:
                 return file.read(self._zip.getinfo(name).file_size)
         except UNREADABLE as reason:
             raise NetworkError(
-                f"{self.source}: {to_printable(name)}: expected a whole file without a password: "
-                f"{to_printable(str(reason))}"
+                f"{to_printable(name)}: expected a whole file without a password: {to_printable(str(reason))}"
             ) from reason

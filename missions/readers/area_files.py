@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from missions.errors import AreaError, NetworkError
-from missions.files import NESTED, decode_text
+from missions.errors import AreaError
+from missions.files import decode_text
 from missions.readers import geojson, xml_files
-from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.readers.archives import Archive, naming_file, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
 from missions.readers.raw_network import MOST_VERTICES, Comparison, ReadOptions
 from missions.readers.xml_files import iterate_children, line_of, read_child_text, root_of, tag_of
@@ -57,20 +57,16 @@ def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Compar
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
     """
-    choice = ReadOptions(tuple(layers), tuple(where))
-    try:
-        found = tuple(_read(path, choice))
-        choice.check_where(str(path))
+    choice = ReadOptions(str(path), tuple(layers), tuple(where))
+    with naming_file(path, AreaError):
+        found = tuple(replace(area, place=f"{path}: {area.place}") for area in _read(path, choice))
+        choice.check_where()
         for attribute, value in choice.uncompared:
-            raise AreaError(f"{path}: where: expected numbers of {attribute!r} to compare, got {value!r}")
-    except NetworkError as error:
-        raise AreaError(str(error)) from error
-    except RecursionError:
-        raise AreaError(f"{path}: content: {NESTED}") from None
-    if not found:
-        raise AreaError(f"{path}: areas: expected at least one polygon or line, found none")
-    if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
-        raise AreaError(f"{path}: areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
+            raise AreaError(f"where: expected numbers of {attribute!r} to compare, got {value!r}")
+        if not found:
+            raise AreaError("areas: expected at least one polygon or line, found none")
+        if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
+            raise AreaError(f"areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
     return found
 
 
@@ -94,34 +90,33 @@ def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line:
 
 
 def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
-    source = str(path)
     read_first_bytes(path)  # says why a file cannot be read
     content = read_limited(path)
     if content.startswith(b"PK"):
-        archive = Archive(content, source)
+        archive = Archive(content)
         if not archive.list_by_suffix(".kml"):
-            raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
-        roots = [root_of(document, source) for document in xml_files.extract_kml(archive)]
-        yield from _read_kml(roots, source, choice, archive.list_by_suffix(".kml"))
+            raise AreaError(f"content: expected {FORMATS}, found an archive without a .kml")
+        roots = [root_of(document) for document in xml_files.extract_kml(archive)]
+        yield from _read_kml(roots, choice, archive.list_by_suffix(".kml"))
         return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
-        yield from _read_kml([root_of(content, source)], source, choice)
+        yield from _read_kml([root_of(content)], choice)
         return
-    text = decode_text(content, source, AreaError).lstrip()
+    text = decode_text(content, choice.source, AreaError).lstrip()
     if not text.startswith("{"):
-        raise AreaError(f"{source}: content: expected {FORMATS}, found none")
-    yield from _read_geojson(geojson.parse_features(text, source), source, choice)
+        raise AreaError(f"content: expected {FORMATS}, found none")
+    yield from _read_geojson(geojson.parse_features(text, choice.source), choice)
 
 
-def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> Iterator[FileArea]:
-    choice.refuse_layers(source, geojson.FORMAT)
-    geojson.check_whole(document, source)
-    system = geojson.system_of(document, source)
-    for feature in geojson.features_of(document, source):
+def _read_geojson(document: Mapping[str, object], choice: ReadOptions) -> Iterator[FileArea]:
+    choice.refuse_layers(geojson.FORMAT)
+    geojson.check_whole(document)
+    system = geojson.system_of(document)
+    for feature in geojson.features_of(document):
         if not choice.is_wanted(feature.properties):
             continue
         name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
-        place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
+        place = feature.place + (f" {name!r}" if name else "")
         at, kind = f"{place}: coordinates", str(feature.kind)
         if kind.removeprefix("Multi") not in {"Polygon", "LineString"}:
             raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {feature.kind or 'none'}")
@@ -133,23 +128,19 @@ def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptio
             )
 
 
-def _read_kml(
-    roots: Sequence[etree._Element], source: str, choice: ReadOptions, inside: Sequence[str] = ()
-) -> Iterator[FileArea]:
+def _read_kml(roots: Sequence[etree._Element], choice: ReadOptions, inside: Sequence[str] = ()) -> Iterator[FileArea]:
     for root in roots:
         if tag_of(root) not in {"kml", *xml_files.KML_ROOTS}:
-            raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
+            raise AreaError(f"content: expected {FORMATS}, got XML with {tag_of(root)!r}")
     for link in xml_files.links_of(roots, inside):
-        raise AreaError(
-            f"{source}: NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link"
-        )
+        raise AreaError(f"NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link")
     marks = list(xml_files.placemarks_of(roots, ""))
-    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         name = read_child_text(mark, "name")
         attributes = {**xml_files.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
         if folder in wanted and choice.is_wanted(attributes):
-            place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
+            place = f"Placemark {name!r}" if name else f"Placemark in {line_of(mark)}"
             yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
 
 

@@ -60,12 +60,11 @@ FIELD_BYTES = 32
 FIELDS_END = 0x0D
 
 
-def decode_table(content: bytes, source: str, encoding: str | None) -> tuple[str, str]:
+def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
     """Return the text that bytes are, and what is to be said of it; empty where the bytes are UTF-8 or say it.
 
     Args:
         content: The file's.
-        source: Its name, for messages.
         encoding: What its people say; None to try.
 
     Raises:
@@ -73,30 +72,30 @@ def decode_table(content: bytes, source: str, encoding: str | None) -> tuple[str
     """
     marked = next((mark for begin, mark in MARKS if content.startswith(begin)), None)
     if marked is not None or encoding is not None:
-        return _decode_as(content, source, marked or str(encoding)), ""
+        return _decode_as(content, marked or str(encoding)), ""
     if content[:2].count(b"\x00") == 1:
         mark = "utf-16-le" if content[1] == 0 else "utf-16-be"
-        return _decode_as(content, source, mark), f"no encoding is said: read as {mark}"
+        return _decode_as(content, mark), f"no encoding is said: read as {mark}"
     try:
         return content.decode("utf-8"), ""
     except UnicodeDecodeError as reason:
         if _CONTROL.search(content):
-            raise NetworkError(f"{source}: encoding: expected text, found other bytes at {reason.start}") from reason
+            raise NetworkError(f"encoding: expected text, found other bytes at {reason.start}") from reason
     page, names = guess_code_page(content)
     return content.decode(page, "replace"), f"no encoding is said: read as {page}{names}; encoding says another"
 
 
-def _decode_as(content: bytes, source: str, encoding: str) -> str:
+def _decode_as(content: bytes, encoding: str) -> str:
     try:
         return content.decode(encoding)
     except (LookupError, ValueError) as reason:
-        raise build_encoding_error(source, encoding, reason) from reason
+        raise build_encoding_error(encoding, reason) from reason
 
 
-def build_encoding_error(source: str, encoding: str, reason: Exception) -> NetworkError:
+def build_encoding_error(encoding: str, reason: Exception) -> NetworkError:
     """Return what is said of an encoding that is unknown, or is not that of the bytes."""
     return NetworkError(
-        f"{source}: encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
+        f"encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
         f"{to_printable(str(reason))}"
     )
 
@@ -127,21 +126,20 @@ def _log_likelihood_in(letters: Counter[str], own: str) -> float:
     return sum(count * math.log(shares.get(letter, NEVER)) for letter, count in letters.items())
 
 
-def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None, source: str) -> tuple[str, str]:
+def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[str, str]:
     """Return Python's name of a table's encoding, and what is to be said of it; empty if it is as the file says.
 
     Args:
         dbf: The table.
         cpg: What says its encoding beside it, where that is there.
         encoding: What its people say; None to go by the files.
-        source: The file's name, for messages.
 
     Raises:
         NetworkError: what its people say is unknown, or the names are in another.
     """
     texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
     if encoding is not None:
-        _check_encoding(texts, encoding, source)
+        _check_encoding(texts, encoding)
         return encoding, ""
     by_cpg, by_dbf = _parse_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
     told = [page for page in (by_cpg, by_dbf) if page is not None]
@@ -153,13 +151,13 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None, source: st
     return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
 
 
-def _check_encoding(texts: Sequence[bytes], encoding: str, source: str) -> None:
+def _check_encoding(texts: Sequence[bytes], encoding: str) -> None:
     try:
         b"abcd".decode(encoding)
         for text in texts:
             _check_letters(text, encoding)
     except (LookupError, ValueError) as reason:
-        raise build_encoding_error(source, encoding, reason) from reason
+        raise build_encoding_error(encoding, reason) from reason
 
 
 def _parse_cpg(cpg: bytes | None) -> str | None:

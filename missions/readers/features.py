@@ -53,8 +53,6 @@ class Wgs84Transform:
 
     words: str
     """What the system is called."""
-    place: str
-    """Where it was said, for messages."""
     transformer: pyproj.Transformer | None
     """None where there is nothing to do."""
 
@@ -71,7 +69,7 @@ class Wgs84Transform:
         try:
             lons, lats = self.transformer.transform(xs, ys)
         except ProjError as error:
-            raise NetworkError(f"{self.place}: crs: expected coordinates of {self.words}: {error}") from error
+            raise NetworkError(f"crs: expected coordinates of {self.words}: {error}") from error
         found = list(zip(map(float, lats), map(float, lons), strict=True))
         for index, (lat_deg, lon_deg) in enumerate(found):
             if not math.isfinite(lat_deg) or not math.isfinite(lon_deg):
@@ -82,16 +80,16 @@ class Wgs84Transform:
         return found
 
 
-IDENTITY = Wgs84Transform("WGS 84", "", None)
+IDENTITY = Wgs84Transform("WGS 84", None)
 """Of files that have no other system."""
 
 
-def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
+def build_wgs84_transform(said: object, place: str = "") -> Wgs84Transform:
     """Return the way from a reference system to WGS 84.
 
     Args:
         said: What names or defines it: 'EPSG:5514', well-known text.
-        place: The file, for messages.
+        place: What comes before the key in messages: the layer.
 
     Raises:
         NetworkError: it is unknown, or has no two horizontal axes.
@@ -102,18 +100,18 @@ def build_wgs84_transform(said: object, place: str) -> Wgs84Transform:
         text = to_printable(str(said))
         text = text if len(text) <= 60 else f"{text[:60]}..."
         raise NetworkError(
-            f"{place}: crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
+            f"{place}crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
         ) from error
     if system.is_compound:  # with heights, of which nothing is used
         system = system.sub_crs_list[0]
     if not (system.is_projected or system.is_geographic):
-        raise NetworkError(f"{place}: crs: expected a map grid or degrees, got {system.name!r}")
+        raise NetworkError(f"{place}crs: expected a map grid or degrees, got {system.name!r}")
     code = system.to_authority(min_confidence=70)
     name = to_printable(system.name)
     words = name if code is None else f"{name} ({':'.join(code)})"
     if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
         return IDENTITY
-    return Wgs84Transform(words, place, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))
+    return Wgs84Transform(words, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))
 
 
 class GeometryKind(StrEnum):
@@ -151,6 +149,8 @@ class SourceLayer:
     """Read only if the layer is wanted."""
     system: str
     """What names or defines its reference system; empty where the file does not say one."""
+    place: str
+    """Where it says so, for messages."""
 
     @property
     def words(self) -> str:
@@ -158,7 +158,7 @@ class SourceLayer:
         return f"{self.name!r} ({self.count} {self.kind.value}s)"
 
 
-def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: ReadOptions) -> list[SourceLayer]:
+def select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> list[SourceLayer]:
     """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most.
 
     Raises:
@@ -167,13 +167,13 @@ def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: Rea
     useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
         others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
-        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points{others}")
-    names = choice.select_layers(source, [layer.name for layer in useful])
+        raise NetworkError(f"layers: expected one of lines, found none of lines or points{others}")
+    names = choice.select_layers([layer.name for layer in useful])
     wanted = [layer for layer in useful if layer.name in names]
     for kind in (GeometryKind.POINT, GeometryKind.LINE):
         if not choice.layers and sum(layer.kind is kind for layer in wanted) > 1:
             words = ", ".join(layer.words for layer in useful[:12])
-            raise NetworkError(f"{source}: layer: expected it to say which of these are meant: {words}")
+            raise NetworkError(f"layer: expected it to say which of these are meant: {words}")
     return wanted
 
 
@@ -184,19 +184,20 @@ def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadO
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
     systems = []
-    for layer in select_wanted_layers(layers, drawing.source, choice):
-        system = _find_system(layer, f"{drawing.source}: layer {layer.name!r}", choice.crs)
+    for layer in select_wanted_layers(layers, choice):
+        system = _find_system(layer, choice.crs)
         systems.append(system.words)
         add_features(drawing, layer.features, choice, system)
     drawing.crs = ", ".join(dict.fromkeys(systems))
 
 
-def _find_system(layer: SourceLayer, place: str, asked: str | None) -> Wgs84Transform:
+def _find_system(layer: SourceLayer, asked: str | None) -> Wgs84Transform:
+    place = f"{layer.place}: "
     if not layer.system and asked is None:
-        raise NetworkError(f"{place}: crs: expected a reference system, none is in the file; crs says it")
+        raise NetworkError(f"{place}crs: expected a reference system, none is in the file; crs says it")
     system = build_wgs84_transform(layer.system or asked, place)
     if layer.system and asked is not None and build_wgs84_transform(asked, place).words != system.words:
-        raise NetworkError(f"{place}: crs: expected none, the file says {system.words}; got {asked!r}")
+        raise NetworkError(f"{place}crs: expected none, the file says {system.words}; got {asked!r}")
     return system
 
 
@@ -255,7 +256,7 @@ def add_points(
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, known = f"{drawing.source}: {feature.place}", normalise_attributes(flatten_attributes(feature.attributes))
+    place, known = f"{feature.place}", normalise_attributes(flatten_attributes(feature.attributes))
     name, is_depot = _find_name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
     of_map = _is_osm_feature(feature, known)
     meaning, _ = classify_point(known, of_map=of_map)
@@ -323,7 +324,7 @@ def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDE
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, parts = f"{drawing.source}: {feature.place}", []
+    place, parts = f"{feature.place}", []
     name = _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes)))
     for part in feature.parts:
         if len(part) < 2:

@@ -50,7 +50,7 @@ class _Damaged(Exception):
     """A geometry that is none."""
 
 
-def read_geopackage(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
+def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
     """Return what a GeoPackage shows.
 
     Raises:
@@ -58,12 +58,12 @@ def read_geopackage(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
     """
     try:
         with open_sqlite(path) as database:
-            drawing = _read_layers(database, source, choice)
+            drawing = _read_layers(database, choice)
     except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as reason:
-        raise NetworkError(f"{source}: content: expected a GeoPackage: {to_printable(str(reason))}") from reason
+        raise NetworkError(f"content: expected a GeoPackage: {to_printable(str(reason))}") from reason
     if _is_left_open(path):
         text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
-        drawing.found.append(Remark(RemarkTopic.WHOLE, source, text))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
     return drawing
 
 
@@ -117,7 +117,7 @@ def _is_left_open(path: Path) -> bool:
     return modes == WAL and not path.resolve().with_name(path.resolve().name + JOURNALS[0]).exists()
 
 
-def _read_layers(database: sqlite3.Connection, source: str, choice: ReadOptions) -> RawNetwork:
+def _read_layers(database: sqlite3.Connection, choice: ReadOptions) -> RawNetwork:
     rows = database.execute(
         "SELECT c.table_name, g.column_name, g.geometry_type_name, g.srs_id FROM gpkg_contents c "
         "JOIN gpkg_geometry_columns g ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.rowid"
@@ -126,9 +126,9 @@ def _read_layers(database: sqlite3.Connection, source: str, choice: ReadOptions)
     for table, column, kind, srs in rows:
         ((count,),) = database.execute(_build_query("count(*)", table))
         name, kind = str(table), KINDS.get(str(kind).upper(), GeometryKind.OTHER)
-        features = _iterate_features(database, name, str(column), source)
-        layers.append(SourceLayer(name, kind, count, features, _find_system(database, srs)))
-    drawing = choice.create_raw_network(source, FORMAT)
+        features = _iterate_features(database, name, str(column))
+        layers.append(SourceLayer(name, kind, count, features, _find_system(database, srs), f"layer {name!r}"))
+    drawing = choice.create_raw_network(FORMAT)
     add_layers(drawing, layers, choice)
     return drawing
 
@@ -150,23 +150,23 @@ def _find_system(database: sqlite3.Connection, srs: object) -> str:
     return f"{organization}:{code}" if known else str(definition)
 
 
-def _iterate_features(database: sqlite3.Connection, table: str, column: str, source: str) -> Iterator[Feature]:
+def _iterate_features(database: sqlite3.Connection, table: str, column: str) -> Iterator[Feature]:
     cursor = database.execute(_build_query("*", table))
     names = [str(entry[0]) for entry in cursor.description]
     if column not in names:
-        raise NetworkError(f"{source}: layer {table!r}: expected its column {column!r}, found none")
+        raise NetworkError(f"layer {table!r}: expected its column {column!r}, found none")
     key = next((name for name in names if name.lower() in {"fid", "ogc_fid"}), None)
     at = names.index(column)
     for number, row in enumerate(cursor, start=1):
         if number > MOST_FEATURES:
-            raise NetworkError(f"{source}: layer {table!r}: expected at most {MOST_FEATURES} features")
+            raise NetworkError(f"layer {table!r}: expected at most {MOST_FEATURES} features")
         attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
         try:
             kind, parts = (GeometryKind.OTHER, ()) if blob is None else parse_geometry(blob)
         except (_Damaged, struct.error, TypeError) as reason:
-            raise NetworkError(f"{source}: {place}: geometry: expected a GeoPackage's: {reason}") from reason
+            raise NetworkError(f"{place}: geometry: expected a GeoPackage's: {reason}") from reason
         yield Feature(place, kind, parts, attributes, other=EMPTY if blob is None else OTHER)
 
 

@@ -106,7 +106,7 @@ def build_unplaced_network(drawing: RawNetwork, mending: MendingLimits) -> Unpla
     _lay_spans(chains, spans, None if has_poles else mending.max_span_m)
     if len(spans.pairs) > MOST_SPANS:
         raise NetworkError(
-            f"{drawing.source}: segments: expected at most {MOST_SPANS}, found {len(spans.pairs)}; layer, where, or a "
+            f"segments: expected at most {MOST_SPANS}, found {len(spans.pairs)}; layer, where, or a "
             "cut of the file choose what is flown"
         )
     return _assemble_network(drawing, nodes, spans, mending)
@@ -130,9 +130,7 @@ def _check_ends(drawing: RawNetwork) -> None:
     for span in drawing.spans:
         for key, end in (("a", span.a), ("b", span.b)):
             if end not in names:
-                raise NetworkError(
-                    f"{drawing.source}: {span.place}.{key}: expected the id of a pylon, got unknown {end!r}"
-                )
+                raise NetworkError(f"{span.place}.{key}: expected the id of a pylon, got unknown {end!r}")
 
 
 def _frame_of(drawing: RawNetwork) -> LocalFrame:
@@ -143,13 +141,11 @@ def _frame_of(drawing: RawNetwork) -> LocalFrame:
             if not math.isfinite(value) or abs(value) > bound:
                 swapped = key == "lat_deg" and abs(lon_deg) <= bound and math.isfinite(value)
                 hint = "; are latitude and longitude swapped, or is it a grid's?" if swapped else ""
-                raise NetworkError(
-                    f"{drawing.source}: {place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}"
-                )
+                raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
         why = f"neither lines nor poles{explain_empty_file(drawing.remarks)}"
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
+        raise NetworkError(f"segments: expected at least one, found none: {why}")
     return LocalFrame(*first)
 
 

@@ -42,7 +42,7 @@ class _Content:
     """What the server says of its answer."""
 
 
-def parse_osm_xml(root: etree._Element, source: str, choice: ReadOptions) -> RawNetwork:
+def parse_osm_xml(root: etree._Element, choice: ReadOptions) -> RawNetwork:
     """Return what an OpenStreetMap file shows.
 
     Raises:
@@ -56,15 +56,15 @@ def parse_osm_xml(root: etree._Element, source: str, choice: ReadOptions) -> Raw
             content.deleted += element.tag in {NODE, WAY}  # of an editor that has not uploaded yet, or of a history
         elif element.tag == "node":
             name = f"node {element.get('id')} (line {element.sourceline})"
-            node = _build_node(element.get("lat"), element.get("lon"), _read_tags(element), f"{source}: {name}")
+            node = _build_node(element.get("lat"), element.get("lon"), _read_tags(element), name)
             content.nodes[str(element.get("id"))] = node
         elif element.tag == "way":
             references = tuple(str(reference.get("ref")) for reference in element.iterchildren("nd"))
             content.ways[str(element.get("id"))] = (references, _read_tags(element))
-    return _build_raw_network(content, source, XML, choice)
+    return _build_raw_network(content, XML, choice)
 
 
-def parse_overpass(document: Mapping[str, object], source: str, choice: ReadOptions) -> RawNetwork:
+def parse_overpass(document: Mapping[str, object], choice: ReadOptions) -> RawNetwork:
     """Return what an answer of Overpass shows: of ``out body`` with the nodes, or of ``out geom``.
 
     Raises:
@@ -74,9 +74,9 @@ def parse_overpass(document: Mapping[str, object], source: str, choice: ReadOpti
     if document.get("remark"):
         content.remarks.append(to_printable(str(document["remark"])))
     if not isinstance(elements, list):
-        raise NetworkError(f"{source}: elements: expected a list of nodes and ways")
+        raise NetworkError("elements: expected a list of nodes and ways")
     for index, element in enumerate(elements):
-        place = f"{source}: elements[{index}]"
+        place = f"elements[{index}]"
         if not isinstance(element, dict) or not isinstance(element.get("tags", {}), dict):
             raise NetworkError(f"{place}: expected an object with type, id and tags")
         tags = {str(key): to_printable(str(value)) for key, value in element.get("tags", {}).items()}
@@ -87,7 +87,7 @@ def parse_overpass(document: Mapping[str, object], source: str, choice: ReadOpti
             content.nodes[number_] = _build_node(element.get("lat"), element.get("lon"), tags, place)
         elif element.get("type") == "way":
             content.ways[number_] = (_read_references(element, number_, content, place), tags)
-    return _build_raw_network(content, source, JSON, choice)
+    return _build_raw_network(content, JSON, choice)
 
 
 def _read_references(way: Mapping[str, object], number_: str, content: _Content, place: str) -> tuple[str, ...]:
@@ -119,11 +119,11 @@ def _read_tags(element: etree._Element) -> dict[str, str]:
     return {str(tag.get("k")): to_printable(str(tag.get("v"))) for tag in element.iterchildren("tag")}
 
 
-def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOptions) -> RawNetwork:
-    choice.refuse_layers(source, what)
-    choice.refuse_crs(source, what)
-    drawing = choice.create_raw_network(source, what)
-    drawing.found += _check_server_remarks(content.remarks, source)
+def _build_raw_network(content: _Content, what: str, choice: ReadOptions) -> RawNetwork:
+    choice.refuse_layers(what)
+    choice.refuse_crs(what)
+    drawing = choice.create_raw_network(what)
+    drawing.found += _check_server_remarks(content.remarks, choice.source)
     used = dict[str, None]()
     for way, (references, tags) in content.ways.items():
         if not has_power_tag(normalise_attributes(tags)):
@@ -136,7 +136,7 @@ def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOp
         )
         if not parts:
             raise NetworkError(
-                f"{source}: way {way}: expected at least two of its nodes in the file, found {len(references)} by "
+                f"way {way}: expected at least two of its nodes in the file, found {len(references)} by "
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
         places = [[_position_of(content, node) for node in part] for part in parts]
@@ -153,7 +153,7 @@ def _build_raw_network(content: _Content, source: str, what: str, choice: ReadOp
         drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:
         power, why = " or ".join(POWER_LINES), explain_empty_file(drawing.remarks)
-        raise NetworkError(f"{source}: ways: expected some with power = {power}, found none{why}")
+        raise NetworkError(f"ways: expected some with power = {power}, found none{why}")
     return drawing
 
 
@@ -166,7 +166,7 @@ def _check_server_remarks(remarks: Iterable[str], source: str) -> Iterator[Remar
     for remark in remarks:
         if "error" in remark.lower() or "timed out" in remark.lower():
             raise NetworkError(
-                f"{source}: remark: expected a whole answer, the server gave up: {remark}; ask again with a longer "
+                f"remark: expected a whole answer, the server gave up: {remark}; ask again with a longer "
                 "[timeout:...] or for a smaller area"
             )
         yield Remark(RemarkTopic.WHOLE, source, f"the server remarks: {remark}")

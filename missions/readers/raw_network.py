@@ -203,7 +203,7 @@ class RawNetwork:
         self.vertices += sum(map(len, line.parts))
         if self.vertices > MOST_VERTICES:
             raise NetworkError(
-                f"{self.source}: {line.place}: expected at most {MOST_VERTICES} positions in all; layer, where, or a "
+                f"{line.place}: expected at most {MOST_VERTICES} positions in all; layer, where, or a "
                 "cut of the file choose what is flown"
             )
         self.lines.append(line)
@@ -347,6 +347,8 @@ def parse_where(text: str) -> tuple[Comparison, ...]:
 class ReadOptions:
     """What a caller wants of a file, and what was seen while it was looked for."""
 
+    source: str
+    """The file's name."""
     layers: tuple[str, ...] = ()
     """By their names; all that fit if empty."""
     where: tuple[Comparison, ...] = ()
@@ -366,9 +368,9 @@ class ReadOptions:
     with_unit: Counter[tuple[str, str]] = field(default_factory=Counter)
     """Figures with a unit behind, by the attribute and one of them."""
 
-    def create_raw_network(self, source: str, kind: str, crs: str = "WGS 84", *, flat: bool = False) -> RawNetwork:
+    def create_raw_network(self, kind: str, crs: str = "WGS 84", *, flat: bool = False) -> RawNetwork:
         """Return what a file of some format is drawn into."""
-        return RawNetwork(source, kind, crs, flat=flat, near=self.near)
+        return RawNetwork(self.source, kind, crs, flat=flat, near=self.near)
 
     def is_wanted(self, attributes: Attributes) -> bool:
         """Return whether a feature is wanted."""
@@ -403,7 +405,7 @@ class ReadOptions:
         found += [(name, words) for name, words in _describe_by_name(self.with_unit, "are read as figures with a unit")]
         return tuple(Remark(RemarkTopic.FILTER, name, words) for name, words in found)
 
-    def check_where(self, source: str) -> None:
+    def check_where(self) -> None:
         """Refuse a filter that nothing of the file answers to.
 
         Raises:
@@ -415,17 +417,15 @@ class ReadOptions:
         for term in self.where:
             if term.attribute.lower() not in known:
                 raise NetworkError(
-                    f"{source}: where: expected an attribute of the lines, {quote_names(sorted(self.seen))}, "
+                    f"where: expected an attribute of the lines, {quote_names(sorted(self.seen))}, "
                     f"got {term.attribute!r}"
                 )
         if not self.passed:
             words = " and ".join(f"{term.attribute} {term.op} {term.value}" for term in self.where)
             why = "".join(f"; {one.words}" for one in self.remarks)
-            raise NetworkError(
-                f"{source}: where: expected lines of which {words} holds, found none of {self.looked}{why}"
-            )
+            raise NetworkError(f"where: expected lines of which {words} holds, found none of {self.looked}{why}")
 
-    def select_layers(self, source: str, known: Sequence[str], kind: str = "layer") -> tuple[str, ...]:
+    def select_layers(self, known: Sequence[str], kind: str = "layer") -> tuple[str, ...]:
         """Return the layers that are asked for, of those that there are; all if none is asked for.
 
         Raises:
@@ -433,30 +433,26 @@ class ReadOptions:
         """
         for layer in self.layers:
             if layer not in known:
-                raise NetworkError(
-                    f"{source}: layer: expected a {kind} of the file, {quote_names(known)}, got {layer!r}"
-                )
+                raise NetworkError(f"layer: expected a {kind} of the file, {quote_names(known)}, got {layer!r}")
         return self.layers or tuple(known)
 
-    def refuse_layers(self, source: str, what: str) -> None:
+    def refuse_layers(self, what: str) -> None:
         """Refuse layers for a format without them.
 
         Raises:
             NetworkError: one is asked for.
         """
         if self.layers:
-            raise NetworkError(
-                f"{source}: layer: expected none for {what}, which has no layers; got {self.layers[0]!r}"
-            )
+            raise NetworkError(f"layer: expected none for {what}, which has no layers; got {self.layers[0]!r}")
 
-    def refuse_crs(self, source: str, what: str) -> None:
+    def refuse_crs(self, what: str) -> None:
         """Refuse another grid for a format that is WGS 84 always.
 
         Raises:
             NetworkError: one is asked for.
         """
         if self.crs is not None:
-            raise NetworkError(f"{source}: crs: expected none for {what}, which is always WGS 84; got {self.crs!r}")
+            raise NetworkError(f"crs: expected none for {what}, which is always WGS 84; got {self.crs!r}")
 
 
 def _describe_by_name(counts: Mapping[tuple[str, str], int], words: str) -> Iterable[tuple[str, str]]:

@@ -51,7 +51,7 @@ class _Shapes:
     files: Mapping[str, bytes]
 
 
-def read_shapefile(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
+def read_shapefile(path: Path, choice: ReadOptions) -> RawNetwork:
     """Return what the shapefile beside whose .shp the others lie shows.
 
     Raises:
@@ -64,10 +64,10 @@ def read_shapefile(path: Path, source: str, choice: ReadOptions) -> RawNetwork:
         if beside is not None:
             files[part] = read_limited(beside)
     files["shp"] = read_limited(path)
-    return _read_layers([_Shapes(path.stem, files)], source, choice)
+    return _read_layers([_Shapes(path.stem, files)], choice)
 
 
-def read_zipped_shapes(archive: Archive, source: str, choice: ReadOptions) -> RawNetwork:
+def read_zipped_shapes(archive: Archive, choice: ReadOptions) -> RawNetwork:
     """Return what the shapefiles of an archive show.
 
     Raises:
@@ -83,13 +83,13 @@ def read_zipped_shapes(archive: Archive, source: str, choice: ReadOptions) -> Ra
             if f"{stem}.{part}".lower() in by_name
         }
         every.append(_Shapes(to_printable(PurePosixPath(stem).name), files))
-    return _read_layers(every, source, choice)
+    return _read_layers(every, choice)
 
 
-def _read_layers(every: list[_Shapes], source: str, choice: ReadOptions) -> RawNetwork:
+def _read_layers(every: list[_Shapes], choice: ReadOptions) -> RawNetwork:
     if find_spec("shapefile") is None:
-        raise NetworkError(f"{source}: a shapefile {NEEDS}")
-    drawing = choice.create_raw_network(source, FORMAT)
+        raise NetworkError(f"a shapefile {NEEDS}")
+    drawing = choice.create_raw_network(FORMAT)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         add_layers(drawing, [_open_layer(shapes, drawing, choice) for shapes in every], choice)
@@ -101,14 +101,13 @@ def _read_layers(every: list[_Shapes], source: str, choice: ReadOptions) -> RawN
 def _open_layer(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> SourceLayer:
     import shapefile
 
-    source = drawing.source
     if "dbf" not in shapes.files:
-        raise NetworkError(f"{source}: {shapes.name}.dbf: expected the names and attributes beside the .shp")
+        raise NetworkError(f"{shapes.name}.dbf: expected the names and attributes beside the .shp")
     try:
         shp = rebuild_shp(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
     except (PartError, struct.error) as reason:
-        raise NetworkError(f"{source}: {shapes.name}: expected a whole shapefile: {reason}") from reason
-    encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding, source)
+        raise NetworkError(f"{shapes.name}: expected a whole shapefile: {reason}") from reason
+    encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding)
     if words:
         drawing.found.append(Remark(RemarkTopic.FILE, f"{shapes.name}.dbf", words))
     try:
@@ -116,17 +115,17 @@ def _open_layer(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> So
             shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]), encoding=encoding, encodingErrors="replace",
         )  # fmt: skip
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
-        raise NetworkError(f"{source}: {shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
+        raise NetworkError(f"{shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
     system = shapes.files.get("prj", b"").decode("utf-8-sig", "replace").strip()
-    features = _iterate_features(reader, shapes.name, source)
-    return SourceLayer(shapes.name, _kind_of(reader.shapeType), len(reader), features, system)
+    features = _iterate_features(reader, shapes.name)
+    return SourceLayer(shapes.name, _kind_of(reader.shapeType), len(reader), features, system, f"{shapes.name}.prj")
 
 
 def _kind_of(shape_type: int) -> GeometryKind:
     return KINDS.get(shape_type % 10, GeometryKind.OTHER)
 
 
-def _iterate_features(reader: shapefile.Reader, layer: str, source: str) -> Iterator[Feature]:
+def _iterate_features(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
     import shapefile
 
     number = 0
@@ -155,7 +154,7 @@ def _iterate_features(reader: shapefile.Reader, layer: str, source: str) -> Iter
         OSError,
         AssertionError,
     ) as reason:
-        place = f"{source}: layer {layer!r} feature {number + 1}"
+        place = f"layer {layer!r} feature {number + 1}"
         raise NetworkError(
             f"{place}: expected a whole shape and its attributes: {to_printable(str(reason))}"
         ) from reason

@@ -56,7 +56,7 @@ MODES = {
 GPX = "GPX"
 
 
-def root_of(content: bytes, source: str) -> etree._Element:
+def root_of(content: bytes) -> etree._Element:
     """Return the root of an XML document.
 
     Raises:
@@ -65,15 +65,15 @@ def root_of(content: bytes, source: str) -> etree._Element:
     try:
         from lxml import etree
     except ImportError:  # who uses this package alone may go without
-        raise NetworkError(f"{source}: XML needs lxml: pip install lxml") from None
+        raise NetworkError("XML needs lxml: pip install lxml") from None
     if len(content) > MOST_BYTES:
-        raise NetworkError(f"{source}: content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
-    _refuse_page(content, source)
+        raise NetworkError(f"content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
+    _refuse_page(content)
     try:
         root = _parse_root(content)
     except (etree.XMLSyntaxError, ValueError) as reason:
         line = getattr(reason, "lineno", None)
-        place = f"{source}: line {line}" if line else f"{source}: content"
+        place = f"line {line}" if line else "content"
         words = to_printable(getattr(reason, "msg", None) or str(reason)) or "it is empty"
         if "EntityRef: " in words:
             words = "a bare &, which XML writes as &amp;"
@@ -83,15 +83,15 @@ def root_of(content: bytes, source: str) -> etree._Element:
             )
         raise NetworkError(f"{place}: expected XML: {words}") from reason
     if root.getroottree().docinfo.doctype:
-        raise NetworkError(f"{source}: content: expected XML without a document type (DOCTYPE)")
+        raise NetworkError("content: expected XML without a document type (DOCTYPE)")
     return root
 
 
-def _refuse_page(content: bytes, source: str) -> None:
+def _refuse_page(content: bytes) -> None:
     if _PAGE.match(content[:4096]):
         title = _TITLE.search(content[:4096])
         words = "" if title is None else f": {to_printable(title[1].decode('utf-8', 'replace'))[:100]!r}"
-        raise NetworkError(f"{source}: content: expected a map's data, got a page of HTML such as a server's{words}")
+        raise NetworkError(f"content: expected a map's data, got a page of HTML such as a server's{words}")
 
 
 def _parse_root(content: bytes) -> etree._Element:
@@ -157,41 +157,38 @@ def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> I
                 yield link
 
 
-def parse_kmz(archive: Archive, source: str, choice: ReadOptions) -> RawNetwork:
+def parse_kmz(archive: Archive, choice: ReadOptions) -> RawNetwork:
     """Return what all documents of an archive show.
 
     Raises:
         NetworkError: as `parse_kml`.
     """
     names, documents = archive.list_by_suffix(".kml"), extract_kml(archive)
-    drawing = parse_kml([root_of(content, source) for content in documents], source, choice, inside=names)
+    drawing = parse_kml([root_of(content) for content in documents], choice, inside=names)
     if len(names) > 1:
         text = f"{len(names)} KML files in the archive, all of them are read: {quote_names(names)}"
-        drawing.found.insert(0, Remark(RemarkTopic.WHOLE, source, text))
+        drawing.found.insert(0, Remark(RemarkTopic.WHOLE, choice.source, text))
     return drawing
 
 
-def parse_kml(
-    roots: Sequence[etree._Element], source: str, choice: ReadOptions, *, inside: Collection[str] = ()
-) -> RawNetwork:
+def parse_kml(roots: Sequence[etree._Element], choice: ReadOptions, *, inside: Collection[str] = ()) -> RawNetwork:
     """Return what KML documents show.
 
     Args:
         roots: Of the documents.
-        source: The file's name, for messages.
         choice: What of it is wanted.
         inside: The names of the archive's documents.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.refuse_crs(source, KML)
-    drawing, modes = choice.create_raw_network(source, KML), Counter[str]()
+    choice.refuse_crs(KML)
+    drawing, modes = choice.create_raw_network(KML), Counter[str]()
     marks = list(placemarks_of(roots, ""))
-    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         if folder in wanted:
-            add_features(drawing, _read_placemark(source, mark, folder, modes), choice)
+            add_features(drawing, _read_placemark(mark, folder, modes), choice)
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
         drawing.found.append(Remark(RemarkTopic.WHOLE, read_child_text(link, "name") or line_of(link), text))
@@ -214,7 +211,7 @@ def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[t
             yield from placemarks_of(child, read_child_text(child, "name") if tag == "Folder" else folder)
 
 
-def _read_placemark(source: str, mark: etree._Element, folder: str, modes: Counter[str]) -> Iterator[Feature]:
+def _read_placemark(mark: etree._Element, folder: str, modes: Counter[str]) -> Iterator[Feature]:
     """Yield what a Placemark has: its points, its lines, and what is neither."""
     name = read_child_text(mark, "name")
     place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
@@ -224,7 +221,9 @@ def _read_placemark(source: str, mark: etree._Element, folder: str, modes: Count
     for geometry in geometries:
         tag = tag_of(geometry)
         if tag in parts:
-            parts[tag].append(positions_of(geometry, f"{source}: {place}", modes))
+            parts[tag].append(positions_of(geometry, place, modes))
+            if tag == "LineString" and len(parts[tag][-1]) < 2:
+                raise NetworkError(f"{place}: coordinates: expected a line of at least two positions")
         else:
             yield Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=tag)
     if not geometries:
@@ -277,7 +276,7 @@ def positions_of(geometry: etree._Element, place: str, modes: Counter[str]) -> l
     return positions
 
 
-def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetwork:
+def parse_gpx(root: etree._Element, choice: ReadOptions) -> RawNetwork:
     """Return what a GPX document shows.
 
     Points of a route that have a name are poles, too.
@@ -285,9 +284,9 @@ def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetw
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.refuse_layers(source, GPX)
-    choice.refuse_crs(source, GPX)
-    drawing = choice.create_raw_network(source, GPX)
+    choice.refuse_layers(GPX)
+    choice.refuse_crs(GPX)
+    drawing = choice.create_raw_network(GPX)
     for point in iterate_children(root, "wpt"):
         _add_pole(drawing, point, "")
     for line in iterate_children(root, "rte", "trk"):
@@ -310,17 +309,17 @@ def parse_gpx(root: etree._Element, source: str, choice: ReadOptions) -> RawNetw
             text = f"{short} parts of fewer than two points: left out" if short else "a line without points: left out"
             drawing.found.append(Remark(RemarkTopic.LEFT_OUT, name or place, text))
         if parts:
-            places = [[_read_position(point, source) for point in part] for part in parts]
+            places = [[_read_position(point) for point in part] for part in parts]
             add_line(drawing, replace(feature, parts=places))
     if drawing.found and not drawing.lines and drawing.far is None:
-        raise NetworkError(f"{source}: {drawing.found[0].asset}: expected a line of at least two points")
+        raise NetworkError(f"{drawing.found[0].asset}: expected a line of at least two points")
     return drawing
 
 
 def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
     place = f"{tag_of(point)} in {line_of(point)}"
     attributes = {**_read_attributes(point), **({"line": line} if line else {})}
-    feature = Feature(place, GeometryKind.POINT, [[_read_position(point, drawing.source)]], attributes)
+    feature = Feature(place, GeometryKind.POINT, [[_read_position(point)]], attributes)
     add_points(drawing, feature)
 
 
@@ -333,9 +332,9 @@ def _read_attributes(element: etree._Element) -> dict[str, object]:
     return {**{tag_of(leaf): to_printable(leaf.text or "") for leaf in extensions}, **own}
 
 
-def _read_position(point: etree._Element, source: str) -> Position:
+def _read_position(point: etree._Element) -> Position:
     lat_deg, lon_deg = degrees_of(point.get("lat"), NORTH_SOUTH), degrees_of(point.get("lon"), EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         got = f"{point.get('lat')!r} and {point.get('lon')!r}"
-        raise NetworkError(f"{source}: {tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
+        raise NetworkError(f"{tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
     return lon_deg, lat_deg, parse_figure(read_child_text(point, "ele"))

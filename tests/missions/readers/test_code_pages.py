@@ -86,4 +86,4 @@ def test_who_knows_better_says_the_encoding_of_a_shapefile(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("content", [b"", b"\x03" * 20, bytes(33), b"\xff" * 200])
 def test_a_damaged_table_has_the_usual_letters(content: bytes) -> None:
-    assert code_page_of(content, None, None, "a.shp")
+    assert code_page_of(content, None, None)

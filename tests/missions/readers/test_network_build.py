@@ -180,7 +180,7 @@ def test_a_track_of_a_receiver_is_not_taken_for_poles_without_a_word() -> None:
     ],
 )
 def test_a_filter_compares_as_numbers_where_both_are(where: str, attributes: dict[str, object], takes: bool) -> None:
-    assert ReadOptions(where=parse_where(where)).is_wanted(attributes) is takes
+    assert ReadOptions("a.json", where=parse_where(where)).is_wanted(attributes) is takes
 
 
 @pytest.mark.parametrize("where", ["", "voltage", "= 3", "a = 1 or b = 2", "a = 1 and", "a = 1 b = 2", "a ~ 3"])

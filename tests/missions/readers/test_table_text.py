@@ -28,7 +28,7 @@ NAMES = {
 
 @pytest.mark.parametrize(("page", "names"), [(page, names) for page, own in NAMES.items() for names in own])
 def test_a_code_page_is_tried_by_the_letters_of_its_languages(page: str, names: str) -> None:
-    text, remark = decode_table(names.encode(page), "a.csv", None)
+    text, remark = decode_table(names.encode(page), None)
     assert text == names
     assert remark.startswith(f"no encoding is said: read as {page}, with names such as ")
 
