@@ -139,10 +139,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/exports/xml_text.py",
     ),
     "tests/missions/readers/test_background_files.py": ("missions/background.py",),
-    "tests/missions/readers/test_elevation_rasters.py": (
-        "missions/elevation.py",
-        "missions/readers/rasters.py",
-    ),
+    "tests/missions/readers/test_elevation_rasters.py": ("missions/elevation.py",),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
     "tests/executor/site/test_terrain.py": (
@@ -163,16 +160,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
     "tests/missions/test_camera_items.py": ("missions/cameras.py",),
-    "tests/missions/readers/test_network_build.py": (
-        "missions/readers/raw_network.py",
-        "missions/readers/nodes.py",
-    ),
+    "tests/missions/readers/test_network_build.py": ("missions/readers/raw_network.py",),
     "tests/missions/readers/test_formats.py": (
         "missions/readers/attributes.py",
         "missions/readers/features.py",
-        "missions/readers/geopackage.py",
-        "missions/readers/osm.py",
-        "missions/readers/shapes.py",
+        "missions/readers/layer_files.py",
     ),
     "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (

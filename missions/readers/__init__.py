@@ -15,7 +15,7 @@ from missions.errors import NetworkError
 from missions.files import decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
 from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
-from missions.readers import geojson, geopackage, osm, shapes, table, xml_files
+from missions.readers import geojson, layer_files, table, xml_files
 from missions.readers.archives import Archive, naming_file, read_first_bytes, read_limited
 from missions.readers.code_pages import decode_table
 from missions.readers.graph_file import parse_graph
@@ -194,7 +194,9 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
 def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork | str:
     """Return what a file shows; of a graph file its text, which its depot gives a place to."""
     drawing = _read_by_content(path, choice)
-    if choice.encoding is not None and (isinstance(drawing, str) or drawing.format not in {table.CSV, shapes.FORMAT}):
+    if choice.encoding is not None and (
+        isinstance(drawing, str) or drawing.format not in {table.CSV, layer_files.SHAPEFILE}
+    ):
         kind = GRAPH if isinstance(drawing, str) else drawing.format
         raise NetworkError(f"encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}")
     return drawing
@@ -203,11 +205,11 @@ def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork | str:
 def _read_by_content(path: Path, choice: ReadOptions) -> RawNetwork | str:
     if path.suffix.lower() in BESIDE_SHP:
         raise NetworkError("file: expected the .shp, of which this is a part")
-    if read_first_bytes(path) == geopackage.MAGIC:
-        return geopackage.read_geopackage(path, choice)
+    if read_first_bytes(path) == layer_files.SQLITE_MAGIC:
+        return layer_files.read_geopackage(path, choice)
     content = read_limited(path)
-    if content.startswith(shapes.MAGIC):
-        return shapes.read_shapefile(path, choice)
+    if content.startswith(layer_files.SHAPEFILE_MAGIC):
+        return layer_files.read_shapefile(path, choice)
     if content.startswith(b"PK"):
         return _read_archive(content, choice)
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
@@ -229,7 +231,7 @@ def _read_archive(content: bytes, choice: ReadOptions) -> RawNetwork:
     if "xl/workbook.xml" in archive.names:
         return table.parse_xlsx(archive, content, choice)
     if archive.list_by_suffix(".shp"):
-        drawing, read = shapes.read_zipped_shapes(archive, choice), ".shp"
+        drawing, read = layer_files.read_zipped_shapes(archive, choice), ".shp"
     elif archive.list_by_suffix(".kml"):
         drawing, read = xml_files.parse_kmz(archive, choice), ".kml"
     else:
@@ -258,7 +260,7 @@ def _read_xml(content: bytes, choice: ReadOptions) -> RawNetwork:
     tag = xml_files.tag_of(root)
     if tag in {"kml", *xml_files.KML_ROOTS}:
         return xml_files.parse_kml([root], choice)
-    reader = {"gpx": xml_files.parse_gpx, "osm": osm.parse_osm_xml}.get(tag)
+    reader = {"gpx": xml_files.parse_gpx, "osm": xml_files.parse_osm_xml}.get(tag)
     if reader is None:
         says = to_printable(" ".join(str(text) for text in root.itertext()))[:200]
         words = f": a server's error: {says}" if re.search("exception|error", tag, re.IGNORECASE) else ""
@@ -269,7 +271,7 @@ def _read_xml(content: bytes, choice: ReadOptions) -> RawNetwork:
 def _read_json(text: str, choice: ReadOptions) -> RawNetwork:
     document = geojson.parse_features(text, choice.source)
     if "elements" in document and "features" not in document:
-        return osm.parse_overpass(document, choice)
+        return xml_files.parse_overpass(document, choice)
     return geojson.parse_geojson(document, choice)
 
 

@@ -17,8 +17,14 @@ import pyproj
 from missions.background import Background, PictureArea, Pixels, choose_grid_size, strip_markup
 from missions.errors import BackgroundError
 from missions.files import to_printable
-from missions.readers.geopackage import MAGIC, open_sqlite
-from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
+from missions.readers.elevation_rasters import (
+    check_georeference,
+    find_window,
+    locate_cells,
+    measure_cell_m,
+    open_raster,
+)
+from missions.readers.layer_files import SQLITE_MAGIC, open_sqlite
 
 if TYPE_CHECKING:
     import rasterio
@@ -26,7 +32,7 @@ if TYPE_CHECKING:
 
 NEEDS = "a GeoTIFF needs the extra maps: pip install rasterio pillow"
 FORMATS = {
-    b"II*\x00": "GTiff", b"MM\x00*": "GTiff", b"II+\x00": "GTiff", b"MM\x00+": "GTiff", MAGIC: "MBTiles",
+    b"II*\x00": "GTiff", b"MM\x00*": "GTiff", b"II+\x00": "GTiff", b"MM\x00+": "GTiff", SQLITE_MAGIC: "MBTiles",
 }  # fmt: skip
 """GDAL's name of a format, by how its files begin."""
 ZOOMS = 25
