@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,9 @@ class RecordFormat:
         return True
 
 
-def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns) -> RecordFormat | None:
+def format_of(
+    name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns, *, in_text: bool
+) -> RecordFormat | None:
     """Return how to read a kind; None if its letters are unknown, or do not fit its columns."""
     if len(letters) != len(columns) or any(letter not in LETTERS for letter in letters):
         return None
@@ -117,17 +120,17 @@ def format_of(name: str, letters: str, columns: tuple[str, ...], wanted: WantedC
         (column, index, LETTERS[letters[index]][1]) for index, column in enumerate(columns) if column in wanted.columns
     )
     made = RecordFormat(name, letters, columns, layout, picked, wanted.every_usec)
+    places = list(accumulate(struct.calcsize("<" + LETTERS[one][0]) for one in letters))
+    places = list(range(len(letters))) if in_text else [0, *places]
     index = _find_time_index(name, columns)
     if index is not None:
-        made.time_at = struct.calcsize("<" + "".join(LETTERS[one][0] for one in letters[:index]))
-        made.time_size = struct.calcsize("<" + LETTERS[letters[index]][0])
-        made.usec = 1 if columns[index] == "TimeUS" else 1000
         if letters[index] not in "QqIi":
             return None
+        made.time_at, made.time_size = places[index], struct.calcsize("<" + LETTERS[letters[index]][0])
+        made.usec = 1 if columns[index] == "TimeUS" else 1000
     for instance in ("Inst", "Instance", "I", "C"):
         if instance in columns and letters[columns.index(instance)] == "B":
-            before = letters[: columns.index(instance)]
-            made.instance_at = struct.calcsize("<" + "".join(LETTERS[one][0] for one in before))
+            made.instance_at = places[columns.index(instance)]
     return made
 
 
@@ -140,15 +143,14 @@ def _find_time_index(name: str, columns: tuple[str, ...]) -> int | None:
 
 
 @dataclass(slots=True)
-class BinaryRows:
-    """A .BIN, read once."""
+class Rows:
+    """A log, read once."""
 
     path: Path
     wanted: Mapping[str, WantedColumns]
     skipped: SkippedRecords
-    sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
-    """Of whole records, by their number; 0 where no format was seen."""
-    formats: list[RecordFormat | None] = field(default_factory=lambda: [None] * HIGHEST)
+    formats: dict[int | str, RecordFormat] = field(default_factory=dict)
+    """Of what is wanted, by number; in text by name."""
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
     _in_garbage: bool = False
@@ -156,7 +158,28 @@ class BinaryRows:
     @property
     def is_timed(self) -> bool:
         """Whether any kind that is wanted has the autopilot's own time."""
-        return any(one is not None and one.time_at >= 0 for one in self.formats)
+        return any(one.time_at >= 0 for one in self.formats.values())
+
+    def __iter__(self) -> Iterator[Row]:
+        """Yield what is wanted, in the order of the file."""
+        raise NotImplementedError
+
+    def _describe_kind(self, name: str, letters: str, columns: Sequence[str], *, in_text: bool) -> RecordFormat | None:
+        """Note that the log describes a kind; return how to read it, if it is wanted and can be read."""
+        self.kinds.add(name)
+        if name not in self.wanted:
+            return None
+        made = format_of(name, letters, tuple(columns), self.wanted[name], in_text=in_text)
+        self.skipped.unreadable += made is None
+        return made
+
+
+@dataclass(slots=True)
+class BinaryRows(Rows):
+    """A .BIN."""
+
+    sizes: list[int] = field(default_factory=lambda: [0] * HIGHEST)
+    """Of whole records, by their number; 0 where no format was seen."""
 
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
@@ -186,7 +209,7 @@ class BinaryRows:
             self._in_garbage = False
             if number == FMT:
                 self._register_format(buffer[at + 3 : end])
-            elif (known := formats[number]) is not None:
+            elif (known := formats.get(number)) is not None:
                 body, t_usec = at + 3, None
                 if known.time_at >= 0:
                     place = body + known.time_at
@@ -218,46 +241,34 @@ class BinaryRows:
         if length < 3:
             self.skipped.unreadable += 1
             return
-        self.sizes[number], self.formats[number] = length, None
-        self.kinds.add(name)
-        if name in self.wanted:
-            made = format_of(name, letters, tuple(columns.split(",")), self.wanted[name])
-            if made is None or made.layout.size + 3 > length:
-                self.skipped.unreadable += 1
-            else:
-                self.formats[number] = made
+        self.sizes[number] = length
+        self.formats.pop(number, None)
+        made = self._describe_kind(name, letters, columns.split(","), in_text=False)
+        if made is not None and made.layout.size + 3 > length:
+            self.skipped.unreadable += 1
+        elif made is not None:
+            self.formats[number] = made
 
 
-@dataclass(slots=True)
-class TextRows:
+class TextRows(Rows):
     """A .log, as ground stations write it from a DataFlash log: a record a line, its numbers in their own units."""
-
-    path: Path
-    wanted: Mapping[str, WantedColumns]
-    skipped: SkippedRecords
-    formats: dict[str, RecordFormat] = field(default_factory=dict)
-    kinds: set[str] = field(default_factory=set)
-    """That the log describes, wanted or not."""
-
-    @property
-    def is_timed(self) -> bool:
-        """Whether any kind that is wanted has the autopilot's own time."""
-        return any(one.time_at >= 0 for one in self.formats.values())
 
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
-        in_garbage = False
         with self.path.open("rb") as file:
             while line := file.readline(LARGEST_LINE):
                 name, _, rest = line.partition(b",")
                 kind = name.strip().decode("ascii", "replace")
                 if not rest or not kind.isalnum() or len(kind) > 4:
-                    self.skipped.garbage_runs += not in_garbage and bool(line.strip())
-                    in_garbage = True
+                    self.skipped.garbage_runs += not self._in_garbage and bool(line.strip())
+                    self._in_garbage = True
                     continue
-                in_garbage = False
-                if kind == "FMT":
-                    self._register_format([one.strip() for one in rest.decode("utf-8", "replace").split(",")])
+                self._in_garbage = False
+                texts = [one.strip() for one in rest.decode("utf-8", "replace").split(",")]
+                if kind == "FMT" and len(texts) >= 5:
+                    made = self._describe_kind(texts[2], texts[3], texts[4:], in_text=True)
+                    if made is not None:
+                        self.formats[made.name] = made
                 elif (known := self.formats.get(kind)) is not None:
                     row = self._parse_row(known, rest.decode("utf-8", "replace"))
                     if row is not None:
@@ -279,23 +290,6 @@ class TextRows:
             self.skipped.unreadable += 1
             return None
         return t_usec, known.name, fields
-
-    def _register_format(self, said: list[str]) -> None:
-        if len(said) < 5:
-            return
-        self.kinds.add(said[2])
-        if said[2] not in self.wanted:
-            return
-        name, letters, columns = said[2], said[3], tuple(said[4:])
-        made = format_of(name, letters, columns, self.wanted[name])
-        if made is None:
-            self.skipped.unreadable += 1
-            return
-        # Of a line it is the number of the field that counts.
-        index = _find_time_index(name, columns)
-        made.time_at = -1 if index is None else index
-        made.instance_at = next((columns.index(one) for one in ("Inst", "Instance", "I", "C") if one in columns), -1)
-        self.formats[name] = made
 
 
 def _is_padding(behind: bytes) -> bool:
@@ -350,8 +344,8 @@ class DataFlashFile(RecordedFile):
         elif self._boot.mode == NO_MODE:
             self.notes.append("no MODE in it: nobody knows in which mode it flew")
 
-    def _open_rows(self, wanted: Mapping[str, WantedColumns], skipped: SkippedRecords) -> BinaryRows | TextRows:
-        return TextRows(self.path, wanted, skipped) if self.text else BinaryRows(self.path, wanted, skipped)
+    def _open_rows(self, wanted: Mapping[str, WantedColumns], skipped: SkippedRecords) -> Rows:
+        return (TextRows if self.text else BinaryRows)(self.path, wanted, skipped)
 
     def _find_writer(self) -> bool:
         """Look for who wrote the log; returns whether it can be read."""
@@ -370,7 +364,7 @@ class DataFlashFile(RecordedFile):
             return False
         return True
 
-    def _attach_time(self, row: Row, rows: BinaryRows | TextRows) -> Iterable[tuple[int, str, Fields]]:
+    def _attach_time(self, row: Row, rows: Rows) -> Iterable[tuple[int, str, Fields]]:
         """Return a record with its time, and before it one whose time is no longer doubted; nothing while it is."""
         t_usec, kind, fields = row if row[0] is not None else _with_satellites_time(row, rows)
         if self._now_usec is None:
@@ -420,7 +414,7 @@ class DataFlashFile(RecordedFile):
                 yield t_usec, self.system, known
 
 
-def _with_satellites_time(row: Row, rows: BinaryRows | TextRows) -> Row:
+def _with_satellites_time(row: Row, rows: Rows) -> Row:
     """Return a record of a log of 2013, which has no time of its own, with that of its fix."""
     _, kind, fields = row
     if kind != "GPS" or rows.is_timed or fields.get("Status", 0) < FIXED:

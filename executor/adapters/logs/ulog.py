@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from pyulog import ULog
 
@@ -133,20 +133,25 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 """No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
 
 
-class TopicRow(Protocol):
-    """One row of a topic."""
+@dataclass(frozen=True, slots=True)
+class TopicRow:
+    """One row of a topic, whose fields are looked up when they are asked for."""
+
+    columns: Mapping[str, Any]
+    index: int
 
     def __getitem__(self, name: str) -> float:
         """Return a field."""
-        ...
+        value: float = self.columns[name][self.index]
+        return value
 
     def __contains__(self, name: object) -> bool:
         """Return whether this version has a field."""
-        ...
+        return name in self.columns
 
     def get(self, name: str, default: float) -> float:
         """Return a field, or what stands for it in a version that has none."""
-        ...
+        return self[name] if name in self.columns else default
 
 
 Px4Messages: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
@@ -489,29 +494,16 @@ class UlogFile(RecordedFile):
                     continue
                 last = state
             last_usec = t_usec
-            yield t_usec, topic.read, _UlogRow(data, index)
-
-
-@dataclass(frozen=True, slots=True)
-class _UlogRow:
-    """One row of a topic, whose fields are looked up when they are asked for."""
-
-    columns: Mapping[str, Any]
-    index: int
-
-    def __getitem__(self, name: str) -> float:
-        value: float = self.columns[name][self.index]
-        return value
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
-
-    def get(self, name: str, default: float) -> float:
-        return self[name] if name in self.columns else default
+            yield t_usec, topic.read, TopicRow(data, index)
 
 
 _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
 """When it is whose turn to be read."""
+
+
+def _repeat(_: Px4State, __: int, told: FlightMessage) -> Px4Messages:
+    """Return what is a message already."""
+    return told
 
 
 def _is_near(t_usec: int, began_usec: int) -> bool:
@@ -528,11 +520,7 @@ def _find_system(log: ULog) -> int:
 def _read_texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
     for text in sorted(log.logged_messages, key=lambda one: one.timestamp):
         if _is_near(text.timestamp, began_usec):
-            yield int(text.timestamp), _convert_text, text
-
-
-def _convert_text(_: Px4State, __: int, text: Any) -> Px4Messages:  # noqa: ANN401 - pyulog is untyped
-    return build_status_text(text.log_level, str(text.message))
+            yield int(text.timestamp), _repeat, build_status_text(text.log_level, str(text.message))
 
 
 def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
@@ -540,8 +528,4 @@ def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
     told += [(int(t_usec), name, value) for t_usec, name, value in log.changed_parameters]
     for t_usec, name, value in sorted(told, key=lambda one: one[0]):
         if is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
-            yield t_usec, _convert_setting, (name, float(value))
-
-
-def _convert_setting(_: Px4State, __: int, named: tuple[str, float]) -> Px4Messages:
-    return VehicleSetting(*named)
+            yield t_usec, _repeat, VehicleSetting(name, float(value))
