@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from math import isnan
 
 import pyproj
@@ -37,7 +38,7 @@ from missions.readers.attributes import (
     osm_name_of,
     read_loose_metres,
 )
-from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, quote_names
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Vertex, quote_names
 from missions.readers.values import NO_HEIGHT_M, Attributes
 
 WGS84 = "EPSG:4326"
@@ -122,7 +123,7 @@ class GeometryKind(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Feature:
     """One feature: points, or a line of several parts, which are looked at only if it is wanted."""
 
@@ -136,6 +137,33 @@ class Feature:
     """What it is called whatever its attributes say."""
     other: str = OTHER
     """What it is where it is neither."""
+    pole_names: Sequence[str] = POLE_NAMES
+    """What is taken for a pole's name first."""
+
+    @cached_property
+    def known(self) -> PlainAttributes:
+        """Its attributes by their plain names, with those that are nested."""
+        return normalise_attributes(flatten_attributes(self.attributes))
+
+    @cached_property
+    def osm_id(self) -> tuple[str, str] | None:
+        """What of OpenStreetMap it is, and its number; None where it is nothing of it."""
+        return osm_id_of(self.known, self.id, NODE if self.kind is GeometryKind.POINT else WAY)
+
+    @property
+    def is_of_map(self) -> bool:
+        """Whether all tags of OpenStreetMap are there."""
+        return self.osm_id is not None and has_all_tags(self.attributes)
+
+    @property
+    def title(self) -> str:
+        """What it is called; empty where nothing says so."""
+        if self.name:
+            return self.name
+        if self.osm_id is not None:
+            return osm_name_of(self.known, self.osm_id)
+        is_point = self.kind is GeometryKind.POINT
+        return name_of(self.known, (*self.pole_names, *(POLES if is_point else NAMES))) or name_of({"id": self.id})
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +234,6 @@ def add_features(
     features: Iterable[Feature],
     choice: ReadOptions,
     system: Wgs84Transform = IDENTITY,
-    pole_names: Sequence[str] = POLE_NAMES,
 ) -> None:
     """Add features to what is drawn.
 
@@ -215,18 +242,15 @@ def add_features(
         features: Of a layer, or of a whole file.
         choice: What of them is wanted.
         system: Of their positions.
-        pole_names: What is taken for a pole's name first.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
     for feature in features:
         if feature.kind is GeometryKind.POINT:
-            add_points(drawing, feature, system, pole_names)
+            add_points(drawing, feature, system)
         elif feature.kind is GeometryKind.OTHER:
-            drawing.leave_out(
-                feature.other, _find_name(feature, normalise_attributes(feature.attributes)) or feature.place
-            )
+            drawing.leave_out(feature.other, feature.title or feature.place)
         elif is_wanted_line(drawing, feature, choice):
             add_line(drawing, feature, system)
 
@@ -236,42 +260,30 @@ def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -
 
     What is in use no more is wanted where a filter asks for the attribute that says so.
     """
-    attributes = flatten_attributes(feature.attributes)
-    known = normalise_attributes(attributes)
-    meaning, key = classify_line(known, of_map=_is_osm_feature(feature, known))
+    meaning, key = classify_line(feature.known, of_map=feature.is_of_map)
     if meaning is not PowerFeature.SPAN and not (meaning is PowerFeature.DISUSED and choice.has_comparison_of(key)):
-        drawing.leave_out(meaning.value, _find_name(feature, known) or feature.place)
+        drawing.leave_out(meaning.value, feature.title or feature.place)
         return False
-    return choice.is_wanted(attributes)
+    return choice.is_wanted(flatten_attributes(feature.attributes))
 
 
-def add_points(
-    drawing: RawNetwork,
-    feature: Feature,
-    system: Wgs84Transform = IDENTITY,
-    pole_names: Sequence[str] = POLE_NAMES,
-) -> None:
+def add_points(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
     """Add the poles of a feature, or the depot; what is no pole is noted.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, known = f"{feature.place}", normalise_attributes(flatten_attributes(feature.attributes))
-    name, is_depot = _find_name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
-    of_map = _is_osm_feature(feature, known)
+    place, known, name, of_map = feature.place, feature.known, feature.title, feature.is_of_map
+    is_depot = str(known.get("role", "")).strip().lower() == "depot"
     meaning, _ = classify_point(known, of_map=of_map)
     # Programs write a point without a place as one of no numbers.
     positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
     is_pole = meaning is PowerFeature.POLE and not is_depot
     if not is_depot and not (is_pole and positions):
-        drawing.leave_out(meaning.value if positions else EMPTY, name or feature.place)
-    _check_positions(positions, place)
-    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+        drawing.leave_out(meaning.value if positions else EMPTY, name or place)
     heights = heights_of(known, place) if is_pole or is_depot else (None, None)
-    for (lat_deg, lon_deg), (_, _, third_m) in zip(at, positions, strict=True):
-        pole = Pole(
-            feature.place, name, lat_deg, lon_deg, *heights, read_third_coordinate(third_m), name_of(known, LINES)
-        )
+    for lat_deg, lon_deg, third_m in _place_positions(positions, system, place):
+        pole = Pole(place, name, lat_deg, lon_deg, *heights, third_m, name_of(known, LINES))
         if is_depot:
             drawing.depot = drawing.depot or pole
         elif is_pole:
@@ -289,33 +301,17 @@ def _add_pole(drawing: RawNetwork, pole: Pole, known: PlainAttributes, *, of_map
     drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m, hinted=hinted) if found else pole)
 
 
-def _is_osm_feature(feature: Feature, known: PlainAttributes) -> bool:
-    return _find_osm_id(feature, known) is not None and has_all_tags(feature.attributes)
-
-
-def _find_osm_id(feature: Feature, known: PlainAttributes) -> tuple[str, str] | None:
-    return osm_id_of(known, feature.id, NODE if feature.kind is GeometryKind.POINT else WAY)
-
-
-def _find_name(feature: Feature, known: PlainAttributes, names: Sequence[str] = POLE_NAMES) -> str:
-    if feature.name:
-        return feature.name
-    place = _find_osm_id(feature, known)
-    if place is not None:
-        return osm_name_of(known, place)
-    further = POLES if feature.kind is GeometryKind.POINT else NAMES
-    return name_of(known, names) or name_of(known, further) or name_of({"id": feature.id})
-
-
 def read_third_coordinate(value: object) -> float | None:
     """Return a third coordinate; None where it is none that a place can have, or nothing at all."""
     return float(value) if is_figure(value) and value and value > NO_HEIGHT_M else None
 
 
-def _check_positions(positions: Iterable[Position], place: str) -> None:
+def _place_positions(positions: Sequence[Position], system: Wgs84Transform, place: str) -> tuple[Vertex, ...]:
     for x, y, _ in positions:
         if not (abs(x) <= MOST_FIGURE and abs(y) <= MOST_FIGURE):
             raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
+    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+    return tuple((*one, read_third_coordinate(third_m)) for one, (_, _, third_m) in zip(at, positions, strict=True))
 
 
 def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
@@ -324,17 +320,12 @@ def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDE
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, parts = f"{feature.place}", []
-    name = _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes)))
+    place, parts = feature.place, []
     for part in feature.parts:
         if len(part) < 2:
             raise NetworkError(f"{place}: expected a line of at least two positions, found {len(part)}")
-        _check_positions(part, place)
-        at = system.lat_lon_deg([x for x, _, _ in part], [y for _, y, _ in part], place)
-        parts.append(
-            tuple((*one, read_third_coordinate(third_m)) for one, (_, _, third_m) in zip(at, part, strict=True))
-        )
-    if not parts:
-        drawing.leave_out(EMPTY, name or feature.place)
-        return
-    drawing.add_line(Line(feature.place, name, tuple(parts)))
+        parts.append(_place_positions(part, system, place))
+    if parts:
+        drawing.add_line(Line(place, feature.title, tuple(parts)))
+    else:
+        drawing.leave_out(EMPTY, feature.title or place)

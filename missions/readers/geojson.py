@@ -18,7 +18,7 @@ and one whose ``elevation_m`` it contradicts.
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 
 from missions.errors import NetworkError
@@ -80,10 +80,9 @@ def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNet
     drawing = choice.create_raw_network(FORMAT, system.words, flat=document.get(FLAT) is True)
     every = list(features_of(document))
     meant = frozenset(end for one in every if _is_span(one) for end in _read_ends(one))
-    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _build_feature(one, meant), choice))
+    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _to_feature(one, meant), choice))
     drawing.spans += map(_build_span, spans)
-    rest = (_read_feature(one, meant) for one in every if not _is_span(one))
-    add_features(drawing, rest, choice, system, OWN_NAMES)
+    add_features(drawing, (_to_feature(one, meant) for one in every if not _is_span(one)), choice, system)
     _check_names(drawing, meant)
     return drawing
 
@@ -212,31 +211,35 @@ def _build_span(feature: GeoFeature) -> Span:
     return Span(f"{feature.place}.properties", name, *_read_ends(feature), name_of(feature.properties, LINES))
 
 
-def _build_feature(feature: GeoFeature, meant: Container[str], parts: Sequence[Sequence[Position]] = ()) -> Feature:
+def _to_feature(feature: GeoFeature, meant: Container[str]) -> Feature:
     """Return a feature for the drawing; a pole that a segment means by its id is called by that."""
     own = name_of(feature.properties, ("id",)) or name_of({"id": feature.id})
-    kind = GeometryKind.OTHER if feature.kind is None else KINDS.get(feature.kind, GeometryKind.OTHER)
+    kind = KINDS.get(feature.kind or "", GeometryKind.OTHER)
     name = own if kind is GeometryKind.POINT and own in meant else ""
-    other = feature.kind or EMPTY
-    return Feature(feature.place, kind, parts, feature.properties, feature.id, name, other)
+    return Feature(
+        feature.place,
+        kind,
+        _read_parts(feature),
+        feature.properties,
+        feature.id,
+        name,
+        feature.kind or EMPTY,
+        OWN_NAMES,
+    )
 
 
-def _read_feature(feature: GeoFeature, meant: Container[str]) -> Feature:
-    place = f"{feature.place}.geometry.coordinates"
-    at = feature.coordinates
-    is_empty = not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2])))
-    if feature.kind not in KINDS or is_empty:
-        return _build_feature(feature, meant)
+def _read_parts(feature: GeoFeature) -> Iterator[list[Position]]:
+    place, at = f"{feature.place}.geometry.coordinates", feature.coordinates
+    if not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2]))):
+        return
     if feature.kind == "Point":
-        return _build_feature(feature, meant, [[_read_position(at, place)]])
-    if not isinstance(at, list):
+        yield [_read_position(at, place)]
+    elif not isinstance(at, list):
         raise NetworkError(f"{place}: expected a list of lines, got {at!r}")
-    if feature.kind == "MultiPoint":
-        return _build_feature(
-            feature, meant, [[_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]]
-        )
-    parts = at if feature.kind == "MultiLineString" else [at]
-    return _build_feature(feature, meant, [_read_positions(part, place) for part in parts])
+    elif feature.kind == "MultiPoint":
+        yield [_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]
+    else:
+        yield from (_read_positions(part, place) for part in (at if feature.kind == "MultiLineString" else [at]))
 
 
 def places_of(positions: object, place: str, system: Wgs84Transform) -> list[tuple[float, float]]:
