@@ -51,7 +51,7 @@ COPIES = 5
 """How often a file is copied that is written meanwhile."""
 MOST_FEATURES = 500_000
 ENVELOPE_BYTES = {0: 0, 1: 32, 2: 48, 3: 48, 4: 64}
-POINT, LINE, POLYGON, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 3, 4, 5, 7
+POINT, LINE, MULTI_POINT, MULTI_LINE, COLLECTION = 1, 2, 4, 5, 7
 MOST_WORK = 20_000_000
 """Thousands of steps of SQLite's machine before a query is given up: a view may be anything."""
 KINDS_BY_NAME = {
@@ -65,7 +65,6 @@ PARTS = ("shp", "shx", "dbf", "prj", "cpg")
 KINDS_BY_NUMBER = {1: GeometryKind.POINT, 8: GeometryKind.POINT, 3: GeometryKind.LINE}
 """Shape types without their dimensions; 11 and 21 are 1 with z and with a measure, and so on."""
 HEADER = 100
-DELETED = b"*"
 
 
 class _Damaged(Exception):
@@ -208,11 +207,9 @@ def parse_geometry(blob: bytes) -> tuple[GeometryKind, Sequence[Sequence[Positio
     geometries: list[tuple[int, list[Position]]] = []
     _parse_wkb(blob, 8 + envelope, geometries, 0)
     kinds = {code for code, _ in geometries}
-    if kinds <= {POINT}:
-        return GeometryKind.POINT, [part for _, part in geometries]
-    if kinds <= {LINE}:
-        return GeometryKind.LINE, [part for _, part in geometries]
-    return GeometryKind.OTHER, ()
+    if len(kinds) > 1 or not kinds <= {POINT, LINE}:
+        return GeometryKind.OTHER, ()
+    return GeometryKind.LINE if kinds == {LINE} else GeometryKind.POINT, [part for _, part in geometries]
 
 
 def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], depth: int) -> int:
@@ -221,18 +218,18 @@ def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], dep
     if order is None or depth > 4:
         raise _Damaged("no well-known binary")
     code = int(struct.unpack_from(f"{order}I", blob, at + 1)[0])
-    width = 2 + _count_extra_coordinates(code)
+    # What comes beside the first two coordinates, as ISO or as PostGIS says it.
+    thousands, has_z = (code & 0x0FFFFFFF) // 1000, bool(code & 0x80000000)
+    width = 2 + max({1: 1, 2: 1, 3: 2}.get(thousands, 0), has_z + bool(code & 0x40000000))
+    third = 2 if has_z or thousands in {1, 3} else None
     kind, at = (code & 0x0FFFFFFF) % 1000, at + 5
-    if kind == POINT:
-        into.append((POINT, [_to_position(struct.unpack_from(f"{order}{width}d", blob, at), code)]))
-        return at + 8 * width
-    if kind == LINE:
-        count = int(struct.unpack_from(f"{order}I", blob, at)[0])
+    if kind in {POINT, LINE}:
+        count, at = (1, at) if kind == POINT else (int(struct.unpack_from(f"{order}I", blob, at)[0]), at + 4)
         if count * 8 * width > len(blob) - at:
             raise _Damaged(f"{count} positions do not fit in {len(blob)} bytes")
-        figures = struct.unpack_from(f"{order}{count * width}d", blob, at + 4)
-        into.append((LINE, [_to_position(figures[i : i + width], code) for i in range(0, len(figures), width)]))
-        return at + 4 + 8 * width * count
+        rows = struct.iter_unpack(f"{order}{width}d", blob[at : at + 8 * width * count])
+        into.append((kind, [(row[0], row[1], None if third is None else row[third]) for row in rows]))
+        return at + 8 * width * count
     if kind in {MULTI_POINT, MULTI_LINE, COLLECTION}:
         (count,) = struct.unpack_from(f"{order}I", blob, at)
         at += 4
@@ -243,17 +240,6 @@ def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], dep
         return at
     into.append((kind, []))
     return len(blob)
-
-
-def _count_extra_coordinates(code: int) -> int:
-    """Return how many coordinates come beside the first two, as ISO or as PostGIS says it."""
-    thousands = (code & 0x0FFFFFFF) // 1000
-    return max({1: 1, 2: 1, 3: 2}.get(thousands, 0), bool(code & 0x80000000) + bool(code & 0x40000000))
-
-
-def _to_position(figures: Sequence[float], code: int) -> Position:
-    has_z = (code & 0x0FFFFFFF) // 1000 in {1, 3} or bool(code & 0x80000000)
-    return figures[0], figures[1], figures[2] if has_z else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,16 +303,15 @@ def _open_layer(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> So
     if "dbf" not in shapes.files:
         raise NetworkError(f"{shapes.name}.dbf: expected the names and attributes beside the .shp")
     try:
-        shp = rebuild_shp(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
+        _check_parts(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
     except (PartError, struct.error) as reason:
         raise NetworkError(f"{shapes.name}: expected a whole shapefile: {reason}") from reason
     encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding)
     if words:
         drawing.found.append(Remark(RemarkTopic.FILE, f"{shapes.name}.dbf", words))
     try:
-        reader = shapefile.Reader(
-            shp=io.BytesIO(shp), dbf=io.BytesIO(shapes.files["dbf"]), encoding=encoding, encodingErrors="replace",
-        )  # fmt: skip
+        parts = {part: io.BytesIO(shapes.files[part]) for part in ("shp", "shx", "dbf") if part in shapes.files}
+        reader = shapefile.Reader(**parts, encoding=encoding, encodingErrors="replace")
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
         raise NetworkError(f"{shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
     system = shapes.files.get("prj", b"").decode("utf-8-sig", "replace").strip()
@@ -343,21 +328,20 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
 
     number = 0
     try:
-        for number, found in enumerate(reader.iterShapeRecords(), start=1):
-            shape, place = found.shape, f"layer {layer!r} feature {number}"
-            kind = _kind_of(shape.shapeType)
-            if shape.shapeType == shapefile.NULL or kind is GeometryKind.OTHER:
-                other = EMPTY if shape.shapeType == shapefile.NULL else OTHER
-                yield Feature(place, GeometryKind.OTHER, (), found.record.as_dict(), other=other)
+        for number in range(len(reader)):
+            record, shape = reader.record(number), reader.shape(number)
+            if record is None or shape is None:
+                continue  # it is marked as deleted
+            place, kind = f"layer {layer!r} feature {number + 1}", _kind_of(shape.shapeType)
+            if kind is GeometryKind.OTHER:  # no shape has the type 0
+                yield Feature(place, kind, (), record.as_dict(), other=OTHER if shape.shapeType else EMPTY)
                 continue
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
                          zip(shape.points, heights, strict=False)]  # fmt: skip
-            starts = (
-                [*getattr(shape, "parts", [0]), len(positions)] if kind is GeometryKind.LINE else [0, len(positions)]
-            )
-            parts = [positions[a:b] for a, b in itertools.pairwise(starts)]
-            yield Feature(place, kind, parts, found.record.as_dict())
+            starts = getattr(shape, "parts", [0]) if kind is GeometryKind.LINE else [0]
+            parts = [positions[a:b] for a, b in itertools.pairwise([*starts, len(positions)])]
+            yield Feature(place, kind, parts, record.as_dict())
     except (
         shapefile.ShapefileException,
         struct.error,
@@ -377,66 +361,43 @@ class PartError(Exception):
     """One of the files is cut off, or of another state than the others."""
 
 
-def rebuild_shp(shp: bytes, shx: bytes | None, dbf: bytes) -> bytes:
-    """Return a .shp with the shapes that count, one behind the other, as many as the .dbf has rows not deleted.
+def _check_parts(shp: bytes, shx: bytes | None, dbf: bytes) -> None:
+    """Refuse files that are cut off, or of another state than the others.
 
     Raises:
-        PartError: one of the files is cut off, or of another state than the others.
+        PartError: they are.
         struct.error: one is shorter than its header.
     """
-    (length,) = struct.unpack_from(">i", shp, 24)
-    if 2 * length > len(shp):
-        raise PartError(f"the .shp ends after {len(shp)} of {2 * length} bytes")
-    shapes = _read_all_shapes(shp) if shx is None else _read_indexed_shapes(shp, shx)
-    rows = _find_kept_rows(dbf)
-    if len(rows) != len(shapes):
-        raise PartError(
-            f"the .dbf has {len(rows)} rows and the .{'shp' if shx is None else 'shx'} {len(shapes)} shapes"
-        )
-    kept = [shape for shape, is_kept in zip(shapes, rows, strict=True) if is_kept]
-    body = b"".join(struct.pack(">ii", number, len(shape) // 2) + shape for number, shape in enumerate(kept, 1))
-    return shp[:24] + struct.pack(">i", (HEADER + len(body)) // 2) + shp[28:HEADER] + body
+    for name, content in (("shp", shp), ("shx", shp if shx is None else shx)):
+        (length,) = struct.unpack_from(">i", content, 24)
+        if 2 * length > len(content):
+            raise PartError(f"the .{name} ends after {len(content)} of {2 * length} bytes")
+    shapes = _count_shapes(shp) if shx is None else _count_indexed_shapes(shp, shx)
+    rows, header, wide = struct.unpack_from("<LHH", dbf, 4)
+    if wide < 1 or header + rows * wide > len(dbf):
+        raise PartError(f"the .dbf ends after {max(0, len(dbf) - header) // max(1, wide)} of {rows} rows")
+    if rows != shapes:
+        raise PartError(f"the .dbf has {rows} rows and the .{'shp' if shx is None else 'shx'} {shapes} shapes")
 
 
-def _read_all_shapes(shp: bytes) -> list[bytes]:
-    """Return the shapes of a file without its index."""
-    found: list[bytes] = []
-    numbers, at = set[int](), HEADER
+def _count_shapes(shp: bytes) -> int:
+    """Return how many shapes a file without its index has."""
+    count, numbers, at = 0, set[int](), HEADER
     while at + 8 <= len(shp):
         number, words = struct.unpack_from(">ii", shp, at)
         if words < 2 or at + 8 + 2 * words > len(shp):
-            raise PartError(f"the .shp ends in the middle of shape {len(found) + 1}")
+            raise PartError(f"the .shp ends in the middle of shape {count + 1}")
         if number in numbers and number > 0:
             raise PartError(f"the .shp has shape {number} twice: which one counts says the .shx, which is missing")
         numbers.add(number)
-        found.append(shp[at + 8 : at + 8 + 2 * words])
-        at += 8 + 2 * words
-    return found
+        count, at = count + 1, at + 8 + 2 * words
+    return count
 
 
-def _read_indexed_shapes(shp: bytes, shx: bytes) -> list[bytes]:
-    (length,) = struct.unpack_from(">i", shx, 24)
-    if 2 * length > len(shx):
-        raise PartError(f"the .shx ends after {len(shx)} of {2 * length} bytes")
-    found: list[bytes] = []
-    for number, (offset, words) in enumerate(
-        struct.iter_unpack(">ii", shx[HEADER : HEADER + (len(shx) - 100) // 8 * 8])
-    ):
-        at = 2 * offset
-        if (
-            at < HEADER
-            or words < 2
-            or at + 8 + 2 * words > len(shp)
-            or (struct.unpack_from(">i", shp, at + 4)[0] != words)
-        ):
-            raise PartError(f"the .shx is of another state than the .shp: shape {number + 1} is not where it says")
-        found.append(shp[at + 8 : at + 8 + 2 * words])
-    return found
-
-
-def _find_kept_rows(dbf: bytes) -> list[bool]:
-    """Return of every row whether it is there, or only marked as deleted."""
-    count, header, wide = struct.unpack_from("<LHH", dbf, 4)
-    if wide < 1 or header + count * wide > len(dbf):
-        raise PartError(f"the .dbf ends after {max(0, len(dbf) - header) // max(1, wide)} of {count} rows")
-    return [dbf[header + row * wide : header + row * wide + 1] != DELETED for row in range(count)]
+def _count_indexed_shapes(shp: bytes, shx: bytes) -> int:
+    index = list(struct.iter_unpack(">ii", shx[HEADER : HEADER + (len(shx) - HEADER) // 8 * 8]))
+    for number, (offset, words) in enumerate(index, start=1):
+        at, is_there = 2 * offset, HEADER <= 2 * offset <= len(shp) - 8 - 2 * words and words >= 2
+        if not is_there or struct.unpack_from(">i", shp, at + 4)[0] != words:
+            raise PartError(f"the .shx is of another state than the .shp: shape {number} is not where it says")
+    return len(index)
