@@ -46,7 +46,7 @@ def judge_recorded_flights(folder: Path) -> list[Json]:
         if truth is None:
             continue
         opened = open_log(path)
-        found = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
+        found = replay_log(opened, build_replay_rules(None))
         declared = [(one.t_usec, one.kind, one.reason) for vehicle in found.vehicles for one in vehicle.declarations]
         simple, _ = few_lines(path)
         rows.append(

@@ -66,7 +66,7 @@ def judge_log(path: Path, folder: Path) -> Json:
     row = _unread(path, folder)
     try:
         opened = open_log(path)
-        done = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
+        done = replay_log(opened, build_replay_rules(None))
         simple, _ = few_lines(path)
         told = read_log_evidence(path)
     except ExecutorError as error:

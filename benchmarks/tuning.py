@@ -88,7 +88,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     said: set[tuple[int, FaultKind]] = set()
     declared: list[tuple[int, FaultKind]] = []
     began, flown_usec, last = 0, 0, 0
-    for usec, system, message in opened.file.read_records():
+    for usec, system, message in opened.read_records():
         began, last = began or usec, last or usec
         for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
             for number, one in systems.items():
@@ -171,7 +171,7 @@ def _swept(job: _Job) -> list[Score]:
 
 def _replay_log(path: Path, rules: ReplayRules) -> LogReplay:
     opened = open_log(path)
-    return replay_log(opened.file, path, rules, on_board=opened.on_board)
+    return replay_log(opened, rules)
 
 
 def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> ThresholdPoint:

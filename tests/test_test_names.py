@@ -138,7 +138,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/exports/plan_features.py",
         "missions/exports/xml_text.py",
     ),
-    "tests/missions/readers/test_background_files.py": ("missions/background.py",),
     "tests/missions/readers/test_elevation_rasters.py": ("missions/elevation.py",),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
@@ -154,7 +153,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
         "executor/images/exif.py",
-        "executor/images/asset_pages.py",
         "executor/images/index_files.py",
         "executor/simulated/cards.py",
     ),

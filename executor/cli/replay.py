@@ -21,8 +21,7 @@ from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
 from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
 from executor.replay.open_log import is_log_by_content, open_log
-from executor.replay.pack_book import format_pack_lines, merge_packs
-from executor.replay.replay_result import LogReplay, VehicleReplay
+from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import DecisionComparison, replay_run
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
@@ -140,8 +139,7 @@ def _replay(path: Path, rules: ReplayRules) -> _ReplayedLog:
     if path.is_dir():
         done = replay_run(path)
         return _ReplayedLog(done.log, done.comparison)
-    opened = open_log(path)
-    return _ReplayedLog(replay_log(opened.file, path, rules, on_board=opened.on_board))
+    return _ReplayedLog(replay_log(open_log(path), rules))
 
 
 def build_replay_document(done: Sequence[_ReplayedLog]) -> dict[str, object]:

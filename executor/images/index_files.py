@@ -22,7 +22,7 @@ from executor.core.imaging.picture_proof import describe_unseen_parts
 from executor.core.payload.camera_state import Picture
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from missions.cameras import CameraTasks, Trigger
+from missions.cameras import Trigger
 from missions.files import write_whole
 
 EXPECTED = "the index of a flight with cameras, which is written when it ends"
@@ -135,12 +135,9 @@ def _describe_viewpoint(picture: Picture) -> str:
     return "" if picture.along_m is None else f"{picture.along_m:.1f} m"
 
 
-def build_asset_rows(context: Context, state: FleetState) -> list[AssetRow]:
-    """Return what every span of this flight asked for, and what became of it."""
-    return list(_generate_asset_rows(context, state, context.setup.looks))
-
-
-def _generate_asset_rows(context: Context, state: FleetState, looks: CameraTasks) -> Iterator[AssetRow]:
+def build_asset_rows(context: Context, state: FleetState) -> Iterator[AssetRow]:
+    """Yield what every span of this flight asked for, and what became of it."""
+    looks = context.setup.looks
     network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")

@@ -251,7 +251,7 @@ def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
 
 
 def _read_log(path: Path, notes: dict[int, AircraftNotes]) -> None:
-    file, readings = open_log(path, every_record=True).file, dict[int, _LogReading]()
+    file, readings = open_log(path, every_record=True), dict[int, _LogReading]()
     clock = LogClock(file.skipped)
     for t_usec, system, message in file.read_records():
         now_s = clock.advance(t_usec)

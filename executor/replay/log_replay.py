@@ -9,7 +9,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
@@ -39,12 +38,12 @@ from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of
 from executor.core.telemetry.firmware import describe_autopilot, describe_vehicle_type
 from executor.core.telemetry.foreign_systems import describe_foreign_system
-from executor.replay.pack_book import PackBook
 from executor.replay.replay_result import (
     Declaration,
     ImpairedPeriod,
     LogReplay,
     ModeTransition,
+    PackBook,
     ReplaySample,
     SampleTrace,
     VehicleReplay,
@@ -104,19 +103,17 @@ def build_replay_rules(site: Site | None) -> ReplayRules:
     return ReplayRules() if site is None else ReplayRules(limits=site_model.build_limits(site), site=site)
 
 
-def replay_log(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
+def replay_log(file: RecordedFile, rules: ReplayRules) -> LogReplay:
     """Replay one log.
 
     Args:
         file: read from its beginning, once.
-        path: for the result.
         rules: the thresholds, and what is known of the vehicles.
-        on_board: whether the vehicle itself wrote it: then its link cannot be judged.
     """
-    player = _Player(rules, file, on_board=on_board)
+    player = _Player(rules, file)
     for record in file.read_records():
         player.play_record(record)
-    return player.build_result(path)
+    return player.build_result()
 
 
 _TICK = Tick()
@@ -215,8 +212,8 @@ def is_known_copter(beat: Heartbeat) -> bool:
 class _Player:
     """Feeds records and ticks to the passive core; owns the time."""
 
-    def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
-        self._rules, self._file, self._on_board = rules, file, on_board
+    def __init__(self, rules: ReplayRules, file: RecordedFile) -> None:
+        self._rules, self._file = rules, file
         self._scene = _build_empty_scene(rules)
         self._state = passive_watch.start_watch(())
         self._names: dict[int, str] = {}
@@ -276,7 +273,7 @@ class _Player:
     def _advance_to(self, now_s: float) -> None:
         """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
         gap_s = now_s - self._now_s
-        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._file.on_board)):
             self._file.skipped.gaps += 1
             self._next_s = now_s
             if gap_s > LONGEST_GAP_S:
@@ -371,21 +368,21 @@ class _Player:
             )
             return ""
         self._others.pop(system, None)  # what it said before it knew its frame
-        setup = _build_setup(self._rules, system, dialect, on_board=self._on_board)
+        setup = _build_setup(self._rules, system, dialect, on_board=self._file.on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = passive_watch.add_watched_vehicle(self._state, setup.name)
         self._names[system] = setup.name
         self._followed[setup.name] = _Followed()
         return setup.name
 
-    def build_result(self, path: Path) -> LogReplay:
+    def build_result(self) -> LogReplay:
         """Return what was found, once the log has ended."""
         if self._clock.began_usec is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
             self._advance_to(self._now_s)
         found = [*self._findings, *passive_watch.close_degradations(self._state, self._now_s)]
-        if self._on_board:
+        if self._file.on_board:
             found = [one for one in found if isinstance(one, ObservedModeChange) or one.kind is not FaultKind.LINK]
         found = [one for one in found if _began_s(one) < self._followed[one.vehicle].mixed_s]
         vehicles = tuple(self._build_vehicle(system, name, found) for system, name in sorted(self._names.items()))
@@ -402,7 +399,9 @@ class _Player:
         notes += [note for name, one in self._followed.items() if (note := one.flights.describe_missionless(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
-        return LogReplay(path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes))
+        return LogReplay(
+            self._file.path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes)
+        )
 
     def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
         followed, mine = self._followed[name], [one for one in found if one.vehicle == name]

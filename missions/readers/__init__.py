@@ -16,8 +16,7 @@ from missions.files import decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
 from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
 from missions.readers import geojson, layer_files, table, xml_files
-from missions.readers.archives import Archive, naming_file, read_first_bytes, read_limited
-from missions.readers.code_pages import decode_table
+from missions.readers.archives import Archive, decode_table, naming_file, read_first_bytes, read_limited
 from missions.readers.graph_file import parse_graph
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
 from missions.readers.raw_network import (

@@ -1,22 +1,26 @@
-"""Pictures of the ground: GeoTIFF and MBTiles, of any size; only what lies around the line, no finer than it is shown.
+"""Pictures of the ground: what lies below the line on maps, in the local metres of a frame, out of GeoTIFF and MBTiles.
 
-A window is read with no more pixels than are shown, from overviews or coarser tiles, and laid square into the local
-plane.
+Files are of any size: only what lies around the line is read, no finer than it is shown, from overviews or coarser
+tiles, and laid square into the local plane.
 """
 
 from __future__ import annotations
 
 import math
 import sqlite3
+from dataclasses import dataclass
+from html import unescape
 from pathlib import Path
+from re import sub
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 import pyproj
 
-from missions.background import Background, PictureArea, Pixels, choose_grid_size, strip_markup
 from missions.errors import BackgroundError
 from missions.files import to_printable
+from missions.geo import FloatArray, LocalFrame
 from missions.readers.elevation_rasters import (
     check_georeference,
     find_window,
@@ -30,6 +34,9 @@ if TYPE_CHECKING:
     import rasterio
     from rasterio.windows import Window
 
+Pixels = npt.NDArray[np.uint8]
+Corner = tuple[float, float]
+"""East and north in metres."""
 NEEDS = "a GeoTIFF needs the extra maps: pip install rasterio pillow"
 FORMATS = {
     b"II*\x00": "GTiff", b"MM\x00*": "GTiff", b"II+\x00": "GTiff", b"MM\x00+": "GTiff", SQLITE_MAGIC: "MBTiles",
@@ -46,6 +53,50 @@ TAGS = ("TIFFTAG_COPYRIGHT", "COPYRIGHT", "ATTRIBUTION", "attribution", "TIFFTAG
 """Where files say whom they are by; web maps put markup there."""
 DARK_PCT, BRIGHT_PCT = 1.0, 99.0
 """Of pictures of more than 8 bits: what becomes black and white."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Background:
+    """Pixels that lie square in the local plane."""
+
+    pixels: Pixels
+    """(rows, columns, 4): red, green, blue and opacity; the first row is the northernmost."""
+    low_m: Corner
+    """South-western corner: outer edges, not middles of pixels."""
+    high_m: Corner
+    attribution: str = ""
+    """Whom the picture is by, as its file says it; on one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureArea:
+    """What of a picture is wanted."""
+
+    frame: LocalFrame
+    low_m: Corner
+    high_m: Corner
+    most_pixels: float
+
+    def sample_places_deg(self) -> FloatArray:
+        """Return (n, 2) latitude and longitude of places all over the area, its edges included."""
+        easts, norths = (np.linspace(low, high, 33) for low, high in zip(self.low_m, self.high_m, strict=True))
+        return self.frame.many_to_wgs84_deg(np.stack(np.meshgrid(easts, norths), axis=-1).reshape(-1, 2))
+
+
+def choose_grid_size(low_m: Corner, high_m: Corner, most_pixels: float, least_step_m: float) -> tuple[int, int]:
+    """Return rows and columns of a square grid over an area: as many as are allowed, none finer than a step."""
+    width_m, height_m = high_m[0] - low_m[0], high_m[1] - low_m[1]
+    step_m = max(least_step_m, (width_m * height_m / most_pixels) ** 0.5, max(width_m, height_m) / 16_000)
+    return max(2, round(height_m / step_m)), max(2, round(width_m / step_m))
+
+
+def strip_markup(text: str) -> str:
+    """Return a text without markup, on one line, no longer than a picture has room for.
+
+    >>> strip_markup('&copy; <a href="https://example.org">Survey</a>')
+    '© Survey'
+    """
+    return to_printable(unescape(sub(r"<[^<>]*>", "", text)))[:200]
 
 
 def read_background(path: Path, wanted: PictureArea) -> Background:

@@ -27,8 +27,7 @@ from urllib.parse import quote
 
 from missions.errors import NetworkError
 from missions.files import to_printable
-from missions.readers.archives import NEEDS, Archive, read_limited
-from missions.readers.code_pages import code_page_of
+from missions.readers.archives import NEEDS, Archive, code_page_of, read_limited
 from missions.readers.features import (
     EMPTY,
     OTHER,

@@ -276,6 +276,7 @@ class _MessageStream:
 class TelemetryFile(RecordedFile):
     """A .tlog being read once, from its beginning to its end."""
 
+    on_board = False
     frames: int = 0
     _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sources: dict[int, _Source] = field(default_factory=dict)

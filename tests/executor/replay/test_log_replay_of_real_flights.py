@@ -31,7 +31,7 @@ def replayed(path: Path) -> tuple[LogReplay, RecordedTruth]:
     opened = open_log(path)
     truth = truth_for(path, read_recorded_truths(path.parent))
     assert truth is not None
-    return replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board), truth
+    return replay_log(opened, build_replay_rules(None)), truth
 
 
 def extra_pct(found: LogReplay, truth: RecordedTruth, at_usec: int) -> float:

@@ -13,9 +13,8 @@ import pytest
 import rasterio
 
 from missions import LocalFrame
-from missions.background import Background, PictureArea
 from missions.errors import BackgroundError
-from missions.readers.background_files import read_background
+from missions.readers.background_files import Background, PictureArea, read_background
 from tests.missions.builders import FRAME
 from tests.missions.readers.pictures import STRIPE_M, Colours, encoded, write_mbtiles, write_tiff
 

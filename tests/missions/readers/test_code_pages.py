@@ -8,7 +8,7 @@ import pytest
 import shapefile
 
 from missions import NetworkError, NetworkImport, RemarkTopic, Selection, import_network
-from missions.readers.code_pages import code_page_of
+from missions.readers.archives import code_page_of
 from tests.missions.readers.tagged import WGS84
 
 NAME = "Žďár nad Řekou"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from missions import NetworkError, Selection, import_network
-from missions.readers.code_pages import decode_table
+from missions.readers.archives import decode_table
 
 NAMES = {
     "cp1250": ("Příbram;Týniště nad Orlicí", "Łódź;Częstochowa", "Győr;Székesfehérvár", "Brašov;Bacău", "Čačak;Užice"),

@@ -36,7 +36,7 @@ def log(stamped: Callable[[float], float], path: Path, *, drops: float = 0.0) ->
 
 
 def replayed(path: Path) -> LogReplay:
-    return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def set_at(at_s: float, by_s: float) -> Callable[[float], float]:
