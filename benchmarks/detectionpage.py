@@ -9,10 +9,10 @@ from typing import Any
 from benchmarks.data import find_shared_folder
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import MISSING, figure, markdown_page, markdown_table
+from benchmarks.recorded_truths import read_recorded_truths, truth_for
 from benchmarks.store import Json
 from benchmarks.tuning import few_lines
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import build_replay_rules, replay_log
 from executor.replay.open_log import open_log
 
@@ -46,7 +46,7 @@ def judge_recorded_flights(folder: Path) -> list[Json]:
         if truth is None:
             continue
         opened = open_log(path)
-        found = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
+        found = replay_log(opened, build_replay_rules(None))
         declared = [(one.t_usec, one.kind, one.reason) for vehicle in found.vehicles for one in vehicle.declarations]
         simple, _ = few_lines(path)
         rows.append(

@@ -29,8 +29,7 @@ from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_
 from executor.core.payload.look_angles import angle_between_deg
 from executor.errors import ExecutorError
 from executor.images.exif import find_picture_files
-from executor.images.index_files import ImageIndex, build_image_index
-from executor.images.index_rows import ImageRow
+from executor.images.index_files import ImageIndex, ImageRow, build_image_index
 from executor.images.matching import match_files
 from executor.simulated.cards import SimulatedCards
 from executor.site import site_model

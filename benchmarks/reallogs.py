@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.detection import poisson_interval
+from benchmarks.recorded_truths import read_recorded_truths, truth_for
 from benchmarks.store import Json
 from benchmarks.tuning import few_lines
 from benchmarks.witness.log_evidence import LogEvidence
@@ -26,7 +27,6 @@ from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import ExecutorError
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import LINK_TIMEOUT_S, build_replay_rules, replay_log
 from executor.replay.open_log import open_log
 from executor.replay.replay_result import Declaration, LogReplay
@@ -66,7 +66,7 @@ def judge_log(path: Path, folder: Path) -> Json:
     row = _unread(path, folder)
     try:
         opened = open_log(path)
-        done = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
+        done = replay_log(opened, build_replay_rules(None))
         simple, _ = few_lines(path)
         told = read_log_evidence(path)
     except ExecutorError as error:

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from benchmarks.few_lines_detector import PERCENT, FewLines
+from benchmarks.recorded_truths import RecordedTruth, read_recorded_truths, truth_for
 from benchmarks.tuning_picture import ThresholdPoint, draw_tuning
 from benchmarks.witness import scoring
 from benchmarks.witness.log_evidence import LogEvidence
@@ -22,10 +23,9 @@ from benchmarks.witness.verdicts import Stand, hold_against
 from executor.adapters.worker_pool import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import ReplayRules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.replay_result import Declaration, LogReplay, RecordedTruth
+from executor.replay.replay_result import Declaration, LogReplay
 
 SCALES = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 LINK = "link_timeout_s"
@@ -88,7 +88,7 @@ def few_lines(path: Path) -> tuple[list[tuple[int, FaultKind]], float]:
     said: set[tuple[int, FaultKind]] = set()
     declared: list[tuple[int, FaultKind]] = []
     began, flown_usec, last = 0, 0, 0
-    for usec, system, message in opened.file.read_records():
+    for usec, system, message in opened.read_records():
         began, last = began or usec, last or usec
         for at_usec in (*range(last + LOOK_USEC, min(usec, last + LONGEST_USEC), LOOK_USEC), usec):
             for number, one in systems.items():
@@ -171,7 +171,7 @@ def _swept(job: _Job) -> list[Score]:
 
 def _replay_log(path: Path, rules: ReplayRules) -> LogReplay:
     opened = open_log(path)
-    return replay_log(opened.file, path, rules, on_board=opened.on_board)
+    return replay_log(opened, rules)
 
 
 def _point(name: str, value: float, scale: float, scores: Sequence[Score]) -> ThresholdPoint:

@@ -37,7 +37,7 @@ from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
 from executor.core.telemetry import firmware
-from executor.images.index_rows import build_asset_rows
+from executor.images.index_files import build_asset_rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
 from executor.errors import LogError
 from executor.images.index_files import read_index, write_file_matches
-from executor.images.matching import FileMatch, Matching, match_files
+from executor.images.matching import FileMatch, Matching, add_pictures_to_report, match_files, write_assets_page
 from missions.files import json_text
 
 SHOWN = 5
@@ -45,7 +45,6 @@ def images(
 ) -> None:
     """Match camera files to the pictures of a flight by time and place, and list what is missing."""
     require_extra(Extra.IMAGES, "faultline images")
-    from executor.images.asset_pages import add_pictures_to_report, write_assets_page
     from executor.images.exif import find_picture_files
 
     if not folder.is_dir():

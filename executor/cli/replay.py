@@ -19,11 +19,9 @@ from executor.cli.plan_inputs import write_named_file
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
 from executor.replay.open_log import is_log_by_content, open_log
-from executor.replay.packs_file import format_pack_lines, merge_packs
-from executor.replay.replay_result import LogReplay, RecordedTruth, VehicleReplay
+from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import DecisionComparison, replay_run
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
@@ -45,7 +43,6 @@ class _ReplayedLog:
     """One log, replayed."""
 
     replay: LogReplay
-    truth: RecordedTruth | None
     comparison: DecisionComparison | None = None
     """Of a run directory: whether it decided the same."""
 
@@ -135,18 +132,14 @@ def _replay_or_report(path: Path, rules: ReplayRules) -> _ReplayedLog:
     try:
         return _replay(path, rules)
     except LogError as error:
-        return _ReplayedLog(
-            LogReplay(path, (), SkippedRecords(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)), None
-        )
+        return _ReplayedLog(LogReplay(path, (), SkippedRecords(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)))
 
 
 def _replay(path: Path, rules: ReplayRules) -> _ReplayedLog:
     if path.is_dir():
         done = replay_run(path)
-        return _ReplayedLog(done.log, None, done.comparison)
-    opened = open_log(path)
-    truth = truth_for(path, read_recorded_truths(path.parent))
-    return _ReplayedLog(replay_log(opened.file, path, rules, on_board=opened.on_board), truth)
+        return _ReplayedLog(done.log, done.comparison)
+    return _ReplayedLog(replay_log(open_log(path), rules))
 
 
 def build_replay_document(done: Sequence[_ReplayedLog]) -> dict[str, object]:
@@ -216,8 +209,6 @@ def _print(done: _ReplayedLog) -> None:
     for vehicle in found.vehicles:
         print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
         _print_vehicle(vehicle, at)
-    for happened in () if done.truth is None else done.truth.events:
-        print(f"  reference   {at(happened.t_usec):>9}  {happened.what}")
     skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
     if skipped:
         print(f"  skipped: {', '.join(skipped)}")
@@ -237,33 +228,27 @@ def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
 
 
 def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
-    from executor.replay.replay_page import write_replay_page
-    from executor.replay.timeline import draw_replay
+    from executor.replay.timeline import draw_replay, write_replay_page
 
     write_named_file(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
     for one in done:
         name = one.replay.path.resolve().name
         picture, page = folder / f"{name}.png", folder / f"{name}.html"
-        write_named_file(folder, partial(draw_replay, one.replay, one.truth, picture))
-        write_named_file(folder, partial(write_replay_page, one.replay, one.truth, picture, page))
+        write_named_file(folder, partial(draw_replay, one.replay, picture))
+        write_named_file(folder, partial(write_replay_page, one.replay, picture, page))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
-    from executor.replay.learned_toml import (
-        build_learned_table,
-        describe_aircraft,
-        format_learned_toml,
-        learn_from_logs,
-    )
+    from executor.replay.learning import build_learned_table, describe_aircraft, format_learned_toml, learn_from_logs
 
-    system, found, others = learn_from_logs([path for path in paths if not path.is_dir()])
+    found = learn_from_logs([path for path in paths if not path.is_dir()])
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
     content = format_learned_toml(found, drone, base)
     if output is not None:
         write_named_file(output, lambda: write_whole(output, content.encode()))
     if as_json:
-        print(json_text({"system": system, "left_out": others, **build_learned_table(found)}))
+        print(json_text({"system": found.system, "left_out": found.others, **build_learned_table(found)}))
     elif output is None:
         print(content, end="")
     else:
-        print("\n".join(describe_aircraft(system, found, others)))
+        print("\n".join(describe_aircraft(found)))

@@ -23,7 +23,7 @@ from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, write_plan
-from missions.readers.kept_elevation import write_kept_ground
+from missions.readers.elevation_rasters import write_kept_ground
 
 
 class MessageSink(Protocol):

@@ -1,21 +1,131 @@
-"""From a folder of files to an index: which file is which picture; what is missing, doubled, blurred, badly aimed."""
+"""From a folder of files to an index: which file is which picture; what is missing, doubled, blurred, badly aimed.
+
+A file is a picture by time, with the offset of a camera's clock found from the times themselves, and place. A card's
+files and a camera's pictures are two rows of times that differ by one offset: by minutes where a clock is wrong, by
+hours where it stands in another zone. At the right offset most of them fall together, for the pauses between spans are
+as irregular as the line. Where files know their place, only pairs that are near each other count.
+"""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from executor.images.clock_offsets import ClockOffset, build_placed_times, find_clock_offset, match_times
-from executor.images.exif import PictureFile
-from executor.images.index_files import ImageIndex
-from executor.images.index_rows import AssetRow, ImageRow
-from missions.geo import LocalFrame
+import numpy as np
 
+from executor.adapters.templates import render_template, write_page
+from executor.images.exif import PictureFile
+from executor.images.index_files import AssetRow, ImageIndex, ImageRow
+from missions.geo import FloatArray, LocalFrame
+
+TOLERANCE_S = 1.0
+"""A camera's clock may show whole seconds, and writes after it has taken."""
+NEAR_M = 30.0
+"""Of two fixes, each by its own receiver."""
+FARTHEST_S = 14 * 3600.0 + 600.0
+"""The farthest time zones, and a clock that is ten minutes wrong."""
+ZONE_S, WRONG_S, ZONE_DOUBT = 900.0, 450.0, 0.1
+"""Zones differ by quarters of an hour; the farther a clock is from one, by so much less it is believed."""
+BIN_S = 0.5
+MOST_PAIRS = 4_000_000
+"""More are thinned out before an offset is looked for."""
 BLUR_M = 0.02
 """A picture that moved by more of the line while it was exposed is blurred."""
 Key = tuple[str, str]
 """A vehicle and its camera."""
+THUMBNAIL_PX = (320, 240)
+QUALITY = 70
+MOST = 60
+"""Thumbnails of one asset; all of its pictures are in the table."""
+SMALL_PX = (160, 120)
+MOST_SMALL = 4
+"""Small thumbnails of one asset in report.html."""
+MOST_SMALL_BYTES = 9_000_000
+"""Of them all: a report is sent by mail, in which they take a third more."""
+BEGIN, END = "<!-- pictures -->", "<!-- end of pictures -->"
+"""About what is put into report.html."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedTimes:
+    """Times in ascending order, with places where they are known."""
+
+    times_s: FloatArray
+    places_m: FloatArray
+    """(n, 2) float64, NaN where it is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """How a card's clock differs."""
+
+    ahead_s: float
+    """By how much it is ahead."""
+    pairs: int
+    """How many of its files fall together with pictures then."""
+    score: float
+    """How well they do: two cameras that fly alike have as many pairs, but not as near ones."""
+
+
+def build_placed_times(frame: LocalFrame, rows: list[tuple[float, float | None, float | None]]) -> PlacedTimes:
+    """Return times with their places, from times, latitudes and longitudes."""
+    places = [
+        (np.nan, np.nan) if lat_deg is None or lon_deg is None else frame.to_local_m(lat_deg, lon_deg)
+        for _, lat_deg, lon_deg in rows
+    ]
+    times = np.array([row[0] for row in rows], dtype=np.float64)
+    return PlacedTimes(times, np.array(places, dtype=np.float64).reshape(-1, 2))
+
+
+def find_clock_offset(card: PlacedTimes, pictures: PlacedTimes) -> ClockOffset | None:
+    """Return the offset at which most files fall together with pictures; None where none do."""
+    apart_s = _compute_differences_s(card, pictures)
+    apart_s = apart_s[np.abs(apart_s) <= FARTHEST_S]
+    if not len(apart_s):
+        return None
+    low_s = float(apart_s.min())
+    counts = np.bincount(((apart_s - low_s) / BIN_S).astype(np.int64))
+    pairs = counts + np.append(counts[1:], 0)
+    middle_s = low_s + (int(pairs.argmax()) + 1) * BIN_S
+    near = apart_s[np.abs(apart_s - middle_s) <= BIN_S]
+    ahead_s = float(np.median(near))
+    together = match_times(card, pictures, ahead_s)
+    apart_s = np.array([card.times_s[file] - ahead_s - pictures.times_s[picture] for file, picture in together])
+    wrong = ZONE_DOUBT * min(1.0, abs((ahead_s + ZONE_S / 2) % ZONE_S - ZONE_S / 2) / WRONG_S)
+    return ClockOffset(ahead_s, len(together), float((1.0 - np.abs(apart_s) / TOLERANCE_S).sum()) * (1.0 - wrong))
+
+
+def _compute_differences_s(card: PlacedTimes, pictures: PlacedTimes) -> FloatArray:
+    """Return by how much the time of each file is after that of each picture, of pairs that may be the same."""
+    thin = max(1, int(np.ceil(len(card.times_s) * len(pictures.times_s) / MOST_PAIRS)))
+    times_s, places_m = card.times_s[::thin], card.places_m[::thin]
+    apart_s = times_s[:, np.newaxis] - pictures.times_s
+    apart_m = np.hypot(*np.moveaxis(places_m[:, np.newaxis] - pictures.places_m, 2, 0))
+    return np.asarray(apart_s[~(apart_m > NEAR_M)])
+
+
+def match_times(card: PlacedTimes, pictures: PlacedTimes, ahead_s: float) -> list[tuple[int, int]]:
+    """Return (file, picture) of all that fall together, each at most once, the nearest in time first."""
+    times_s = card.times_s - ahead_s
+    candidates: list[tuple[float, int, int]] = []
+    for file, at_s in enumerate(times_s):
+        first = int(np.searchsorted(pictures.times_s, at_s - TOLERANCE_S))
+        last = int(np.searchsorted(pictures.times_s, at_s + TOLERANCE_S))
+        for picture in range(first, last):
+            apart_m = float(np.hypot(*(card.places_m[file] - pictures.places_m[picture])))
+            if not apart_m > NEAR_M:
+                candidates.append((abs(float(pictures.times_s[picture] - at_s)), file, picture))
+    taken_files: set[int] = set()
+    taken_pictures: set[int] = set()
+    pairs = []
+    for _, file, picture in sorted(candidates):
+        if file not in taken_files and picture not in taken_pictures:
+            taken_files.add(file)
+            taken_pictures.add(picture)
+            pairs.append((file, picture))
+    return sorted(pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,3 +278,97 @@ def _match_card(card: MemoryCard, offset: ClockOffset, rows: list[ImageRow], fra
 def _is_blurred(match: FileMatch) -> bool:
     exposure_s = match.file.exposure_s
     return exposure_s is not None and exposure_s * match.image.speed_m_s > BLUR_M
+
+
+@dataclass(frozen=True, slots=True)
+class ShownAsset:
+    """What pages show of an asset."""
+
+    name: str
+    rows: tuple[AssetRow, ...]
+    """What was asked of it."""
+    taken: int
+    """How many pictures show it."""
+    matches: tuple[FileMatch, ...]
+    """Those of them that have a file."""
+    lacking: tuple[str, ...]
+    """What is missing, in words."""
+
+    def make_thumbnails(self, most: int, size_px: tuple[int, int]) -> list[tuple[FileMatch, bytes | None]]:
+        """Return its first pictures, each with its thumbnail."""
+        return [(match, make_thumbnail(match.file.path, size_px)) for match in self.matches[:most]]
+
+
+def write_assets_page(path: Path, index: ImageIndex, found: Matching) -> None:
+    """Write assets.html: a page for each asset with its pictures, what was asked of it, and what is missing.
+
+    It is for the customer, and needs no network, no script and no other file: the thumbnails are inside. A file that no
+    thumbnail can be made of is named without one. On paper each asset begins a new page.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    assets = list_shown_assets(index, found)
+    whole = sum(all(row.state == "seen" for row in asset.rows) for asset in assets)
+    outcome = (
+        f"{whole} of {len(assets)} assets were seen as asked; {len(found.matches)} of {len(index.images)} pictures"
+    )
+    page = render_template(
+        "assets.html", outcome=outcome, complete=whole == len(assets) and not found.missing, assets=assets,
+        most=MOST, size_px=THUMBNAIL_PX,
+    )  # fmt: skip
+    write_page(path, page)
+
+
+def add_pictures_to_report(path: Path, index: ImageIndex, found: Matching) -> None:
+    """Put small thumbnails of each asset at the end of a flight's report.html, in the place of older ones.
+
+    Raises:
+        OSError: it cannot be read or written.
+    """
+    if not path.is_file():
+        return
+    report = path.read_text(encoding="utf-8", errors="replace")
+    before, _, rest = report.partition(BEGIN)
+    after = rest.partition(END)[2] if rest else ""
+    if not rest:
+        before, closing, end = report.rpartition("</body>")
+        after = closing + end
+    left, shown = MOST_SMALL_BYTES, []
+    for asset in list_shown_assets(index, found):
+        thumbnails = asset.make_thumbnails(MOST_SMALL, SMALL_PX) if left > 0 else []
+        left -= sum(len(content or b"") for _, content in thumbnails)
+        shown.append((asset, thumbnails))
+    pictures = render_template("report_pictures.html", shown=shown, width_px=SMALL_PX[0])
+    write_page(path, f"{before.rstrip()}\n{BEGIN}\n{pictures}{END}\n{after.lstrip()}")
+
+
+def list_shown_assets(index: ImageIndex, found: Matching) -> list[ShownAsset]:
+    """Return what there is to show of each asset that asked for pictures."""
+    return [_build_shown_asset(name, index, found) for name in dict.fromkeys(row.asset for row in index.assets)]
+
+
+def _build_shown_asset(name: str, index: ImageIndex, found: Matching) -> ShownAsset:
+    rows = tuple(row for row in index.assets if row.asset == name)
+    gone = ", ".join(f"{row.vehicle} {row.camera} {row.sequence}" for row in found.missing if row.asset == name)
+    return ShownAsset(
+        name=name,
+        rows=rows,
+        taken=sum(row.asset == name for row in index.images),
+        matches=tuple(match for match in found.matches if match.image.asset == name),
+        lacking=(*(row.missing for row in rows if row.missing), *([f"no file of {gone}"] if gone else [])),
+    )
+
+
+def make_thumbnail(path: Path, size_px: tuple[int, int]) -> bytes | None:
+    """Return a picture made small, as JPEG; None where it cannot be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            image.thumbnail(size_px)
+            content = io.BytesIO()
+            image.convert("RGB").save(content, "JPEG", quality=QUALITY)
+    except (OSError, ValueError, SyntaxError):
+        return None
+    return content.getvalue()

@@ -16,6 +16,11 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import fmean, median, stdev
+from typing import Any
+
+import numpy as np
+import tomli_w
+from pydantic import ValidationError
 
 from executor.core.interface.messages import (
     Battery,
@@ -32,6 +37,9 @@ from executor.core.telemetry.mode_evidence import record_evidence
 from executor.errors import LogError
 from executor.replay.log_replay import LogClock, is_known_copter
 from executor.replay.open_log import open_log
+from executor.site.tables.learned import FigureTable, LearnedTable, SpeedTable, SwitchTable
+from missions.validation import format_first_error
+from planner import Drone, InstanceError, pct_per_s
 
 BLOCK_S, CLIMB_BLOCK_S = 6.0, 3.0
 """Climbs are short."""
@@ -60,15 +68,13 @@ FRAMES = 120
 """A minute with fewer frames says nothing of the loss."""
 FULL_CELL_V, LEAST_CELL_V = 4.25, 3.3
 SWITCH_SETTINGS = ("FLTMODE_CH", "RC_MAP_FLTMODE", "RC_MAP_MODE_SW")
-
-
-@dataclass(frozen=True, slots=True)
-class LearnedFigure:
-    """A figure, how sure it is, and how many observations it is from."""
-
-    mean: float
-    sd: float
-    samples: int
+DIGITS = 4
+LEAST_EFFICIENCY, MOST_EFFICIENCY = 0.01, 1.0
+HEAD = """\
+# Learned by `faultline replay --learn` from {logs} of one aircraft: {minutes:.1f} minutes in the air.
+# Put both tables into its site file, in place of what stands there. [energy] is what plans are made with; [learned] is
+# kept beside it. sd is a standard deviation, samples are pieces of flight, pairs of reports, flights or minutes.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,36 +86,6 @@ class SteadyBlock:
     climb_m_s: float
     current_a: float
     voltage_v: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class ModeSwitch:
-    """The pilot's mode switch."""
-
-    channel: int
-    source: str
-    moved: int
-    changes: int
-
-
-@dataclass(frozen=True, slots=True)
-class LearnedAircraft:
-    """What logs say of one vehicle."""
-
-    logs: int
-    minutes: float
-    cells: int | None
-    level: tuple[tuple[float, LearnedFigure], ...]
-    """Speed and current of level flight."""
-    hover_a: LearnedFigure | None
-    hover_w: LearnedFigure | None
-    climb_share: LearnedFigure | None
-    capacity_ah: LearnedFigure | None
-    told_capacity_ah: float | None
-    """By the autopilot's own parameter."""
-    resistance_ohm: LearnedFigure | None
-    link_loss_pct: LearnedFigure | None
-    switch: ModeSwitch | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +251,7 @@ def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
 
 
 def _read_log(path: Path, notes: dict[int, AircraftNotes]) -> None:
-    file, readings = open_log(path, every_record=True).file, dict[int, _LogReading]()
+    file, readings = open_log(path, every_record=True), dict[int, _LogReading]()
     clock = LogClock(file.skipped)
     for t_usec, system, message in file.read_records():
         now_s = clock.advance(t_usec)
@@ -288,7 +264,41 @@ def _read_log(path: Path, notes: dict[int, AircraftNotes]) -> None:
         reading.end_log()
 
 
-def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
+@dataclass(frozen=True, slots=True)
+class LearnedAircraft:
+    """What logs say of one vehicle."""
+
+    system: int
+    others: tuple[int, ...]
+    """Systems that fly in the logs, too, and are left out."""
+    table: LearnedTable
+    cells: int | None
+    told_capacity_ah: float | None
+    """By the autopilot's own parameter."""
+
+    @property
+    def best_capacity_ah(self) -> float | None:
+        """What was found, or else what is set."""
+        return self.told_capacity_ah if self.table.capacity_ah is None else self.table.capacity_ah.mean
+
+
+def learn_from_logs(paths: Sequence[Path]) -> LearnedAircraft:
+    """Return what logs say of the vehicle that flies most in them.
+
+    Raises:
+        LogError: a log cannot be read, no vehicle flies in any, or what they say cannot be.
+    """
+    notes = read_aircraft_notes(paths)
+    flown = sorted((one for one in notes if notes[one].flown_s), key=lambda system: -notes[system].flown_s)
+    if not flown:
+        raise LogError("--learn: expected logs in which a vehicle flies, with its positions")
+    try:
+        return estimate_aircraft(flown[0], notes[flown[0]], tuple(flown[1:]))
+    except ValidationError as error:
+        raise LogError(f"--learn: {format_first_error(error)}") from error
+
+
+def estimate_aircraft(system: int, notes: AircraftNotes, others: tuple[int, ...]) -> LearnedAircraft:
     """Return what the notes of one vehicle say of it."""
     flights = [_integrate_charge(flight) for flight in notes.flights]
     blocks, climbs = (
@@ -296,24 +306,23 @@ def estimate_aircraft(notes: AircraftNotes) -> LearnedAircraft:
         for length_s in (BLOCK_S, CLIMB_BLOCK_S)
     )
     steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
-    level = _estimate_level_flight(steady)
     hovers = [one for one in steady if one.speed_m_s < HOVER_M_S]
-    return LearnedAircraft(
+    measured = [one for one in hovers if one.voltage_v]
+    capacity_ah, told_ah = _estimate_capacity(flights), _read_capacity_ah(notes.settings)
+    level = _estimate_level_flight(steady, told_ah if capacity_ah is None else capacity_ah.mean)
+    table = LearnedTable(
         logs=notes.logs,
         minutes=notes.flown_s / 60,
-        cells=_find_cell_count(notes),
-        level=level,
         hover_a=_estimate_figure(hovers, lambda one: one.current_a),
-        hover_w=_estimate_figure(
-            [one for one in hovers if one.voltage_v], lambda one: one.current_a * (one.voltage_v or 0.0)
-        ),
+        hover_w=_estimate_figure(measured, lambda one: one.current_a * (one.voltage_v or 0.0)),
+        level=level,
         climb_share=_estimate_climb(climbs, level),
-        capacity_ah=_estimate_capacity(flights),
-        told_capacity_ah=_read_capacity_ah(notes.settings),
+        capacity_ah=capacity_ah,
         resistance_ohm=_estimate_resistance(flights),
         link_loss_pct=_estimate_link_loss(notes.minutes),
-        switch=_estimate_switch(notes),
-    )  # fmt: skip
+        mode_switch=_estimate_switch(notes),
+    )
+    return LearnedAircraft(system, others, table, _find_cell_count(notes), told_ah)
 
 
 def _cut_blocks(flight: int, reports: Sequence[_Report], length_s: float) -> Iterable[SteadyBlock]:
@@ -342,7 +351,11 @@ def _build_block(flight: int, reports: Sequence[_Report]) -> Iterable[SteadyBloc
     )  # fmt: skip
 
 
-def _estimate_figure(blocks: Sequence[SteadyBlock], value: Callable[[SteadyBlock], float]) -> LearnedFigure | None:
+def _build_figure(mean: float, sd: float, samples: int, least_share: float = 0.0) -> FigureTable:
+    return FigureTable(mean=mean, sd=max(sd, least_share * abs(mean)), samples=samples)
+
+
+def _estimate_figure(blocks: Sequence[SteadyBlock], value: Callable[[SteadyBlock], float]) -> FigureTable | None:
     """Return the mean of what blocks say, with the deviation of that mean."""
     if len(blocks) < FEWEST:
         return None
@@ -355,70 +368,57 @@ def _estimate_figure(blocks: Sequence[SteadyBlock], value: Callable[[SteadyBlock
     whole = [fmean(those) for those in flights.values() if len(those) >= FEWEST]
     if len(whole) > 1:  # flights differ by more than their blocks: wind, payload, pack
         sd = max(sd, stdev(whole) / math.sqrt(len(whole)))
-    return LearnedFigure(mean, max(sd, SENSOR_SHARE * abs(mean)), len(values))
+    return _build_figure(mean, sd, len(values), SENSOR_SHARE)
 
 
-def _estimate_level_flight(blocks: Sequence[SteadyBlock]) -> tuple[tuple[float, LearnedFigure], ...]:
+def _estimate_level_flight(blocks: Sequence[SteadyBlock], capacity_ah: float | None) -> tuple[SpeedTable, ...]:
     bins: dict[int, list[SteadyBlock]] = {}
     for one in blocks:
         number = 0 if one.speed_m_s < HOVER_M_S else 1 + int((one.speed_m_s - FIRST_BIN_M_S) / BIN_M_S)
         bins.setdefault(number, []).append(one)
     found = []
-    for number in sorted(bins):
-        figure = _estimate_figure(bins[number], lambda one: one.current_a)
-        if figure is not None:
-            found.append((fmean(one.speed_m_s for one in bins[number]), figure))
+    for _, own in sorted(bins.items()):
+        drawn = _estimate_figure(own, lambda one: one.current_a)
+        if drawn is not None:
+            share = 0.0 if capacity_ah is None else 100.0 / capacity_ah / 60.0
+            used = _build_figure(share * drawn.mean, share * drawn.sd, drawn.samples) if share else None
+            found.append(SpeedTable(speed_m_s=fmean(one.speed_m_s for one in own), current_a=drawn, pct_per_min=used))
     return tuple(found)
 
 
-def interpolate_current_a(level: Sequence[tuple[float, LearnedFigure]], speed_m_s: float) -> float | None:
-    """Return the current of level flight at a speed, between two that are known; nothing outside."""
-    for (slow, low), (fast, high) in pairwise(level):
-        if slow <= speed_m_s <= fast:
-            share = (speed_m_s - slow) / (fast - slow)
-            return low.mean + share * (high.mean - low.mean)
-    nearest = min(level, key=lambda one: abs(one[0] - speed_m_s), default=None)
-    return nearest[1].mean if nearest is not None and abs(nearest[0] - speed_m_s) <= BIN_M_S else None
-
-
-def _estimate_climb(
-    blocks: Sequence[SteadyBlock], level: Sequence[tuple[float, LearnedFigure]]
-) -> LearnedFigure | None:
+def _estimate_climb(blocks: Sequence[SteadyBlock], level: Sequence[SpeedTable]) -> FigureTable | None:
+    """Return what a climb draws beyond level flight of its speed: between two that are known, or near the last."""
+    speeds_m_s, drawn_a = [one.speed_m_s for one in level], [one.current_a.mean for one in level]
     shares = []
     for one in blocks:
-        usual = interpolate_current_a(level, one.speed_m_s)
-        if one.climb_m_s > CLIMBS_M_S and usual:
-            shares.append((one.current_a / usual - 1.0) / one.climb_m_s)
+        is_known = level and speeds_m_s[0] - BIN_M_S <= one.speed_m_s <= speeds_m_s[-1] + BIN_M_S
+        if one.climb_m_s > CLIMBS_M_S and is_known:
+            usual_a = float(np.interp(one.speed_m_s, speeds_m_s, drawn_a))
+            shares.append((one.current_a / usual_a - 1.0) / one.climb_m_s)
     if len(shares) < FEWEST:
         return None
-    return LearnedFigure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
+    return _build_figure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
 
 
-def _estimate_capacity(flights: Sequence[Sequence[_Report]]) -> LearnedFigure | None:
+def _estimate_capacity(flights: Sequence[Sequence[_Report]]) -> FigureTable | None:
     """Return what the counter gives for a full percentage, over the stretch of each flight in which it falls."""
-    weights = total = 0.0
-    count = 0
+    found: list[tuple[float, float]] = []
     for flight in flights:
         moving = [
-            after
+            (after.percent, after.consumed_ah)
             for before, after in pairwise(flight)
             if before.percent is not None and after.percent is not None and after.consumed_ah is not None
             and after.percent < before.percent < 100.0
         ]  # fmt: skip
-        if len(moving) < FEWEST:
-            continue
-        first, last = moving[0], moving[-1]
-        used_pct = (first.percent or 0.0) - (last.percent or 0.0)
-        used_ah = (last.consumed_ah or 0.0) - (first.consumed_ah or 0.0)
-        if used_pct < COUNTED_PCT or used_ah <= 0.0:
-            continue
-        capacity = 100.0 * used_ah / used_pct
-        weight = (used_pct / (ROUNDED_PCT * capacity)) ** 2
-        weights, total, count = weights + weight, total + weight * capacity, count + 1
-    if not count:
+        used_pct, used_ah = (moving[0][0] - moving[-1][0], moving[-1][1] - moving[0][1]) if moving else (0.0, 0.0)
+        if len(moving) >= FEWEST and used_pct >= COUNTED_PCT and used_ah > 0.0:
+            capacity = 100.0 * used_ah / used_pct
+            found.append((capacity, (used_pct / (ROUNDED_PCT * capacity)) ** 2))
+    if not found:
         return None
-    mean = total / weights
-    return LearnedFigure(mean, max(1 / math.sqrt(weights), SENSOR_SHARE * mean), count)
+    weights = sum(weight for _, weight in found)
+    mean = sum(weight * capacity for capacity, weight in found) / weights
+    return _build_figure(mean, 1 / math.sqrt(weights), len(found), SENSOR_SHARE)
 
 
 def _read_capacity_ah(settings: dict[str, float]) -> float | None:
@@ -426,27 +426,26 @@ def _read_capacity_ah(settings: dict[str, float]) -> float | None:
     return value / 1e3 if value > 0 else None
 
 
-def _estimate_resistance(flights: Sequence[Sequence[_Report]]) -> LearnedFigure | None:
+def _estimate_resistance(flights: Sequence[Sequence[_Report]]) -> FigureTable | None:
     """Return the pack's resistance: how much the voltage falls for a step of the current, by least squares."""
     steps: list[tuple[float, float]] = []
     for flight in flights:
-        drawn = [one.amperes for one in flight if one.amperes]
-        least = STEP_SHARE * median(drawn) if drawn else math.inf
-        for before, after in pairwise(flight):
-            if None in {before.volts, after.volts, before.amperes, after.amperes} or after.at_s - before.at_s > STEP_S:
+        least = STEP_SHARE * median([one.amperes for one in flight if one.amperes] or [math.inf])
+        known = [(one.at_s, one.amperes, one.volts) for one in flight]
+        for (before_s, before_a, before_v), (after_s, after_a, after_v) in pairwise(known):
+            if before_a is None or before_v is None or after_a is None or after_v is None:
                 continue
-            step = (after.amperes or 0.0) - (before.amperes or 0.0)
-            if abs(step) >= least:
-                steps.append((step, (after.volts or 0.0) - (before.volts or 0.0)))
+            if after_s - before_s <= STEP_S and abs(after_a - before_a) >= least:
+                steps.append((after_a - before_a, after_v - before_v))
     if len(steps) < FEWEST:
         return None
     squares = sum(step * step for step, _ in steps)
     mean = -sum(step * fell for step, fell in steps) / squares
     spread = math.sqrt(sum((step * (fell + mean * step)) ** 2 for step, fell in steps)) / squares
-    return LearnedFigure(mean, max(spread, 2 * SENSOR_SHARE * mean), len(steps)) if mean > 0 else None
+    return _build_figure(mean, spread, len(steps), 2 * SENSOR_SHARE) if mean > 0 else None
 
 
-def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> LearnedFigure | None:
+def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> FigureTable | None:
     received, missing = sum(one[0] for one in minutes), sum(one[1] for one in minutes)
     full = [100.0 * one[1] / (one[0] + one[1]) for one in minutes if sum(one) >= FRAMES]
     if not full:
@@ -454,7 +453,7 @@ def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> LearnedFigure | Non
     mean = 100.0 * missing / (received + missing)
     frames = math.sqrt(mean * (100.0 - mean) / (received + missing))
     spread = stdev(full) / math.sqrt(len(full)) if len(full) > 1 else 0.0
-    return LearnedFigure(mean, max(frames, spread), len(full))
+    return _build_figure(mean, max(frames, spread), len(full))
 
 
 def _find_cell_count(notes: AircraftNotes) -> int | None:
@@ -470,13 +469,130 @@ def _find_cell_count(notes: AircraftNotes) -> int | None:
     return fewest if fewest == most else None
 
 
-def _estimate_switch(notes: AircraftNotes) -> ModeSwitch | None:
+def _estimate_switch(notes: AircraftNotes) -> SwitchTable | None:
     before, changes = notes.moved, notes.changes
     for name in SWITCH_SETTINGS:
         channel = int(notes.settings.get(name, 0))
         if channel > 0:
-            return ModeSwitch(channel, name, before[channel], changes)
+            return SwitchTable(channel=channel, source=name, moved=before[channel], changes=changes)
     if not before:
         return None
     channel, moved = before.most_common(1)[0]
-    return ModeSwitch(channel, "seen", moved, changes) if moved > 1 else None
+    return SwitchTable(channel=channel, source="seen", moved=moved, changes=changes) if moved > 1 else None
+
+
+def format_learned_toml(found: LearnedAircraft, drone: str, base: Drone) -> str:
+    """Return the file."""
+    logs = f"{found.table.logs} log" + "s" * (found.table.logs != 1)
+    return "\n".join(
+        [
+            HEAD.format(logs=logs, minutes=found.table.minutes),
+            *_format_energy(found, drone, base),
+            "",
+            tomli_w.dumps(build_learned_table(found)),
+        ]
+    )
+
+
+def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]:
+    lines = ["[energy]", f'drone = "{drone}"  # mass, rotors and propellers: not in any log']
+    if found.cells is not None:
+        lines.append(f"cells = {found.cells}")
+        base = replace(base, cells=found.cells)
+    capacity, learned = found.best_capacity_ah, found.table.capacity_ah
+    if capacity is None:
+        lines.append("# capacity_ah: no counter of charge beside a percentage, and no parameter, was in the logs")
+        return lines
+    source = "by the autopilot's parameter"
+    if learned is not None:
+        source = f"give or take {learned.sd:.2f}, from {learned.samples} flights"
+        if found.told_capacity_ah is not None:
+            source += f"; the autopilot's parameter says {found.told_capacity_ah:g}"
+    lines.append(f"capacity_ah = {round(capacity, 3)}  # {source}")
+    efficiency = fit_efficiency(found.table.level, replace(base, capacity_ah=capacity), capacity)
+    if efficiency is None:
+        lines.append("# efficiency: too little level flight with a current sensor, or far from what the preset can be")
+        return lines
+    value, sd = efficiency
+    lines.append(
+        f"efficiency = {round(value, 4)}  # give or take {sd:.4f}; with the preset's mass and propellers it gives the "
+        "consumption that was flown"
+    )
+    return lines
+
+
+def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
+    """Return the efficiency with which the model uses what was used in level flight, and how sure it is."""
+    observed = [
+        (
+            one.speed_m_s,
+            one.current_a.mean / capacity_ah / 36.0,
+            one.current_a.sd / one.current_a.mean,
+            one.current_a.samples,
+        )
+        for one in level
+    ]
+    if not observed:
+        return None
+
+    def excess(efficiency: float) -> float:
+        tried, total, weights = replace(drone, efficiency=efficiency), 0.0, 0.0
+        for speed, used_pct_s, _, samples in observed:
+            try:
+                model = pct_per_s(tried, speed)
+            except InstanceError:
+                return math.inf  # more than the pack could give
+            total, weights = total + samples * math.log(model / used_pct_s), weights + samples
+        return total / weights
+
+    low, high = LEAST_EFFICIENCY, MOST_EFFICIENCY
+    if excess(low) < 0 or excess(high) > 0:
+        return None
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    weights = sum(samples for *_, samples in observed)
+    share = math.sqrt(sum((samples * sd) ** 2 for *_, sd, samples in observed)) / weights
+    return low, max(share * low, 10.0**-DIGITS)
+
+
+def build_learned_table(found: LearnedAircraft) -> dict[str, Any]:
+    """Return the table `[learned]`, as a site file has it."""
+    content = found.table.model_dump(exclude_none=True)
+    return {"learned": {name: _round_figures(value) for name, value in content.items() if value != ()}}
+
+
+def _round_figures(value: Any) -> Any:  # noqa: ANN401 - tables in tables
+    if isinstance(value, tuple):
+        return [_round_figures(one) for one in value]
+    if isinstance(value, dict):
+        return {
+            name: float(f"{one:.{DIGITS}g}") if name in {"mean", "sd"} else _round_figures(one)
+            for name, one in value.items()
+        }
+    return round(value, 2) if isinstance(value, float) else value
+
+
+def describe_aircraft(found: LearnedAircraft) -> list[str]:
+    """Return what was found in a few lines."""
+    table = found.table
+    lines = [f"system {found.system}: {table.minutes:.1f} min in the air, {table.logs} logs"]
+    rows = (
+        ("hover", table.hover_a, "A"), ("climb, a m/s", table.climb_share, "of level flight"),
+        ("capacity", table.capacity_ah, "Ah"), ("resistance", table.resistance_ohm, "ohm"),
+        ("frames lost", table.link_loss_pct, "%"),
+        *((f"{one.speed_m_s:4.1f} m/s", one.current_a, "A") for one in table.level),
+    )  # fmt: skip
+    lines += [
+        f"  {name:<13} " + ("not in these logs" if one is None else
+                            f"{one.mean:.4g} {unit}, give or take {one.sd:.2g} ({one.samples} samples)")
+        for name, one, unit in rows
+    ]  # fmt: skip
+    if table.mode_switch is not None:
+        lines.append(
+            f"  mode switch   channel {table.mode_switch.channel} ({table.mode_switch.source}): moved before "
+            f"{table.mode_switch.moved} of {table.mode_switch.changes} changes of mode"
+        )
+    if found.others:
+        lines.append(f"  left out: system {', '.join(map(str, found.others))}; a file is of one vehicle")
+    return lines

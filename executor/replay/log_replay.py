@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from functools import partial
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
@@ -38,13 +38,12 @@ from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of
 from executor.core.telemetry.firmware import describe_autopilot, describe_vehicle_type
 from executor.core.telemetry.foreign_systems import describe_foreign_system
-from executor.replay.flight_book import FlightBook
-from executor.replay.pack_book import PackBook
 from executor.replay.replay_result import (
     Declaration,
     ImpairedPeriod,
     LogReplay,
     ModeTransition,
+    PackBook,
     ReplaySample,
     SampleTrace,
     VehicleReplay,
@@ -104,19 +103,17 @@ def build_replay_rules(site: Site | None) -> ReplayRules:
     return ReplayRules() if site is None else ReplayRules(limits=site_model.build_limits(site), site=site)
 
 
-def replay_log(file: RecordedFile, path: Path, rules: ReplayRules, *, on_board: bool = False) -> LogReplay:
+def replay_log(file: RecordedFile, rules: ReplayRules) -> LogReplay:
     """Replay one log.
 
     Args:
         file: read from its beginning, once.
-        path: for the result.
         rules: the thresholds, and what is known of the vehicles.
-        on_board: whether the vehicle itself wrote it: then its link cannot be judged.
     """
-    player = _Player(rules, file, on_board=on_board)
+    player = _Player(rules, file)
     for record in file.read_records():
         player.play_record(record)
-    return player.build_result(path)
+    return player.build_result()
 
 
 _TICK = Tick()
@@ -152,6 +149,61 @@ class LogClock:
         return (self.began_usec or 0) + round(at_s * 1e6)
 
 
+@dataclass(slots=True)
+class _Flight:
+    """From one arming to the next."""
+
+    began_s: float
+    took_off: bool = False
+    mission: bool = False
+
+
+@dataclass(slots=True)
+class FlightBook:
+    """What is noted of a vehicle's flights."""
+
+    flights: list[_Flight] = field(default_factory=list)
+
+    def begin_flight(self, at_s: float) -> None:
+        """Begin a flight."""
+        self.flights.append(_Flight(at_s))
+
+    def update(self, vehicle: VehicleState) -> None:
+        """Take note of what the flight under way is."""
+        if not self.flights or not vehicle.armed:
+            return
+        flight = self.flights[-1]
+        flight.took_off |= vehicle.sortie.took_off
+        flight.mission |= vehicle.sortie.flew_mission
+
+    def describe_missionless(self, name: str) -> str:
+        """Return in words which flights had no mission; nothing if all had one."""
+        flown = [one for one in self.flights if one.took_off]
+        by_hand = [one for one in flown if not one.mission]
+        if not by_hand:
+            return ""
+        which = "flown" if len(flown) == 1 else f"{len(by_hand)} of its {len(flown)} flights"
+        since = f"at {by_hand[0].began_s:.1f} s" if len(by_hand) == 1 else f"the first at {by_hand[0].began_s:.1f} s"
+        what = "no inspection that could be interrupted; its battery, its link and a crash are watched for"
+        return f"{name}: {which} by hand, or without a mission ({since}): {what}"
+
+
+@dataclass(slots=True)
+class _Followed:
+    """What is kept of a vehicle beside its state."""
+
+    trace: SampleTrace = field(default_factory=SampleTrace)
+    packs: PackBook = field(default_factory=PackBook)
+    flights: FlightBook = field(default_factory=FlightBook)
+    flown_s: float = 0.0
+    beat_s: float | None = None
+    """A heartbeat without news since the last tick."""
+    batteries: dict[int, tuple[float, Battery]] = field(default_factory=dict)
+    status: tuple[float, SystemStatus] | None = None
+    mixed_s: float = math.inf
+    """Since when two vehicles answer by its name."""
+
+
 def is_known_copter(beat: Heartbeat) -> bool:
     """Return whether a vehicle can be followed: others have other modes, and no energy model here."""
     return dialect_of(beat.autopilot) is not None and beat.vehicle_type in COPTERS
@@ -160,8 +212,8 @@ def is_known_copter(beat: Heartbeat) -> bool:
 class _Player:
     """Feeds records and ticks to the passive core; owns the time."""
 
-    def __init__(self, rules: ReplayRules, file: RecordedFile, *, on_board: bool) -> None:
-        self._rules, self._file, self._on_board = rules, file, on_board
+    def __init__(self, rules: ReplayRules, file: RecordedFile) -> None:
+        self._rules, self._file = rules, file
         self._scene = _build_empty_scene(rules)
         self._state = passive_watch.start_watch(())
         self._names: dict[int, str] = {}
@@ -171,20 +223,11 @@ class _Player:
         self._now_s = 0.0
         self._next_s = 0.0
         self._findings: list[Finding] = []
-        self._traces: dict[str, SampleTrace] = {}
-        self._books: dict[str, PackBook] = {}
-        self._flown: dict[str, float] = {}
-        self._flights: dict[str, FlightBook] = {}
+        self._followed: dict[str, _Followed] = {}
         self._framed = False
-        self._beats: dict[str, float] = {}
-        """Heartbeats without news since the last tick."""
-        self._batteries: dict[tuple[str, int], tuple[float, Battery]] = {}
-        self._statuses: dict[str, tuple[float, SystemStatus]] = {}
         self._ticked_s = 0.0
         self._early: dict[int, dict[str | int, VehicleSetting | ListedItem]] = {}
         """Parameters and items of systems of which no HEARTBEAT came yet."""
-        self._mixed: dict[str, float] = {}
-        """Names by which two vehicles answer, and since when."""
 
     def play_record(self, record: Record) -> None:
         """Let time pass to a record, and take what it says."""
@@ -205,7 +248,8 @@ class _Player:
         """Hand what a system says to its vehicle, or count why nobody takes it."""
         name = self._names.get(system) or self._add_vehicle(system, message)
         if name and isinstance(message, DoubleHeard):
-            self._mixed.setdefault(name, max(0.0, now_s - MIXED_S))
+            vehicle = self._followed[name]
+            vehicle.mixed_s = min(vehicle.mixed_s, max(0.0, now_s - MIXED_S))
         if name:
             self._handle_message(name, message, now_s)
             for setting in self._early.pop(system, {}).values():
@@ -229,7 +273,7 @@ class _Player:
     def _advance_to(self, now_s: float) -> None:
         """Tick up to a moment; a pause of the recorder itself is one tick, as it is when the program stands still."""
         gap_s = now_s - self._now_s
-        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._on_board)):
+        if gap_s > LONGEST_GAP_S or (gap_s > SLEPT_S and (self._file.stations or self._file.on_board)):
             self._file.skipped.gaps += 1
             self._next_s = now_s
             if gap_s > LONGEST_GAP_S:
@@ -243,19 +287,20 @@ class _Player:
             usec = self._file.heard.get(system)
             if usec is not None:
                 heard_s = min(at_s, self._clock.to_s(usec))
-                self._state = passive_watch.record_contact(self._state, name, heard_s, self._beats.pop(name, None))
+                followed = self._followed[name]
+                beat_s, followed.beat_s = followed.beat_s, None
+                self._state = passive_watch.record_contact(self._state, name, heard_s, beat_s)
         self._state, found = passive_watch.step_watch(self._scene, self._state, _TICK, at_s)
         self._findings += found
         calm = True
         for name, vehicle in self._state.fleet.vehicles.items():
+            followed = self._followed[name]
             if vehicle.armed and vehicle.stage is not Stage.LOST:
-                self._flown[name] = self._flown.get(name, 0.0) + at_s - self._ticked_s
+                followed.flown_s += at_s - self._ticked_s
             calm = calm and _is_calm(vehicle, at_s)
-            self._books[name].update(vehicle, pack_facts_of(self._scene, vehicle), at_s)
-            self._flights[name].update(vehicle)
-            trace = self._traces[name]
-            if not trace.samples or at_s - trace.samples[-1].at_s >= trace.every_s:
-                trace.add(sample_vehicle(self._scene, vehicle, at_s))
+            followed.packs.update(vehicle, pack_facts_of(self._scene, vehicle), at_s)
+            followed.flights.update(vehicle)
+            followed.trace.add(at_s, partial(sample_vehicle, self._scene, vehicle, at_s))
         self._ticked_s = at_s
         return CALM_TICK_S if calm else TICK_S
 
@@ -281,7 +326,7 @@ class _Player:
             if message != before.telemetry.heartbeat:
                 self._next_s = now_s
             if message.armed and not before.armed:
-                self._flights[name].begin_flight(now_s)
+                self._followed[name].flights.begin_flight(now_s)
                 self._record_take_off_place(self._state.fleet.vehicles[name])
 
     def _is_repetition(self, known: VehicleState, message: FlightMessage, now_s: float) -> bool:
@@ -291,43 +336,17 @@ class _Player:
                 settled = known.stage in STEADY and (known.sortie.flew_mission or not known.sortie.took_off)
                 if not settled or message != known.telemetry.heartbeat:
                     return False
-                self._beats[known.name] = now_s  # the next tick takes it
+                self._followed[known.name].beat_s = now_s  # the next tick takes it
                 return True
             case MissionCurrent(seq, total, number):
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
                 return same and known.telemetry.item == (seq, total)
             case Battery():
-                return self._is_battery_repetition(known.name, message, now_s)
+                return _is_battery_repetition(self._followed[known.name], message, now_s)
             case SystemStatus():
-                return self._is_status_repetition(known.name, message, now_s)
+                return _is_status_repetition(self._followed[known.name], message, now_s)
             case _:
                 return False
-
-    def _is_battery_repetition(self, name: str, message: Battery, now_s: float) -> bool:
-        taken = self._batteries.get((name, message.battery))
-        if taken is not None and now_s - taken[0] < REPEATS_S:
-            known = taken[1]
-            if (
-                message.remaining_pct == known.remaining_pct
-                and abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
-                and abs((message.current_a or 0.0) - (known.current_a or 0.0)) <= ALIKE * (known.current_a or 0.0)
-                and (message.charge_state, message.faults) == (known.charge_state, known.faults)
-                and not message.cells_v
-            ):
-                return True
-        self._batteries[name, message.battery] = (now_s, message)
-        return False
-
-    def _is_status_repetition(self, name: str, message: SystemStatus, now_s: float) -> bool:
-        at_s, known = self._statuses.get(name, (-REPEATS_S, message))
-        same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
-            known.remaining_pct, known.unhealthy, known.prearm_ok,
-        )  # fmt: skip
-        alike = abs((message.voltage_v or 0.0) - (known.voltage_v or 0.0)) <= SAME * (known.voltage_v or 0.0)
-        if same and alike and now_s - at_s < REPEATS_S:
-            return True
-        self._statuses[name] = (now_s, message)
-        return False
 
     def _record_take_off_place(self, vehicle: VehicleState) -> None:
         """Note where a vehicle starts: it is the place to come home to."""
@@ -349,42 +368,43 @@ class _Player:
             )
             return ""
         self._others.pop(system, None)  # what it said before it knew its frame
-        setup = _build_setup(self._rules, system, dialect, on_board=self._on_board)
+        setup = _build_setup(self._rules, system, dialect, on_board=self._file.on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = passive_watch.add_watched_vehicle(self._state, setup.name)
         self._names[system] = setup.name
-        self._traces[setup.name] = SampleTrace()
-        self._books[setup.name] = PackBook()
-        self._flights[setup.name] = FlightBook()
+        self._followed[setup.name] = _Followed()
         return setup.name
 
-    def build_result(self, path: Path) -> LogReplay:
+    def build_result(self) -> LogReplay:
         """Return what was found, once the log has ended."""
         if self._clock.began_usec is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
             self._advance_to(self._now_s)
         found = [*self._findings, *passive_watch.close_degradations(self._state, self._now_s)]
-        if self._on_board:
+        if self._file.on_board:
             found = [one for one in found if isinstance(one, ObservedModeChange) or one.kind is not FaultKind.LINK]
-        found = [one for one in found if _began_s(one) < self._mixed.get(one.vehicle, math.inf)]
+        found = [one for one in found if _began_s(one) < self._followed[one.vehicle].mixed_s]
         vehicles = tuple(self._build_vehicle(system, name, found) for system, name in sorted(self._names.items()))
         notes = [*self._others.values(), *self._file.notes]
         notes += [
             f"{describe_foreign_system(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
-            f"{since_s:.1f} s on"
-            for name, since_s in self._mixed.items()
-        ]
-        if self._rules.site is None and any(one.flown_s and one.name not in self._mixed for one in vehicles):
+            f"{one.mixed_s:.1f} s on"
+            for name, one in self._followed.items() if one.mixed_s < math.inf
+        ]  # fmt: skip
+        if self._rules.site is None and any(one.flown_s and self._followed[one.name].mixed_s == math.inf
+                                            for one in vehicles):  # fmt: skip
             notes.append(NOBODY_KNOWS)
         notes += [f"{one.name} is never armed in it" for one in vehicles if not one.flown_s]
-        notes += [note for name, book in self._flights.items() if (note := book.describe_missionless(name))]
+        notes += [note for name, one in self._followed.items() if (note := one.flights.describe_missionless(name))]
         if not vehicles:
             notes.insert(0, "no vehicle in it that can be followed")
-        return LogReplay(path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes))
+        return LogReplay(
+            self._file.path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes)
+        )
 
     def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
-        mine = [one for one in found if one.vehicle == name]
+        followed, mine = self._followed[name], [one for one in found if one.vehicle == name]
         declarations = [
             Declaration(one.kind, one.reason, self._clock.to_usec(one.at_s), one.evidence)
             for one in mine
@@ -397,9 +417,9 @@ class _Player:
             autopilot=self._scene.vehicles[name].dialect.name,
             declarations=tuple(declarations),
             degraded=build_impaired_periods(degraded, self._clock.to_usec, self._now_s),
-            flown_s=self._flown.get(name, 0.0),
-            samples=tuple(self._traces[name].samples),
-            packs=self._books[name].close_flights(),
+            flown_s=followed.flown_s,
+            samples=tuple(followed.trace.samples),
+            packs=followed.packs.close_flights(),
             modes=tuple(
                 ModeTransition(self._clock.to_usec(one.at_s), one.mode, one.by, one.why)
                 for one in mine
@@ -416,6 +436,36 @@ def build_impaired_periods(
         ImpairedPeriod(one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence)
         for one in sorted(found, key=lambda one: one.from_s)
     )
+
+
+def _is_battery_repetition(followed: _Followed, message: Battery, now_s: float) -> bool:
+    at_s, known = followed.batteries.get(message.battery, (-math.inf, message))
+    if (
+        now_s - at_s < REPEATS_S
+        and message.remaining_pct == known.remaining_pct
+        and _is_within(message.voltage_v, known.voltage_v, SAME)
+        and _is_within(message.current_a, known.current_a, ALIKE)
+        and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+        and not message.cells_v
+    ):
+        return True
+    followed.batteries[message.battery] = (now_s, message)
+    return False
+
+
+def _is_status_repetition(followed: _Followed, message: SystemStatus, now_s: float) -> bool:
+    at_s, known = followed.status or (-math.inf, message)
+    same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
+        known.remaining_pct, known.unhealthy, known.prearm_ok,
+    )  # fmt: skip
+    if same and _is_within(message.voltage_v, known.voltage_v, SAME) and now_s - at_s < REPEATS_S:
+        return True
+    followed.status = (now_s, message)
+    return False
+
+
+def _is_within(value: float | None, known: float | None, share: float) -> bool:
+    return abs((value or 0.0) - (known or 0.0)) <= share * (known or 0.0)
 
 
 def _began_s(found: Finding) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 from executor.adapters.extras import Extra, require_extra
@@ -20,15 +19,7 @@ DESCRIBES = re.compile(rb"^ *FMT *, *\d+ *, *\d+ *, *[A-Z]", re.MULTILINE)
 """A line of a DataFlash log in text says what its other lines hold."""
 
 
-@dataclass(frozen=True, slots=True)
-class OpenedLog:
-    """A log and who wrote it."""
-
-    file: RecordedFile
-    on_board: bool
-
-
-def open_log(path: Path, *, every_record: bool = False) -> OpenedLog:
+def open_log(path: Path, *, every_record: bool = False) -> RecordedFile:
     """Return a reader for a log; damaged and empty ones have one too, by their name.
 
     Args:
@@ -48,16 +39,16 @@ def open_log(path: Path, *, every_record: bool = False) -> OpenedLog:
     if kind == ".tlog":
         from executor.adapters.mavlink.tlog_reader import TelemetryFile
 
-        return OpenedLog(TelemetryFile(path, every_record=every_record), on_board=False)
+        return TelemetryFile(path, every_record=every_record)
     if kind in {".bin", ".log"}:
         from executor.adapters.logs.dataflash import DataFlashFile
 
-        return OpenedLog(DataFlashFile(path, text=kind == ".log", every_record=every_record), on_board=True)
+        return DataFlashFile(path, text=kind == ".log", every_record=every_record)
     if kind == ".ulg":
         require_extra(Extra.LOGS, f"{path}: a ULog")
         from executor.adapters.logs.ulog import UlogFile
 
-        return OpenedLog(UlogFile(path, every_record=every_record), on_board=True)
+        return UlogFile(path, every_record=every_record)
     if kind == ".raw":
         raise LogError(f"{path}: holds MAVLink without times: expected the telemetry log (.tlog) beside it")
     raise LogError(

@@ -1,17 +1,30 @@
-"""What the replay of a recorded flight found, as plain data: what the table, the pictures and the pages show."""
+"""What the replay of a recorded flight found, as plain data: what the table, the pictures and the pages show.
+
+What its flights say of a vehicle's packs (sag, resistance and capacity) is kept in packs.json, one entry a flight;
+further logs add to it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
+from executor.core.battery import resting_voltage
+from executor.core.battery.pack_condition import RestReading
+from executor.core.battery.resting_voltage import Chemistry, PackFacts
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
-from executor.core.state.vehicle_state import FaultKind
-from executor.replay.pack_book import PackFlight
+from executor.core.state.vehicle_state import FaultKind, VehicleState
+from executor.site.site_packs import FORMAT, PackEntry, PacksDocument
 
 TRACE_S = 3.0
 MOST_SAMPLES = 4000
+LEAST_USED_PCT = 15.0
+"""By its voltage so much must be used before a capacity is worth a figure: 10 mV of a cell are a percent."""
+ANOTHER_PCT = 20.0
+"""A percentage that is so much higher at the next take-off is that of another pack, or of a charged one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +51,11 @@ class SampleTrace:
     samples: list[ReplaySample] = field(default_factory=list)
     every_s: float = TRACE_S
 
-    def add(self, sample: ReplaySample) -> None:
+    def add(self, at_s: float, take: Callable[[], ReplaySample]) -> None:
         """Take a sample, unless the last one is young."""
-        if self.samples and sample.at_s - self.samples[-1].at_s < self.every_s:
+        if self.samples and at_s - self.samples[-1].at_s < self.every_s:
             return
-        self.samples.append(sample)
+        self.samples.append(take())
         if len(self.samples) > MOST_SAMPLES:
             self.samples = self.samples[::2]
             self.every_s *= 2
@@ -81,6 +94,36 @@ class ModeTransition:
 
 
 @dataclass(frozen=True, slots=True)
+class PackFlight:
+    """One flight of a pack."""
+
+    began_s: float
+    ended_s: float
+    number: int
+    """Which of the packs in this log it is, from 1."""
+    cells: int
+    began_cell_v: float | None
+    """A cell at rest before the flight."""
+    ended_cell_v: float
+    """A cell at its end as it would rest."""
+    began_pct: float
+    ended_pct: float
+    """What was reported at rest before, and at the end."""
+    sag_cell_v: float | None
+    """The most that a cell lost under the load."""
+    ohm: float | None
+    ohm_sd: float | None
+    """Of the whole pack; None where no current was reported."""
+    counted_ah: float | None
+    """What its counter says was used."""
+    set_ah: float | None
+    """The capacity that its autopilot counts by."""
+    capacity_ah: tuple[float, float] | None
+    """What its voltage says of its capacity since it was put in: the least and the most, by the chemistries that it may
+    have."""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleReplay:
     """One vehicle of a log."""
 
@@ -109,21 +152,180 @@ class LogReplay:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class TrueEvent:
-    """One thing that really happened, by the truth that lies beside a log."""
+@dataclass(slots=True)
+class PackBook:
+    """One vehicle's packs in one log."""
 
-    t_usec: int
-    """On the log's own clock."""
-    what: str
+    flights: list[PackFlight] = field(default_factory=list)
+    _number: int = 0
+    _rest: RestReading | None = None
+    _began_s: float | None = None
+    _counted: tuple[float | None, float] = (None, 0.0)
+    """The counter and the percentage at the take-off."""
+    _latest: PackFlight | None = None
+
+    def update(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> None:
+        """Look at a vehicle: a flight begins when it has taken off, and ends when it disarms."""
+        flies = vehicle.armed and vehicle.sortie.took_off
+        if flies and self._began_s is None:
+            self._begin_flight(vehicle, at_s)
+        elif flies:
+            flight = self._build_flight(vehicle, facts, at_s)
+            if flight is not None:
+                self._latest = flight
+        elif self._began_s is not None:
+            self.close_flights()
+
+    def close_flights(self) -> tuple[PackFlight, ...]:
+        """End the flight under way, if there is one, and return all of them."""
+        if self._latest is not None:
+            self.flights.append(self._latest)
+        self._began_s = self._latest = None
+        return tuple(self.flights)
+
+    def _begin_flight(self, vehicle: VehicleState, at_s: float) -> None:
+        pct = vehicle.power.battery.remaining_pct
+        if pct is None:
+            return
+        if not self.flights or pct > self.flights[-1].ended_pct + ANOTHER_PCT:
+            self._number += 1
+        self._began_s, self._rest = at_s, vehicle.power.pack.rest
+        self._counted = (vehicle.power.battery.charge.consumed_ah, pct)
+
+    def _build_flight(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> PackFlight | None:
+        power, pct = vehicle.power, vehicle.power.battery.remaining_pct
+        if pct is None or power.volts.voltage_v is None or self._began_s is None:
+            return None
+        cells, sag = power.volts.cells, power.pack.sag
+        cell_v = power.volts.voltage_v / cells if sag is None else sag.recovered_v / cells
+        flight = PackFlight(
+            began_s=self._began_s,
+            ended_s=at_s,
+            number=self._number,
+            cells=cells,
+            began_cell_v=None if self._rest is None else self._rest.voltage_v / cells,
+            ended_cell_v=cell_v,
+            began_pct=self._counted[1] if self._rest is None else self._rest.claimed_pct,
+            ended_pct=pct,
+            sag_cell_v=None if sag is None else self._highest_sag_v(sag.ohm * sag.current_a / cells),
+            ohm=None if sag is None else max(0.0, sag.ohm),
+            ohm_sd=None if sag is None else sag.ohm_sd,
+            counted_ah=self._draw_ah(vehicle, facts, pct),
+            set_ah=facts.capacity_ah,
+            capacity_ah=None,
+        )
+        return flight if sag is None else replace(flight, capacity_ah=self._capacity_ah(flight, facts.chemistry))
+
+    def _highest_sag_v(self, now_v: float) -> float:
+        return max(0.0, now_v, 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0)
+
+    def _capacity_ah(self, flight: PackFlight, chemistry: Chemistry | None) -> tuple[float, float] | None:
+        """Return what the flights of this pack so far say of its capacity."""
+        mine = [one for one in self.flights if one.number == flight.number]
+        if not mine or flight.counted_ah is None or any(one.counted_ah is None for one in mine):
+            return capacity_ah(flight, chemistry)
+        counted_ah = flight.counted_ah + sum(one.counted_ah or 0.0 for one in mine)
+        whole = replace(flight, began_cell_v=mine[0].began_cell_v, counted_ah=counted_ah)
+        return capacity_ah(whole, chemistry)
+
+    def _draw_ah(self, vehicle: VehicleState, facts: PackFacts, pct: float) -> float | None:
+        counter, began_pct = vehicle.power.battery.charge.consumed_ah, self._counted[1]
+        if counter is not None and self._counted[0] is None:
+            self._counted = (vehicle.power.battery.charge.began_ah, began_pct)
+        if counter is not None and self._counted[0] is not None and counter > self._counted[0]:
+            return counter - self._counted[0]
+        return None if facts.capacity_ah is None else max(0.0, began_pct - pct) / 100.0 * facts.capacity_ah
 
 
-@dataclass(frozen=True, slots=True)
-class RecordedTruth:
-    """What is known of a recorded flight."""
+def capacity_ah(flight: PackFlight, chemistry: Chemistry | None) -> tuple[float, float] | None:
+    """Return what a flight says of its pack's capacity; None where too little was used, or nobody counted."""
+    if flight.began_cell_v is None or not flight.counted_ah:
+        return None
+    found = []
+    for one in (chemistry,) if chemistry is not None else Chemistry:
+        used_pct = resting_voltage.rest_charge_pct(flight.began_cell_v, one) - resting_voltage.rest_charge_pct(
+            flight.ended_cell_v, one
+        )
+        if used_pct < LEAST_USED_PCT:
+            return None
+        found.append(100.0 * flight.counted_ah / used_pct)
+    return min(found), max(found)
 
-    kind: FaultKind | None
-    """Of the fault that was injected; None for a healthy flight."""
-    fault_usec: int | None
-    """When it became visible in the data, on the log's own clock."""
-    events: tuple[TrueEvent, ...]
+
+def merge_packs(
+    replays: Iterable[LogReplay],
+    before: PacksDocument | None = None,
+    labels: Mapping[int, str] = MappingProxyType({}),
+) -> PacksDocument:
+    """Return what is known after further logs; a flight that was known is told anew.
+
+    Args:
+        replays: The logs.
+        before: What was known.
+        labels: What stands on the pack of each system; a log in which one changes its pack says it of none.
+    """
+    known = {} if before is None else {_key_of(one): one for one in before.flights}
+    for replayed in replays:
+        for vehicle in replayed.vehicles:
+            label = labels.get(vehicle.sysid) if all(flight.number == 1 for flight in vehicle.packs) else None
+            for flight in vehicle.packs:
+                entry = _build_entry(replayed, vehicle.name, flight)
+                was = known.get(_key_of(entry))
+                told = label if label is not None or was is None else was.label
+                known[_key_of(entry)] = entry.model_copy(update={"label": told})
+    return PacksDocument(format=FORMAT, flights=tuple(known[key] for key in sorted(known)))
+
+
+def _key_of(entry: PackEntry) -> tuple[str, str, int]:
+    return entry.vehicle, entry.log, entry.began_usec
+
+
+def _build_entry(replayed: LogReplay, vehicle: str, flight: PackFlight) -> PackEntry:
+    least_ah, most_ah = flight.capacity_ah or (None, None)
+    return PackEntry(
+        log=replayed.path.name,
+        vehicle=vehicle,
+        pack=flight.number,
+        began_usec=replayed.began_usec + round(flight.began_s * 1e6),
+        minutes=round((flight.ended_s - flight.began_s) / 60.0, 2),
+        cells=flight.cells,
+        rest_cell_v=_round_value(flight.began_cell_v),
+        end_cell_v=round(flight.ended_cell_v, 3),
+        began_pct=flight.began_pct,
+        ended_pct=flight.ended_pct,
+        sag_cell_v=_round_value(flight.sag_cell_v),
+        ohm=_round_value(flight.ohm, 4),
+        ohm_sd=_round_value(flight.ohm_sd, 4),
+        counted_ah=_round_value(flight.counted_ah),
+        set_ah=_round_value(flight.set_ah),
+        least_ah=_round_value(least_ah, 2),
+        most_ah=_round_value(most_ah, 2),
+    )
+
+
+def _round_value(value: float | None, digits: int = 3) -> float | None:
+    return None if value is None else round(value, digits)
+
+
+def format_pack_lines(document: PacksDocument) -> Iterable[str]:
+    """Yield a table of flights by vehicle and pack, for people."""
+    yield (
+        f"{'vehicle':<10} {'pack':>6} {'log':<28} {'min':>5} {'cells':>5} {'rest V':>6} {'end V':>6} "
+        f"{'reported %':>11} "
+        f"{'sag V':>6} {'mOhm':>11} {'used Ah':>7} {'set Ah':>6} {'by voltage Ah':>13}"
+    )
+    for one in document.flights:
+        reported = f"{one.began_pct:.0f} to {one.ended_pct:.0f}"
+        ohm = "-" if one.ohm is None else f"{1000 * one.ohm:.0f} +- {1000 * (one.ohm_sd or 0.0):.0f}"
+        capacity = "-" if one.least_ah is None else f"{one.least_ah:.1f} to {one.most_ah:.1f}"
+        yield (
+            f"{one.vehicle:<10} {one.label or one.pack:>6} {one.log[-28:]:<28} {one.minutes:>5.1f} {one.cells:>5} "
+            f"{_format_figure(one.rest_cell_v, 2):>6} {one.end_cell_v:>6.2f} {reported:>11} "
+            f"{_format_figure(one.sag_cell_v, 2):>6} {ohm:>11} {_format_figure(one.counted_ah, 2):>7} "
+            f"{_format_figure(one.set_ah, 1):>6} "
+            f"{capacity:>13}"
+        )
+
+
+def _format_figure(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"

@@ -10,6 +10,7 @@ import json
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -152,9 +153,7 @@ class _Watch:
                     WatchView(self._context, setup, vehicle, False, now_s), self._open
                 )
                 self._over += [one for one in found if isinstance(one, Degradation)]
-            trace = self._traces[name]
-            if not trace.samples or now_s - trace.samples[-1].at_s >= trace.every_s:
-                trace.add(sample_vehicle(self._context, vehicle, now_s))
+            self._traces[name].add(now_s, partial(sample_vehicle, self._context, vehicle, now_s))
 
     def build_vehicle_replays(
         self, state: FleetState, began_unix_s: float, ended_s: float

@@ -1,4 +1,4 @@
-"""A replayed flight over time: battery with its band, voltage, link age, progress, and what was declared."""
+"""A replayed flight over time: battery with its band, voltage, link age, progress, and what was declared; its page."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from executor.adapters.templates import render_template, write_page
 from executor.analysis.pictures import save_figure
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, style_of
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.replay_result import LogReplay, RecordedTruth, VehicleReplay
+from executor.replay.replay_result import LogReplay, VehicleReplay
 
 ROW_IN = 1.9
 BAND_SD = 2.0
 KIND_COLOURS = {FaultKind.LINK: "#1f3fa8", FaultKind.BATTERY: "#e8a010", FaultKind.INTERRUPTION: "#00806b",
                 FaultKind.OPERATOR: "#5a5a5a", FaultKind.FENCE: "#8a2a8a"}  # fmt: skip
 ROWS = ("battery (%)", "voltage (V)", "link age (s)", "progress")
-MOST_LETTERS = 50
+MOST_LETTERS = 100
 LEGEND_PCT, DECLARED_PCT = -32.0, -16.0
 """Below the battery's curves there is room for the legend, and above that for what was declared."""
 HEADROOM = 0.25
 
 
-def draw_replay(replay: LogReplay, truth: RecordedTruth | None, path: Path) -> None:
+def draw_replay(replay: LogReplay, path: Path) -> None:
     """Write the timeline of a log, four rows for each vehicle."""
     count = max(1, len(replay.vehicles))
     figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(ROWS) * count + 1.0), facecolor=PAPER)
@@ -34,7 +35,7 @@ def draw_replay(replay: LogReplay, truth: RecordedTruth | None, path: Path) -> N
         rows = list(axes[number * len(ROWS) : (number + 1) * len(ROWS)])
         _draw_vehicle(replay, vehicle, rows, style_of(number).colour)
         for axis in rows:
-            _draw_moments(replay, vehicle, truth, axis, named=axis is rows[0])
+            _draw_moments(replay, vehicle, axis, named=axis is rows[0])
     for axis in axes:
         axis.margins(x=0.01)
         axis.grid(visible=True, color=FAINT, alpha=0.25)
@@ -83,23 +84,19 @@ def _draw_vehicle(replay: LogReplay, vehicle: VehicleReplay, rows: list[Axes], c
         row.axvspan(since, until, color=KIND_COLOURS[one.kind], alpha=0.12, linewidth=0)
 
 
-def _draw_moments(
-    replay: LogReplay, vehicle: VehicleReplay, truth: RecordedTruth | None, axis: Axes, *, named: bool
-) -> None:
-    known = () if truth is None else truth.events
-    for happened in known:
-        at_s = (happened.t_usec - replay.began_usec) / 1e6
-        axis.axvline(at_s, color=INK, linewidth=0.8, linestyle=":")
-        if named:
-            words = shorten(happened.what, MOST_LETTERS, placeholder=" ...")
-            axis.text(at_s, 105.0, words, color=INK, fontsize=6, rotation=12, va="bottom")
+def _draw_moments(replay: LogReplay, vehicle: VehicleReplay, axis: Axes, *, named: bool) -> None:
     for one in vehicle.declarations:
         at_s = (one.t_usec - replay.began_usec) / 1e6
         axis.axvline(at_s, color=LOSS, linewidth=1.4)
         if named:
             late = at_s > replay.lasted_s / 2
-            words = shorten(f"{one.kind.value}: {one.evidence}", 2 * MOST_LETTERS, placeholder=" ...")
+            words = shorten(f"{one.kind.value}: {one.evidence}", MOST_LETTERS, placeholder=" ...")
             axis.text(
                 at_s, DECLARED_PCT, f"{words} " if late else f" {words}", color=LOSS, fontsize=7,
                 ha="right" if late else "left",
             )  # fmt: skip
+
+
+def write_replay_page(replay: LogReplay, picture: Path, path: Path) -> None:
+    """Write the page of a log; the picture goes into it."""
+    write_page(path, render_template("replay.html", replay=replay, picture=picture.read_bytes()))

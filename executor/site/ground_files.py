@@ -17,8 +17,8 @@ from executor.errors import LogError
 from executor.site.ground_view import GroundView
 from executor.site.hillshade import Contour, Hillshade
 from missions import LocalFrame, format_first_error
-from missions.background import Background, Pixels, choose_grid_size
 from missions.files import write_whole
+from missions.readers.background_files import Background, Pixels, choose_grid_size
 
 DOCUMENT, PHOTO, RELIEF = "ground.json", "ground-photo.webp", "ground-relief.png"
 PHOTO_BYTES = 2_000_000

@@ -12,9 +12,8 @@ from executor.site.hillshade import Heights, Hillshade, compute_hillshade
 from executor.site.site_model import SiteModel
 from executor.site.tables.map import MapTable
 from missions import LocalFrame
-from missions.background import Background, Corner, PictureArea
 from missions.geo import FloatArray
-from missions.readers.background_files import read_background
+from missions.readers.background_files import Background, Corner, PictureArea, read_background
 
 BESIDE_M = 300.0
 BESIDE = 0.25

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from missions.background import Corner, choose_grid_size
 from missions.geo import FloatArray
+from missions.readers.background_files import Corner, choose_grid_size
 
 MOST_CELLS = 1_000_000
 LEAST_CELL_M = 1.0

@@ -1,25 +1,34 @@
-"""Network files: which reader takes which file, and what comes of it."""
+"""Network files: which reader takes which file, and what comes of it.
+
+Written as GeoJSON it is read back to the same network, whatever file it came from.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from missions.errors import NetworkError
-from missions.files import NESTED, decode_text, to_printable
+from missions.files import decode_text, to_printable
 from missions.geo import LocalFrame, distance_m
-from missions.network import CUT, MAX_DISTANCE_M, Network, part_within
-from missions.readers import geojson, geopackage, gpx, kml, osm, shapes, table
-from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
+from missions.readers import geojson, layer_files, table, xml_files
+from missions.readers.archives import Archive, decode_table, naming_file, read_first_bytes, read_limited
 from missions.readers.graph_file import parse_graph
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
-from missions.readers.network_import import NetworkImport, Selection, build_network_document
-from missions.readers.raw_network import NearFilter, RawNetwork, Remark, RemarkTopic, explain_empty_file
-from missions.readers.read_options import Comparison, ReadOptions, parse_where
-from missions.readers.table_text import decode_table
-from missions.readers.xml_tree import root_of, tag_of
+from missions.readers.raw_network import (
+    Comparison,
+    NearFilter,
+    RawNetwork,
+    ReadOptions,
+    Remark,
+    RemarkTopic,
+    explain_empty_file,
+    parse_where,
+)
 
 __all__ = [
     "SNAP_M",
@@ -50,6 +59,34 @@ XML = (".kml", ".gpx", ".osm", ".xml")
 FORMATS = (
     "GeoJSON, KML, KMZ, GPX, OpenStreetMap XML, Overpass JSON, GeoPackage, a shapefile or a zip of them, CSV, XLSX"
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What of a file is wanted, and how far it may be mended."""
+
+    layers: tuple[str, ...] = ()
+    where: tuple[Comparison, ...] = ()
+    crs: str | None = None
+    """Of a file that does not say its own; of a graph file the map grid of its metres."""
+    mending: MendingLimits = field(default_factory=MendingLimits)
+    encoding: str | None = None
+    """Of a table in text that is not UTF-8; None to try."""
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkImport:
+    """A network, and how it came out of its file."""
+
+    network: Network
+    format: str
+    crs: str
+    has_depot: bool
+    """Whether the depot is known; otherwise the network's is the middle of its poles."""
+    lines: Mapping[str, str]
+    """The line of each segment, by the segment's label; empty where there is none."""
+    found: tuple[Remark, ...]
+    """What was mended or left out, and what is worth a look."""
 
 
 def default_network_path() -> Path:
@@ -102,20 +139,19 @@ def import_network(
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     path, wanted = Path(path), wanted or Selection()
-    frame = _frame_of(path, depot)
-    choice = ReadOptions(wanted.layers, wanted.where, wanted.crs, wanted.encoding, _build_near_filter(frame, radius_m))
-    try:
+    with naming_file(path):
+        frame = _frame_of(depot)
+        near = _build_near_filter(frame, radius_m)
+        choice = ReadOptions(str(path), wanted.layers, wanted.where, wanted.crs, wanted.encoding, near)
         drawing = _read_raw_network(path, choice)
-    except RecursionError:
-        raise NetworkError(f"{path}: content: {NESTED}") from None
-    if isinstance(drawing, str):
-        understood = _import_graph(drawing, str(path), choice, frame, anywhere=anywhere)
-        return (
-            understood if radius_m is None else replace(understood, network=understood.network.crop_to_radius(radius_m))
-        )
-    choice.check_where(str(path))
-    drawing.found += choice.remarks
-    return _place_network(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
+        if isinstance(drawing, str):
+            understood = _import_graph(drawing, choice, frame, anywhere=anywhere)
+            if radius_m is None:
+                return understood
+            return replace(understood, network=understood.network.crop_to_radius(radius_m))
+        choice.check_where()
+        drawing.found += choice.remarks
+        return _place_network(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
 
 
 def _build_near_filter(frame: LocalFrame | None, radius_m: float | None) -> NearFilter | None:
@@ -123,16 +159,14 @@ def _build_near_filter(frame: LocalFrame | None, radius_m: float | None) -> Near
     return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else NearFilter(frame, MAX_DISTANCE_M)
 
 
-def _import_graph(
-    text: str, source: str, choice: ReadOptions, frame: LocalFrame | None, *, anywhere: bool
-) -> NetworkImport:
+def _import_graph(text: str, choice: ReadOptions, frame: LocalFrame | None, *, anywhere: bool) -> NetworkImport:
     """Return what a graph file shows, which holds offsets from a depot only."""
-    choice.refuse_layers(source, f"a {GRAPH}")
+    choice.refuse_layers(f"a {GRAPH}")
     if choice.where:
-        raise NetworkError(f"{source}: where: expected none for a {GRAPH}, whose lines have no attributes")
+        raise NetworkError(f"where: expected none for a {GRAPH}, whose lines have no attributes")
     if frame is None and (not anywhere or choice.crs is not None):
-        raise NetworkError(f"{source}: depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
-    network = parse_graph(text, source=source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
+        raise NetworkError("depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
+    network = parse_graph(text, source=choice.source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
     words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
     found = () if frame is not None else (Remark(RemarkTopic.FILE, GRAPH, words),)
     return NetworkImport(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
@@ -144,9 +178,10 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
     Raises:
         NetworkError: it cannot be read.
     """
-    drawing = _read_raw_network(Path(path), ReadOptions())
-    if isinstance(drawing, str):
-        raise NetworkError(f"{path}: content: expected a file with points, got a {GRAPH}")
+    with naming_file(Path(path)):
+        drawing = _read_raw_network(Path(path), ReadOptions(str(path)))
+        if isinstance(drawing, str):
+            raise NetworkError(f"content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
     found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
     return found | {
@@ -157,57 +192,56 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
 
 def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork | str:
     """Return what a file shows; of a graph file its text, which its depot gives a place to."""
-    source = str(path)
-    drawing = _read_by_content(path, source, choice)
-    if choice.encoding is not None and (isinstance(drawing, str) or drawing.format not in {table.CSV, shapes.FORMAT}):
+    drawing = _read_by_content(path, choice)
+    if choice.encoding is not None and (
+        isinstance(drawing, str) or drawing.format not in {table.CSV, layer_files.SHAPEFILE}
+    ):
         kind = GRAPH if isinstance(drawing, str) else drawing.format
-        raise NetworkError(
-            f"{source}: encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}"
-        )
+        raise NetworkError(f"encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}")
     return drawing
 
 
-def _read_by_content(path: Path, source: str, choice: ReadOptions) -> RawNetwork | str:
+def _read_by_content(path: Path, choice: ReadOptions) -> RawNetwork | str:
     if path.suffix.lower() in BESIDE_SHP:
-        raise NetworkError(f"{source}: file: expected the .shp, of which this is a part")
-    if read_first_bytes(path) == geopackage.MAGIC:
-        return geopackage.read_geopackage(path, source, choice)
+        raise NetworkError("file: expected the .shp, of which this is a part")
+    if read_first_bytes(path) == layer_files.SQLITE_MAGIC:
+        return layer_files.read_geopackage(path, choice)
     content = read_limited(path)
-    if content.startswith(shapes.MAGIC):
-        return shapes.read_shapefile(path, source, choice)
+    if content.startswith(layer_files.SHAPEFILE_MAGIC):
+        return layer_files.read_shapefile(path, choice)
     if content.startswith(b"PK"):
-        return _read_archive(content, source, choice)
+        return _read_archive(content, choice)
     if path.suffix.lower() in XML or content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        return _read_xml(content, source, choice)
-    text, remark = decode_table(content, source, choice.encoding)
+        return _read_xml(content, choice)
+    text, remark = decode_table(content, choice.encoding)
     if text.lstrip().startswith("{"):
-        return _read_json((decode_text(content, source, NetworkError) if remark else text).lstrip(), source, choice)
+        return _read_json((decode_text(content, choice.source, NetworkError) if remark else text).lstrip(), choice)
     if "pylons_position" in text:
-        return decode_text(content, source, NetworkError)
+        return decode_text(content, choice.source, NetworkError)
     if table.is_pole_table(text) or path.suffix.lower() == ".csv":
-        return table.parse_csv(text, source, choice, remark=remark)
+        return table.parse_csv(text, choice, remark=remark)
     raise NetworkError(
-        f"{source}: content: expected GeoJSON, or a graph file with pylons_position, or one of {FORMATS}; found none"
+        f"content: expected GeoJSON, or a graph file with pylons_position, or one of {FORMATS}; found none"
     )
 
 
-def _read_archive(content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
-    archive = Archive(content, source)
+def _read_archive(content: bytes, choice: ReadOptions) -> RawNetwork:
+    archive = Archive(content)
     if "xl/workbook.xml" in archive.names:
-        return table.parse_xlsx(archive, content, source, choice)
+        return table.parse_xlsx(archive, content, choice)
     if archive.list_by_suffix(".shp"):
-        drawing, read = shapes.read_zipped_shapes(archive, source, choice), ".shp"
+        drawing, read = layer_files.read_zipped_shapes(archive, choice), ".shp"
     elif archive.list_by_suffix(".kml"):
-        drawing, read = kml.parse_kmz(archive, source, choice), ".kml"
+        drawing, read = xml_files.parse_kmz(archive, choice), ".kml"
     else:
         others = ", ".join(map(repr, _list_other_files(archive, "")))
         raise NetworkError(
-            f"{source}: content: expected a KMZ, shapefiles or a workbook in the archive, found none"
+            "content: expected a KMZ, shapefiles or a workbook in the archive, found none"
             + (f" but {others}: unpack it" if others else "")
         )
     others = ", ".join(map(repr, _list_other_files(archive, read)))
     if others:
-        drawing.found.append(Remark(RemarkTopic.WHOLE, source, f"also in the archive, and not read: {others}"))
+        drawing.found.append(Remark(RemarkTopic.WHOLE, choice.source, f"also in the archive, and not read: {others}"))
     return drawing
 
 
@@ -220,24 +254,24 @@ def _list_other_files(archive: Archive, read: str) -> Iterator[str]:
     )
 
 
-def _read_xml(content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
-    root = root_of(content, source)
-    if tag_of(root) in {"kml", *kml.ROOTS}:
-        return kml.parse_kml([root], source, choice)
-    reader = {"gpx": gpx.parse_gpx, "osm": osm.parse_osm_xml}.get(tag_of(root))
+def _read_xml(content: bytes, choice: ReadOptions) -> RawNetwork:
+    root = xml_files.root_of(content)
+    tag = xml_files.tag_of(root)
+    if tag in {"kml", *xml_files.KML_ROOTS}:
+        return xml_files.parse_kml([root], choice)
+    reader = {"gpx": xml_files.parse_gpx, "osm": xml_files.parse_osm_xml}.get(tag)
     if reader is None:
         says = to_printable(" ".join(str(text) for text in root.itertext()))[:200]
-        is_error = any(word in tag_of(root).lower() for word in ("exception", "error"))
-        words = f": a server's error: {says}" if is_error else ""
-        raise NetworkError(f"{source}: content: expected XML that is kml, gpx or osm, got {tag_of(root)!r}{words}")
-    return reader(root, source, choice)
+        words = f": a server's error: {says}" if re.search("exception|error", tag, re.IGNORECASE) else ""
+        raise NetworkError(f"content: expected XML that is kml, gpx or osm, got {tag!r}{words}")
+    return reader(root, choice)
 
 
-def _read_json(text: str, source: str, choice: ReadOptions) -> RawNetwork:
-    document = geojson.parse_features(text, source)
+def _read_json(text: str, choice: ReadOptions) -> RawNetwork:
+    document = geojson.parse_features(text, choice.source)
     if "elements" in document and "features" not in document:
-        return osm.parse_overpass(document, source, choice)
-    return geojson.parse_geojson(document, source, choice)
+        return xml_files.parse_overpass(document, choice)
+    return geojson.parse_geojson(document, choice)
 
 
 def _place_network(
@@ -249,12 +283,11 @@ def _place_network(
     anywhere: bool,
 ) -> NetworkImport:
     """Return a network about its depot: the caller's, or the file's, or where neither is, if it may, its middle."""
-    source = drawing.source
-    frame, alt_known = _frame_of(Path(source), given), given is not None and given[2] is not None
+    frame, alt_known = _frame_of(given), given is not None and given[2] is not None
     if frame is None or not alt_known:
         frame, alt_known = _find_depot(drawing, frame)
     if frame is None and radius_m is not None:
-        raise NetworkError(f"{source}: radius_m: expected a depot beside it, the network's file has none")
+        raise NetworkError("radius_m: expected a depot beside it, the network's file has none")
     drawing.near = _build_near_filter(frame, radius_m)
     drawing.keep_near()
     if drawing.far is not None and not (drawing.lines or drawing.spans):
@@ -262,9 +295,7 @@ def _place_network(
     built = build_unplaced_network(drawing, mending)
     if not built.segments:
         poles = f": {len(drawing.poles)} points and no line" if drawing.poles else ""
-        raise NetworkError(
-            f"{source}: segments: expected at least one, found none{poles}{explain_empty_file(drawing.remarks)}"
-        )
+        raise NetworkError(f"segments: expected at least one, found none{poles}{explain_empty_file(drawing.remarks)}")
     if frame is not None and radius_m is not None:
         built = _crop_to_radius(built, frame, radius_m)
         if not built.segments:
@@ -272,16 +303,14 @@ def _place_network(
     has_depot, knows_ground = frame is not None, any(pylon.elevation_m is not None for pylon in built.pylons)
     if frame is None:
         if not anywhere:
-            raise NetworkError(
-                f"{source}: depot: expected a Point with property role 'depot', or a depot in the site file"
-            )
-        frame = _find_middle(source, built)
+            raise NetworkError("depot: expected a Point with property role 'depot', or a depot in the site file")
+        frame = _find_middle(built)
     elif not alt_known and knows_ground and not anywhere:
         raise NetworkError(
-            f"{source}: depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
+            "depot: expected its height above sea level, because the pylons have elevation_m: alt_m "
             "of the site's [depot], or elevation_m of the file's"
         )
-    network = Network(built.pylons, built.segments, frame, source, drawing.flat)
+    network = Network(built.pylons, built.segments, frame, drawing.source, drawing.flat)
     found = sorted(built.found, key=lambda one: one.matter not in FIRST)
     return NetworkImport(network, drawing.format, drawing.crs, has_depot, built.lines, tuple(found))
 
@@ -291,7 +320,7 @@ def _build_nothing_near_error(drawing: RawNetwork, frame: LocalFrame | None, rad
     if frame is not None and drawing.far is not None and abs(drawing.far[1]) <= 90.0:
         swapped = distance_m(frame.lat_deg, frame.lon_deg, drawing.far[1], drawing.far[0]) <= MAX_DISTANCE_M
         hint = "; latitude and longitude look swapped (GeoJSON has longitude first)" if swapped else ""
-    return NetworkError(f"{drawing.source}: radius_m: no segment lies within {radius_m:g} m of the depot{hint}")
+    return NetworkError(f"radius_m: no segment lies within {radius_m:g} m of the depot{hint}")
 
 
 def _crop_to_radius(built: UnplacedNetwork, frame: LocalFrame, radius_m: float) -> UnplacedNetwork:
@@ -321,10 +350,10 @@ def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFra
     try:
         return LocalFrame(depot.lat_deg, depot.lon_deg, depot.elevation_m or 0.0), depot.elevation_m is not None
     except ValueError as error:
-        raise NetworkError(f"{drawing.source}: {depot.place}: depot: {error}") from error
+        raise NetworkError(f"{depot.place}: depot: {error}") from error
 
 
-def _find_middle(source: str, built: UnplacedNetwork) -> LocalFrame:
+def _find_middle(built: UnplacedNetwork) -> LocalFrame:
     """Return the middle of the poles, for who only looks at them."""
     first = built.pylons[0]
     about = LocalFrame(first.lat_deg, first.lon_deg)
@@ -332,7 +361,7 @@ def _find_middle(source: str, built: UnplacedNetwork) -> LocalFrame:
     for pylon, place_m in zip(built.pylons, places_m, strict=True):
         if not math.hypot(*place_m) <= MAX_DISTANCE_M:
             raise NetworkError(
-                f"{source}: pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of pylon "
+                f"pylon {pylon.id!r}: position: expected within {MAX_DISTANCE_M / 1000:g} km of pylon "
                 f"{first.id!r}, got {pylon.lat_deg:.6f}, {pylon.lon_deg:.6f}; are latitude and longitude swapped, or "
                 f"is it another crs?{CUT}"
             )
@@ -341,10 +370,46 @@ def _find_middle(source: str, built: UnplacedNetwork) -> LocalFrame:
     return LocalFrame(*middle)
 
 
-def _frame_of(path: Path, depot: tuple[float, float, float | None] | None) -> LocalFrame | None:
+def _frame_of(depot: tuple[float, float, float | None] | None) -> LocalFrame | None:
     if depot is None:
         return None
     try:
         return LocalFrame(depot[0], depot[1], depot[2] or 0.0)
     except ValueError as error:
-        raise NetworkError(f"{path}: depot: {error}") from error
+        raise NetworkError(f"depot: {error}") from error
+
+
+def build_network_document(understood: NetworkImport) -> dict[str, object]:
+    """Return a FeatureCollection of the depot, where there is one, all pylons and all segments.
+
+    A segment is a LineString with the ids of its pylons, so that it stays one whatever it passes.
+    """
+    document: dict[str, object] = {"type": "FeatureCollection", "features": list(_build_features(understood))}
+    # The site may claim so as well; what is known by the file's format would be lost.
+    return {**document, geojson.FLAT: True} if understood.network.flat else document
+
+
+def _build_features(understood: NetworkImport) -> Iterator[dict[str, object]]:
+    network = understood.network
+    if understood.has_depot:
+        lat_deg, lon_deg, alt_m = network.depot
+        known = alt_m or any(pylon.elevation_m is not None for pylon in network.pylons)
+        heights = {"elevation_m": alt_m} if known else {}
+        yield _build_feature("Point", [lon_deg, lat_deg], {"role": "depot", **heights})
+    for pylon in network.pylons:
+        figures = {"elevation_m": pylon.elevation_m, "height_m": pylon.height_m}
+        heights = {key: value for key, value in figures.items() if value is not None}
+        yield _build_feature("Point", _to_coordinates(pylon), {"id": pylon.id, **heights})
+    for segment in network.segments:
+        a, b = network.pylons[segment.a], network.pylons[segment.b]
+        line = understood.lines.get(segment.label, "")
+        named = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
+        yield _build_feature("LineString", [_to_coordinates(a), _to_coordinates(b)], named)
+
+
+def _to_coordinates(pylon: Pylon) -> list[float]:
+    return [pylon.lon_deg, pylon.lat_deg, *([] if pylon.third_m is None else [pylon.third_m])]
+
+
+def _build_feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}

@@ -1,15 +1,26 @@
-"""Files of limited size, and what is in archives: no bomb of a few kilobytes fills the memory."""
+"""Files of strangers: of limited size, and what is in archives, so that no bomb of a few kilobytes fills the memory.
+
+What bytes of names are: text of tables is UTF-8, UTF-16 or a code page of Windows, which no file names: it is tried. A
+shapefile says its own by its .cpg, or by a byte of its .dbf.
+"""
 
 from __future__ import annotations
 
+import codecs
 import io
 import lzma
+import math
+import re
+import struct
 import zipfile
 import zlib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from missions.errors import NetworkError
-from missions.files import to_printable
+from missions.errors import MissionsError, NetworkError
+from missions.files import NESTED, to_printable
 
 MOST_BYTES = 256_000_000
 """Of a file, and of all that an archive unpacks to."""
@@ -46,6 +57,49 @@ FOREIGN = {
     b"version https://": "a pointer of Git LFS: fetch the file itself",
 }
 """What begins otherwise than anything that is read, and what people do about it."""
+MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+LETTERS: Mapping[str, Sequence[str]] = {
+    "cp1252": (
+        "üäöß", "éèàêçôâîûùïëœæüÿ", "óíáéñúüªº", "ãçáéíóêâõúàªº", "èàòùéìíó", "äåöéšž", "åøæéöäü", "áíðéöóúþýæ",
+        "ëéïóöüèá", "àèéíóòçúïü·",
+    ),
+    "cp1250": (
+        "íáěéřčžýšůúóňďť", "áíčéýžšťúľňôóďäŕĺ", "łążęóśćńź", "áéöóőíüúű", "čšžćđ", "ăîâşţ", "üäöß", "ëç",
+    ),
+    "cp1257": ("āīēšžļņķūčģ", "ėšžųįūčęą", "õäüöšž"),
+    "cp1254": ("ıüşçğöâîû",),
+    "cp1251": (
+        "оеаинтсрвлкмдпуяыьгзбчйхжшюцщэфъё", "оанівиертслкдупмязьбгйчхцжіїшющєґф", "аоиенртсвкудмјлпзгшбчцћхжњљђфџ",
+    ),
+    "cp1253": ("αοιετσνρκπμλςυδγήάόίθώέχφβύηωξζψϊϋΐΰ",),
+}  # fmt: skip
+"""Code pages of Europe, and of languages that are written in each the letters that ASCII has not, the usual first."""
+APART = ("cp1251", "cp1253")
+"""No word there mixes the page's own letters with those of ASCII."""
+SIGNS = frozenset("°±§©®«»„“”‚‘’‹›–—…·•€£µ²³½¼¾\u00a0№")
+_WORD = re.compile(r"[^\W\d_]+")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f]")
+MOST_WORDS = 3
+SIGN, NEVER = 0.02, 1e-4
+"""How likely a usual sign is among letters, and what a language does not have."""
+AT = 29
+"""Where a .dbf says its code page."""
+PAGES: Mapping[int, str] = {
+    0x01: "cp437", 0x02: "cp850", 0x03: "cp1252", 0x04: "mac_roman", 0x08: "cp865", 0x09: "cp437", 0x0A: "cp850",
+    0x0B: "cp437", 0x0D: "cp437", 0x0E: "cp850", 0x0F: "cp437", 0x10: "cp850", 0x11: "cp437", 0x12: "cp850",
+    0x13: "cp932", 0x14: "cp850", 0x15: "cp437", 0x16: "cp850", 0x17: "cp865", 0x18: "cp437", 0x19: "cp437",
+    0x1A: "cp850", 0x1B: "cp437", 0x1C: "cp863", 0x1D: "cp850", 0x1F: "cp852", 0x22: "cp852", 0x23: "cp852",
+    0x24: "cp860", 0x25: "cp850", 0x26: "cp866", 0x37: "cp850", 0x40: "cp852", 0x4D: "cp936", 0x4E: "cp949",
+    0x4F: "cp950", 0x50: "cp874", 0x58: "cp1252", 0x59: "cp1252", 0x64: "cp852", 0x65: "cp866", 0x66: "cp865",
+    0x67: "cp861", 0x6A: "cp737", 0x6B: "cp857", 0x6C: "cp863", 0x78: "cp950", 0x79: "cp949", 0x7A: "cp936",
+    0x7B: "cp932", 0x7C: "cp874", 0x7D: "cp1255", 0x7E: "cp1256", 0x86: "cp737", 0x87: "cp852", 0x88: "cp857",
+    0x96: "mac_cyrillic", 0x97: "mac_latin2", 0x98: "mac_greek", 0xC8: "cp1250", 0xC9: "cp1251", 0xCA: "cp1254",
+    0xCB: "cp1253", 0xCC: "cp1257",
+}  # fmt: skip
+"""Of dBASE, FoxPro and ArcGIS. 0x57 stands for whatever the writer's computer had, and says nothing."""
+USUAL = "utf-8"
+FIELD_BYTES = 32
+FIELDS_END = 0x0D
 
 
 def read_first_bytes(path: Path) -> bytes:
@@ -55,15 +109,15 @@ def read_first_bytes(path: Path) -> bytes:
         NetworkError: it cannot be read, or is of a kind that is not read anywhere.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise NetworkError(f"{path}: file: expected a readable network file: it is a device or a pipe")
+        raise NetworkError("file: expected a readable network file: it is a device or a pipe")
     try:
         with path.open("rb") as file:
             begin = file.read(16)
     except OSError as reason:
-        raise NetworkError(f"{path}: file: expected a readable network file: {reason.strerror}") from reason
+        raise NetworkError(f"file: expected a readable network file: {reason.strerror}") from reason
     for magic, words in FOREIGN.items():
         if begin.startswith(magic):
-            raise NetworkError(f"{path}: content: expected a map's data, got {words}")
+            raise NetworkError(f"content: expected a map's data, got {words}")
     return begin
 
 
@@ -74,34 +128,47 @@ def read_limited(path: Path) -> bytes:
         NetworkError: it is too large.
     """
     if path.stat().st_size > MOST_BYTES:
-        raise NetworkError(f"{path}: file: expected at most {MOST_BYTES // 1_000_000} MB; cut out what is flown")
+        raise NetworkError(f"file: expected at most {MOST_BYTES // 1_000_000} MB; cut out what is flown")
     return path.read_bytes()
+
+
+@contextmanager
+def naming_file(path: Path, error: type[MissionsError] = NetworkError) -> Iterator[None]:
+    """Let what is wrong with a file's content be said of the file.
+
+    Raises:
+        MissionsError: of the type that is given, in one line that begins with the file's name.
+    """
+    try:
+        yield
+    except MissionsError as reason:
+        text = str(reason)
+        raise error(text if text.startswith(f"{path}: ") else f"{path}: {text}") from reason
+    except RecursionError:
+        raise error(f"{path}: content: {NESTED}") from None
 
 
 class Archive:
     """A zip archive, of which nothing is unpacked that is not asked for."""
 
-    def __init__(self, content: bytes, source: str) -> None:
+    def __init__(self, content: bytes) -> None:
         """Look into an archive.
 
         Raises:
             NetworkError: it is none, or unpacks to too much.
         """
-        self.source = source
         try:
             self._zip = zipfile.ZipFile(io.BytesIO(content))
             members = [member for member in self._zip.infolist() if not member.is_dir()]
         except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
-            raise NetworkError(
-                f"{source}: content: expected a whole zip archive: {to_printable(str(reason))}"
-            ) from reason
+            raise NetworkError(f"content: expected a whole zip archive: {to_printable(str(reason))}") from reason
         if len(members) > MOST_MEMBERS:
-            raise NetworkError(f"{source}: content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
+            raise NetworkError(f"content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
         if sum(member.file_size for member in members) > MOST_BYTES:
-            raise NetworkError(f"{source}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
+            raise NetworkError(f"content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
         for member in members:
             if member.file_size > max(RATIO_FROM_BYTES, MOST_RATIO * member.compress_size):
-                place = f"{source}: {to_printable(member.filename)}"
+                place = f"{to_printable(member.filename)}"
                 raise NetworkError(f"{place}: expected a file that unpacks to at most {MOST_RATIO} times its size")
         # What macOS puts beside every file is none of ours.
         self.names = tuple(member.filename for member in members if not member.filename.startswith("__MACOSX/"))
@@ -121,6 +188,155 @@ class Archive:
                 return file.read(self._zip.getinfo(name).file_size)
         except UNREADABLE as reason:
             raise NetworkError(
-                f"{self.source}: {to_printable(name)}: expected a whole file without a password: "
-                f"{to_printable(str(reason))}"
+                f"{to_printable(name)}: expected a whole file without a password: {to_printable(str(reason))}"
             ) from reason
+
+
+def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
+    """Return the text that bytes are, and what is to be said of it; empty where the bytes are UTF-8 or say it.
+
+    Args:
+        content: The file's.
+        encoding: What its people say; None to try.
+
+    Raises:
+        NetworkError: it is unknown, or the bytes are something else.
+    """
+    marked = next((mark for begin, mark in MARKS if content.startswith(begin)), None)
+    if marked is not None or encoding is not None:
+        return _decode_as(content, marked or str(encoding)), ""
+    if content[:2].count(b"\x00") == 1:
+        mark = "utf-16-le" if content[1] == 0 else "utf-16-be"
+        return _decode_as(content, mark), f"no encoding is said: read as {mark}"
+    try:
+        return content.decode("utf-8"), ""
+    except UnicodeDecodeError as reason:
+        if _CONTROL.search(content):
+            raise NetworkError(f"encoding: expected text, found other bytes at {reason.start}") from reason
+    page, names = guess_code_page(content)
+    return content.decode(page, "replace"), f"no encoding is said: read as {page}{names}; encoding says another"
+
+
+def _decode_as(content: bytes, encoding: str) -> str:
+    try:
+        return content.decode(encoding)
+    except (LookupError, ValueError) as reason:
+        raise build_encoding_error(encoding, reason) from reason
+
+
+def build_encoding_error(encoding: str, reason: Exception) -> NetworkError:
+    """Return what is said of an encoding that is unknown, or is not that of the bytes."""
+    return NetworkError(
+        f"encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
+        f"{to_printable(str(reason))}"
+    )
+
+
+def guess_code_page(content: bytes) -> tuple[str, str]:
+    """Return the code page one of whose languages has a text's letters most likely, and words with such names."""
+    page = max(LETTERS, key=lambda one: _log_likelihood(content.decode(one, "replace"), one))
+    text = content.decode(page, "replace")
+    names = list(dict.fromkeys(word for word in _WORD.findall(text) if not word.isascii()))[:MOST_WORDS]
+    return page, f", with names such as {', '.join(map(repr, names))}" if names else ""
+
+
+def _log_likelihood(text: str, page: str) -> float:
+    """Return how likely a text is in the language of a page that fits best, as a logarithm."""
+    signs = sum(
+        math.log(SIGN if letter in SIGNS else NEVER) for letter in text if not (letter.isascii() or letter.isalpha())
+    )
+    words = [word.replace("İ", "i").lower() for word in _WORD.findall(text) if not word.isascii()]
+    odd = [word for word in words if page in APART and any(map(str.isascii, word))]
+    letters = Counter(letter for word in words for letter in word if not letter.isascii())
+    return signs + len(odd) * math.log(NEVER) + max(_log_likelihood_in(letters, own) for own in LETTERS[page])
+
+
+def _log_likelihood_in(letters: Counter[str], own: str) -> float:
+    """Return the logarithm of the likelihood of letters in a language: the second as likely by half as the first."""
+    of_all = sum(1.0 / rank for rank in range(1, len(own) + 1))
+    shares = {letter: 1.0 / rank / of_all for rank, letter in enumerate(own, start=1)}
+    return sum(count * math.log(shares.get(letter, NEVER)) for letter, count in letters.items())
+
+
+def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[str, str]:
+    """Return Python's name of a table's encoding, and what is to be said of it; empty if it is as the file says.
+
+    Args:
+        dbf: The table.
+        cpg: What says its encoding beside it, where that is there.
+        encoding: What its people say; None to go by the files.
+
+    Raises:
+        NetworkError: what its people say is unknown, or the names are in another.
+    """
+    texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
+    if encoding is not None:
+        _check_encoding(texts, encoding)
+        return encoding, ""
+    by_cpg, by_dbf = _parse_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
+    told = [page for page in (by_cpg, by_dbf) if page is not None]
+    fitting = next((page for page in (*told, USUAL) if all(_is_text_of(text, page) for text in texts)), None)
+    if fitting == (told or [USUAL])[0]:
+        return fitting, ""
+    fitting, names = (fitting, "") if fitting is not None else guess_code_page(b"\n".join(texts))
+    wrong = f"names are not in {told[0]}, as it says" if told else "names are in no code page that it says"
+    return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
+
+
+def _check_encoding(texts: Sequence[bytes], encoding: str) -> None:
+    try:
+        b"abcd".decode(encoding)
+        for text in texts:
+            _check_letters(text, encoding)
+    except (LookupError, ValueError) as reason:
+        raise build_encoding_error(encoding, reason) from reason
+
+
+def _parse_cpg(cpg: bytes | None) -> str | None:
+    """Return Python's name of what a .cpg says: UTF-8, 1250, 'ANSI 1250', 88592, LDID/200; None if that is unknown."""
+    if cpg is None:
+        return None
+    said = to_printable(cpg.decode("ascii", "replace").lstrip("\ufeff")).strip("\ufffd ").lower()
+    if (ldid := re.fullmatch(r"ldid/(\d+)", said)) is not None:
+        return PAGES.get(int(ldid[1]))
+    number = re.fullmatch(r"(?:ansi|oem|windows|cp|ibm)?[ _-]*(\d{3,5})", said)
+    if number is not None:
+        said = USUAL if number[1] == "65001" else re.sub(r"^8859-?(\d+)$", r"iso8859-\1", number[1])
+        said = f"cp{said}" if said.isdigit() else said
+    said = re.sub(r"^iso[ _-]*8859[ _-]*(\d+)$", r"iso8859-\1", said)
+    try:
+        return codecs.lookup(said).name
+    except (LookupError, ValueError):
+        return None
+
+
+def _is_text_of(text: bytes, page: str) -> bool:
+    """Return whether bytes are letters of an encoding; a field that is full may end within one."""
+    try:
+        _check_letters(text, page)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _check_letters(text: bytes, page: str) -> None:
+    codecs.getincrementaldecoder(page)("strict").decode(text, False)
+
+
+def _iterate_texts(dbf: bytes) -> Iterator[bytes]:
+    """Yield the names of a table's columns and the texts in it; of one that is damaged as far as that goes."""
+    try:
+        count, head, length = struct.unpack_from("<IHH", dbf, 4)
+        fields, at, offset = [], FIELD_BYTES, 1
+        while at + FIELD_BYTES <= head and dbf[at] != FIELDS_END:
+            yield dbf[at : at + 11].partition(b"\0")[0]
+            width = dbf[at + 16]
+            if dbf[at + 11 : at + 12] == b"C":
+                fields.append((offset, width))
+            offset, at = offset + width, at + FIELD_BYTES
+    except (struct.error, IndexError):
+        return
+    for start in range(head, min(head + count * length, len(dbf)), max(length, 1)):
+        row = dbf[start : start + length]
+        if not row.isascii():
+            yield from (row[offset : offset + width].rstrip(b"\0 ") for offset, width in fields)

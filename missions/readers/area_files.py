@@ -8,18 +8,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from missions.errors import AreaError, NetworkError
-from missions.files import NESTED, decode_text
-from missions.readers import geojson, kml
-from missions.readers.archives import Archive, read_first_bytes, read_limited
+from missions.errors import AreaError
+from missions.files import decode_text
+from missions.readers import geojson, xml_files
+from missions.readers.archives import Archive, naming_file, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
-from missions.readers.raw_network import MOST_VERTICES, Vertex
-from missions.readers.read_options import Comparison, ReadOptions
-from missions.readers.xml_tree import iterate_children, line_of, read_child_text, root_of, tag_of
+from missions.readers.raw_network import MOST_VERTICES, Comparison, ReadOptions
+from missions.readers.xml_files import iterate_children, line_of, read_child_text, root_of, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -58,20 +57,16 @@ def read_areas(path: Path, *, layers: Sequence[str] = (), where: Sequence[Compar
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
     """
-    choice = ReadOptions(tuple(layers), tuple(where))
-    try:
-        found = tuple(_read(path, choice))
-        choice.check_where(str(path))
+    choice = ReadOptions(str(path), tuple(layers), tuple(where))
+    with naming_file(path, AreaError):
+        found = tuple(replace(area, place=f"{path}: {area.place}") for area in _read(path, choice))
+        choice.check_where()
         for attribute, value in choice.uncompared:
-            raise AreaError(f"{path}: where: expected numbers of {attribute!r} to compare, got {value!r}")
-    except NetworkError as error:
-        raise AreaError(str(error)) from error
-    except RecursionError:
-        raise AreaError(f"{path}: content: {NESTED}") from None
-    if not found:
-        raise AreaError(f"{path}: areas: expected at least one polygon or line, found none")
-    if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
-        raise AreaError(f"{path}: areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
+            raise AreaError(f"where: expected numbers of {attribute!r} to compare, got {value!r}")
+        if not found:
+            raise AreaError("areas: expected at least one polygon or line, found none")
+        if sum(len(ring) for area in found for ring in area.rings_deg) > MOST_VERTICES:
+            raise AreaError(f"areas: expected at most {MOST_VERTICES} positions; where, layer, or a cut choose")
     return found
 
 
@@ -95,124 +90,88 @@ def check_outline(rings_deg: Iterable[Sequence[LatLon]], place: str, *, is_line:
 
 
 def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
-    source = str(path)
     read_first_bytes(path)  # says why a file cannot be read
     content = read_limited(path)
     if content.startswith(b"PK"):
-        archive = Archive(content, source)
+        archive = Archive(content)
         if not archive.list_by_suffix(".kml"):
-            raise AreaError(f"{source}: content: expected {FORMATS}, found an archive without a .kml")
-        roots = [root_of(document, source) for document in kml.extract_kml(archive)]
-        yield from _read_kml(roots, source, choice, archive.list_by_suffix(".kml"))
+            raise AreaError(f"content: expected {FORMATS}, found an archive without a .kml")
+        roots = [root_of(document) for document in xml_files.extract_kml(archive)]
+        yield from _read_kml(roots, choice, archive.list_by_suffix(".kml"))
         return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
-        yield from _read_kml([root_of(content, source)], source, choice)
+        yield from _read_kml([root_of(content)], choice)
         return
-    text = decode_text(content, source, AreaError).lstrip()
+    text = decode_text(content, choice.source, AreaError).lstrip()
     if not text.startswith("{"):
-        raise AreaError(f"{source}: content: expected {FORMATS}, found none")
-    yield from _read_geojson(geojson.parse_features(text, source), source, choice)
+        raise AreaError(f"content: expected {FORMATS}, found none")
+    yield from _read_geojson(geojson.parse_features(text, choice.source), choice)
 
 
-def _read_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> Iterator[FileArea]:
-    choice.refuse_layers(source, geojson.FORMAT)
-    geojson.check_whole(document, source)
-    system = geojson.system_of(document, source)
-    for feature in geojson.features_of(document, source):
+def _read_geojson(document: Mapping[str, object], choice: ReadOptions) -> Iterator[FileArea]:
+    choice.refuse_layers(geojson.FORMAT)
+    geojson.check_whole(document)
+    system = geojson.system_of(document)
+    for feature in geojson.features_of(document):
         if not choice.is_wanted(feature.properties):
             continue
         name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
-        place = f"{source}: {feature.place}" + (f" {name!r}" if name else "")
-        figures = _read_figures(feature.properties, place)
-        at = f"{place}: coordinates"
-        match feature.kind:
-            case "Polygon" | "MultiPolygon":
-                polygons = [feature.coordinates] if feature.kind == "Polygon" else _expect_list(feature.coordinates, at)
-                for polygon in polygons:
-                    rings = tuple(
-                        _check_closed_ring(geojson.positions_of(ring, at, system), place)
-                        for ring in _expect_list(polygon, at)
-                    )
-                    yield _build_area(place, name, rings, figures)
-            case "LineString" | "MultiLineString":
-                lines = [feature.coordinates] if feature.kind == "LineString" else _expect_list(feature.coordinates, at)
-                for line in lines:
-                    yield _build_area(
-                        place, name, (_drop_heights(geojson.positions_of(line, at, system)),), figures, is_line=True
-                    )
-            case other:
-                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other or 'none'}")
+        place = feature.place + (f" {name!r}" if name else "")
+        at, kind = f"{place}: coordinates", str(feature.kind)
+        if kind.removeprefix("Multi") not in {"Polygon", "LineString"}:
+            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {feature.kind or 'none'}")
+        is_line, figures = kind.endswith("LineString"), _read_figures(feature.properties, place)
+        for part in _expect_list(feature.coordinates, at) if kind.startswith("Multi") else [feature.coordinates]:
+            rings = [part] if is_line else _expect_list(part, at)
+            yield _build_area(
+                place, name, [geojson.places_of(ring, at, system) for ring in rings], figures, is_line=is_line
+            )
 
 
-def _read_kml(
-    roots: Sequence[etree._Element], source: str, choice: ReadOptions, inside: Sequence[str] = ()
-) -> Iterator[FileArea]:
+def _read_kml(roots: Sequence[etree._Element], choice: ReadOptions, inside: Sequence[str] = ()) -> Iterator[FileArea]:
     for root in roots:
-        if tag_of(root) not in {"kml", *kml.ROOTS}:
-            raise AreaError(f"{source}: content: expected {FORMATS}, got XML with {tag_of(root)!r}")
-    for link in kml.links_of(roots, inside):
-        raise AreaError(
-            f"{source}: NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link"
-        )
-    marks = list(kml.placemarks_of(roots, ""))
-    wanted = choice.select_layers(source, list(dict.fromkeys(folder for _, folder in marks)), "folder")
+        if tag_of(root) not in {"kml", *xml_files.KML_ROOTS}:
+            raise AreaError(f"content: expected {FORMATS}, got XML with {tag_of(root)!r}")
+    for link in xml_files.links_of(roots, inside):
+        raise AreaError(f"NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link")
+    marks = list(xml_files.placemarks_of(roots, ""))
+    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
     for mark, folder in marks:
         name = read_child_text(mark, "name")
-        attributes = {**kml.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
+        attributes = {**xml_files.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
         if folder in wanted and choice.is_wanted(attributes):
-            place = f"{source}: Placemark {name!r}" if name else f"{source}: Placemark in {line_of(mark)}"
+            place = f"Placemark {name!r}" if name else f"Placemark in {line_of(mark)}"
             yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
 
 
 def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
-    empty = True
-    for geometry in kml.geometries_of(mark):
-        empty = False
-        match tag_of(geometry):
-            case "Polygon":
-                sides = [
-                    side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)
-                ]
-                rings = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
-                if next(iterate_children(geometry, "outerBoundaryIs"), None) is None or not rings:
-                    raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
-                yield _build_area(
-                    place, name, tuple(_check_closed_ring(_read_ring(ring, place), place) for ring in rings), figures
-                )
-            case "LinearRing":
-                yield _build_area(place, name, (_check_closed_ring(_read_ring(geometry, place), place),), figures)
-            case "LineString":
-                yield _build_area(place, name, (_drop_heights(_read_ring(geometry, place)),), figures, is_line=True)
-            case other:
-                raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {other}")
-    if empty:
-        raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got none")
+    for geometry in list(xml_files.geometries_of(mark)) or [mark]:
+        tag, lines = tag_of(geometry), [geometry]
+        if tag == "Polygon":
+            sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)]
+            lines = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
+            if not lines or tag_of(sides[0]) != "outerBoundaryIs":
+                raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
+        elif tag not in {"LinearRing", "LineString"}:
+            got = "none" if geometry is mark else tag
+            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {got}")
+        rings = [[(lat_deg, lon_deg) for lon_deg, lat_deg, _ in xml_files.positions_of(line, place, Counter())]
+                 for line in lines]  # fmt: skip
+        yield _build_area(place, name, rings, figures, is_line=tag == "LineString")
 
 
 def _build_area(
-    place: str, name: str, rings: tuple[tuple[LatLon, ...], ...], figures: Mapping[str, float], *, is_line: bool = False
+    place: str, name: str, rings: Sequence[Sequence[LatLon]], figures: Mapping[str, float], *, is_line: bool
 ) -> FileArea:
-    if not rings:
-        raise AreaError(f"{place}: coordinates: expected an outline, got none")
-    check_outline(rings, place, is_line=is_line)
-    return FileArea(place, name, rings, is_line, figures)
-
-
-def _check_closed_ring(positions: Sequence[Vertex], place: str) -> tuple[LatLon, ...]:
-    places = _drop_heights(positions)
-    if len(places) < 4 or places[0] != places[-1]:
-        raise AreaError(
-            f"{place}: expected an outline of at least 3 corners that ends where it begins, got {len(places)} positions"
-        )
-    return places[:-1]
-
-
-def _drop_heights(positions: Iterable[Vertex]) -> tuple[LatLon, ...]:
-    return tuple((lat_deg, lon_deg) for lat_deg, lon_deg, _ in positions)
-
-
-def _read_ring(geometry: etree._Element, place: str) -> list[Vertex]:
-    return kml.vertices_of(geometry, place, Counter())
+    for ring in () if is_line else rings:
+        if len(ring) < 4 or ring[0] != ring[-1]:
+            raise AreaError(
+                f"{place}: expected an outline of at least 3 corners that ends where it begins, "
+                f"got {len(ring)} positions"
+            )
+    known = tuple(tuple(ring if is_line else ring[:-1]) for ring in rings)
+    check_outline(known, place, is_line=is_line)
+    return FileArea(place, name, known, is_line, figures)
 
 
 def _read_figures(attributes: Mapping[str, object], place: str) -> dict[str, float]:

@@ -1,7 +1,9 @@
-"""What a feature's attributes say: its name, its heights, its number on OpenStreetMap.
+"""What a feature's attributes say: its name, its heights, its number on OpenStreetMap, and what it is of a power line.
 
 Attributes are compared by their names in small letters and with one kind of divider, as programs write them in any way:
-'disused:power' and 'DISUSED_POWER' are the same, and so are 'Elevation (m)' and 'elevation_m'.
+'disused:power' and 'DISUSED_POWER' are the same, and so are 'Elevation (m)' and 'elevation_m'. They are OpenStreetMap's
+tags in whatever format they come, and what utilities write instead. Cables, lines that are not built or not there any
+more, and what is no pole are never flown.
 """
 
 from __future__ import annotations
@@ -10,12 +12,12 @@ import json
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from functools import lru_cache
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.raw_network import Attributes
-from missions.readers.values import METRES, NO_FIGURE, NO_HEIGHT_M, is_blank, metres_of
+from missions.readers.values import METRES, NO_FIGURE, NO_HEIGHT_M, Attributes, is_blank, metres_of
 
 NAMES = (
     "name", "ref", "id", "label", "number", "code", "asset", "asset_id", "line", "line_id", "line_name", "pole",
@@ -192,3 +194,216 @@ def read_loose_metres(attributes: Attributes, key: str, *, of_map: bool) -> tupl
         if is_figure(found) and found > NO_HEIGHT_M:
             return found, other
     return None, ""
+
+
+class PowerFeature(StrEnum):
+    """What a feature is; the value is what people call it."""
+
+    SPAN = "span"
+    CABLE = "cable"
+    UNDERGROUND = "underground line"
+    INDOORS = "line of a substation"
+    UNBUILT = "planned line"
+    DISUSED = "disused line"
+    REMOVED = "removed line"
+    POLE = "pole"
+    UNBUILT_POLE = "planned pole"
+    DISUSED_POLE = "disused pole"
+    REMOVED_POLE = "removed pole"
+    GENERATOR = "generator"
+    SUBSTATION = "substation"
+    DELETED = "deleted feature"
+    OTHER = "feature of another kind"
+
+
+POWER_LINES = ("line", "minor_line")
+CABLES = ("cable", "cables", "minor_cable", "power_cable", "underground_cable", "minor_underground_cable")
+GENERATORS = ("generator", "plant", "power_plant", "power_station", "solar_farm", "wind_farm", "heliostat")
+SUBSTATIONS = ("substation", "sub_station", "station", "electrical_substation", "switchgear", "switching_station",
+               "converter", "converter_station", "compensator", "cable_distribution_cabinet", "battery")  # fmt: skip
+SUPPORTS = frozenset(("tower", "pole", "portal", "terminal", "catenary_mast", "insulator"))
+NO_LINES = (*SUPPORTS, "switch", "transformer", "connection", "outlet", "circuit", *GENERATORS, *SUBSTATIONS)
+NO_POLES = (*POWER_LINES, *CABLES, "marker", "bay", "busbar", "outlet", "circuit")
+INDOORS = ("bay", "busbar")
+
+LIFE = {
+    "proposed": PowerFeature.UNBUILT, "planned": PowerFeature.UNBUILT, "construction": PowerFeature.UNBUILT,
+    "disused": PowerFeature.DISUSED, "abandoned": PowerFeature.DISUSED, "removed": PowerFeature.REMOVED,
+    "demolished": PowerFeature.REMOVED, "dismantled": PowerFeature.REMOVED, "razed": PowerFeature.REMOVED,
+    "destroyed": PowerFeature.REMOVED,
+}  # fmt: skip
+"""What OpenStreetMap says of what is not in use: disused=yes, disused:power=line, power=disused."""
+KINDS = frozenset((*POWER_LINES, *CABLES, *INDOORS, *NO_LINES, "power"))
+TEN = 10
+"""Letters that a shapefile leaves of an attribute's name."""
+FLAGS = {key: meaning for word, meaning in LIFE.items() for key in (word, word[:TEN])}
+OF_POWER = {
+    key: meaning
+    for word, meaning in {**LIFE, "was": PowerFeature.REMOVED, "historic": PowerFeature.REMOVED}.items()
+    for key in (f"{word}_power", f"{word}_power"[:TEN])
+}
+LIFE_KEYS = FLAGS.keys() | OF_POWER.keys()
+STATUS_KEYS = frozenset((
+    "status", "state", "lifecycle", "lifecycle_status", "life_cycle", "operational_status", "op_status",
+    "operation_status", "service_status", "construction_status", "stage",
+))  # fmt: skip
+STATUS = LIFE | {
+    "future": PowerFeature.UNBUILT, "under construction": PowerFeature.UNBUILT, "under const": PowerFeature.UNBUILT,
+    "in construction": PowerFeature.UNBUILT, "not built": PowerFeature.UNBUILT, "projected": PowerFeature.UNBUILT,
+    "not in service": PowerFeature.DISUSED, "out of service": PowerFeature.DISUSED, "inactive": PowerFeature.DISUSED,
+    "decommissioned": PowerFeature.DISUSED, "retired": PowerFeature.DISUSED, "deleted": PowerFeature.REMOVED,
+}  # fmt: skip
+TYPE_KEYS = frozenset((
+    "type", "line_type", "linetype", "subtype", "sub_type", "class", "category", "kind", "feature_type",
+    "asset_type", "power_type", "conductor_type", "structure_type", "fclass",
+))  # fmt: skip
+LAID_KEYS = frozenset((
+    "location", "installation", "install_type", "placement", "position", "laying", "construction",
+    "construction_type", "overhead_underground", "oh_ug", "ohug", "ug_oh", "ugoh", *TYPE_KEYS,
+))  # fmt: skip
+UNDER = frozenset(("underground", "underwater", "submarine", "undersea", "subsea", "buried", "ug", "ugc", "erdkabel",
+                   "unterirdisch", "souterrain", "souterraine", "podzemni", "podziemna", "subterranea", "subterraneo",
+                   "interrata", "ondergronds"))  # fmt: skip
+OVER = frozenset(("overhead", "overground", "aerial", "oh", "ohl", "ohc", "freileitung", "aerien", "aerienne",
+                  "nadzemni", "napowietrzna", "aerea", "aereo", "bovengronds"))  # fmt: skip
+YES, NO = frozenset(("yes", "true", "1", "t", "y")), frozenset(("no", "false", "0", "f", "n"))
+BURIED_KEYS, AIR_KEYS = ("underground", "is_underground"), ("overhead", "is_overhead")
+OF_POLES = {
+    PowerFeature.UNBUILT: PowerFeature.UNBUILT_POLE, PowerFeature.DISUSED: PowerFeature.DISUSED_POLE,
+    PowerFeature.REMOVED: PowerFeature.REMOVED_POLE
+}  # fmt: skip
+
+
+def classify_line(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
+    """Return what a line is, and which attribute says so.
+
+    Args:
+        known: Its attributes.
+        of_map: Whether all tags of OpenStreetMap are there: what is no power line by them is none.
+    """
+    if _is_deleted(known):
+        return PowerFeature.DELETED, ""
+    power = _split_values(known, "power")
+    life = _find_lifecycle(known, power)
+    if life is not None:
+        return life
+    if power & {*POWER_LINES}:
+        if _split_values(known, "line") & {*INDOORS}:
+            return PowerFeature.INDOORS, "line"
+        return (PowerFeature.UNDERGROUND, "location") if _is_underground(known) else (PowerFeature.SPAN, "power")
+    kinds = power or {word for key in known.keys() & TYPE_KEYS for word in _split_values(known, key)}
+    if kinds & {*CABLES}:
+        return PowerFeature.CABLE, "power"
+    if _is_underground(known):
+        return PowerFeature.UNDERGROUND, "location"
+    return (_classify_other(power), "power") if of_map or power & {*NO_LINES, *INDOORS} else (PowerFeature.SPAN, "")
+
+
+def classify_point(known: PlainAttributes, *, of_map: bool) -> tuple[PowerFeature, str]:
+    """Return what a point is, and which attribute says so; what nothing is said of is a pole.
+
+    Args:
+        known: Its attributes.
+        of_map: Whether all tags of OpenStreetMap are there: what is no pole by them is none.
+    """
+    if _is_deleted(known):
+        return PowerFeature.DELETED, ""
+    power = _split_values(known, "power")
+    found = _find_lifecycle(known, power)
+    # What is out of use stands there all the same.
+    if found is not None and not (found[0] is PowerFeature.DISUSED and power and power <= {*NO_LINES}):
+        return OF_POLES[found[0]], found[1]
+    if power & SUPPORTS:
+        return PowerFeature.POLE, "power"
+    # A type may be a pole's own: 'line' is one that the wires pass straight, 'cable' one where they go down.
+    types = set() if power else {word for key in known.keys() & TYPE_KEYS for word in _split_values(known, key)}
+    if power & {*NO_POLES} or (power | types) & {*GENERATORS, *SUBSTATIONS}:
+        return _classify_other(power | types), "power"
+    return (PowerFeature.OTHER, "power") if of_map and not power else (PowerFeature.POLE, "power")
+
+
+def classify_row(known: PlainAttributes) -> tuple[PowerFeature, PowerFeature, str]:
+    """Return what a row of a table is as a pole, what the line at it is, and which attribute says that.
+
+    Its attributes may be those of its line.
+    """
+    line, key = classify_line(known, of_map=False)
+    of_line = _split_values(known, "power") & {*POWER_LINES, *CABLES, *INDOORS}
+    own = PlainAttributes((name, value) for name, value in known.items() if name != "power" or not of_line)
+    return classify_point(own, of_map=False)[0], line, key
+
+
+def has_power_tag(known: PlainAttributes) -> bool:
+    """Return whether an element of a map has to do with power at all."""
+    return "power" in known or _find_lifecycle(known, set()) is not None
+
+
+def has_all_tags(attributes: Attributes) -> bool:
+    """Return whether a feature of a map has a place for its power tag, so that it has none if that is empty."""
+    return any(key.strip().lower() in {"power", "@id", *NESTED} for key in attributes)
+
+
+def _classify_other(kinds: set[str]) -> PowerFeature:
+    if kinds & {*GENERATORS}:
+        return PowerFeature.GENERATOR
+    if kinds & {*CABLES}:
+        return PowerFeature.CABLE
+    if kinds & {*INDOORS}:
+        return PowerFeature.INDOORS
+    return PowerFeature.SUBSTATION if kinds & {*SUBSTATIONS} else PowerFeature.OTHER
+
+
+def _is_deleted(known: PlainAttributes) -> bool:
+    visible, action = (_normalise_text(known.get(key, known.get(f"@{key}"))) for key in ("visible", "action"))
+    return visible in NO or action == "delete"
+
+
+def _find_lifecycle(known: PlainAttributes, power: set[str]) -> tuple[PowerFeature, str] | None:
+    """Return whether something is not in use yet, or not any more, and which attribute says so."""
+    for word in sorted(re.split("[:_]", value)[0] for value in power):  # of 'abandoned:line' too
+        if word in LIFE:
+            return LIFE[word], "power"
+    for key in sorted(known.keys() & LIFE_KEYS):
+        value = _split_values(known, key)
+        if key in OF_POWER and not power and value & (KINDS | YES):
+            return OF_POWER[key], key
+        if key in FLAGS and value & (YES | {*POWER_LINES, *CABLES, "power", "tower", "pole", "portal"}):
+            return FLAGS[key], key
+    for key in sorted(known.keys() & STATUS_KEYS):
+        for part in re.split(r"[;,/]", _normalise_text(known.get(key))):
+            if (found := STATUS.get(part.strip().replace("_", " ").replace("-", " "))) is not None:
+                return found, key
+    return None
+
+
+def _is_underground(known: PlainAttributes) -> bool:
+    if any(_normalise_text(known.get(key)) in YES for key in BURIED_KEYS) or any(
+        _normalise_text(known.get(key)) in NO for key in AIR_KEYS
+    ):
+        return True
+    if _normalise_text(known.get("tunnel")) not in {"", *NO}:
+        return True
+    words = {word for key in known.keys() & LAID_KEYS for word in re.findall(r"[a-z]+", _normalise_text(known[key]))}
+    indoor = _normalise_text(known.get("location")) in {"indoor", "indoors"}
+    return (indoor or bool(words & UNDER)) and not words & OVER
+
+
+def _split_values(known: PlainAttributes, key: str) -> set[str]:
+    """Return the values of a list such as 'line;cable', in small letters with underscores."""
+    if key not in known:
+        return set()
+    parts = (
+        part.strip().replace(" ", "_").replace("-", "_") for part in re.split("[;,]", _normalise_text(known.get(key)))
+    )
+    return {part for part in parts if part}
+
+
+def _normalise_text(value: object) -> str:
+    """Return a value in small letters without accents."""
+    if is_blank(value):
+        return ""
+    text = str(value).strip().lower()
+    if text.isascii():
+        return text
+    letters = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))

@@ -1,26 +1,32 @@
-"""Rasters of heights: GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids, by rasterio; only what lies around the flights.
+"""Rasters by rasterio, whatever their cells hold: opened with little memory, and where places lie in them.
 
-Heights come out above mean sea level. What they are counted from is the file's word, its product's, or the site's.
+Of heights: GeoTIFF and COG, SRTM .hgt, DTED and ASCII grids; only what lies around the flights. They come out above
+mean sea level. What they are counted from is the file's word, its product's, or the site's; over the ellipsoid they are
+converted where PROJ has a geoid on this computer. What a run keeps of the rasters that it was planned by is numpy's own
+format, read without any library of rasters.
 """
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+import warnings
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyproj
+from pyproj.exceptions import CRSError, ProjError
 
-from missions.errors import ElevationError
-from missions.files import to_printable
-from missions.geo import LocalFrame
-from missions.readers.geoids import convert_to_sea_level
-from missions.readers.kept_elevation import KEPT_SUFFIX, read_kept_ground
-from missions.readers.rasters import check_georeference, find_window, locate_cells, measure_cell_m, open_raster
+from missions.errors import ElevationError, MissionsError
+from missions.files import to_printable, write_whole
+from missions.geo import FloatArray, LocalFrame
 from missions.terrain import Elevation, Heights, Tile, sort_tiles
 
 if TYPE_CHECKING:
@@ -28,6 +34,7 @@ if TYPE_CHECKING:
     from rasterio.windows import Window
 
 NEEDS = "a raster needs the extra terrain: pip install rasterio"
+KEPT_SUFFIX = ".npz"
 DRIVERS = ("GTiff", "SRTMHGT", "DTED", "AAIGrid")
 """Formats that hold their own content: a raster that names others could fetch them from anywhere."""
 SUFFIXES = frozenset({".tif", ".tiff", ".hgt", ".dt0", ".dt1", ".dt2", ".asc", KEPT_SUFFIX})
@@ -52,6 +59,123 @@ BETWEEN_GEOIDS_M = 1.0
 """EGM96, EGM2008 and the levelled heights of countries differ by less than this nearly everywhere."""
 UNITS_M = {"": 1.0, "m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "ft": 0.3048, "foot": 0.3048,
            "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937}  # fmt: skip
+GRIDS = ("us_nga_egm96_15.tif", "egm96_15.gtx", "us_nga_egm08_25.tif", "egm08_25.gtx")
+"""The geoids that heights are converted by; the first that is there."""
+FORMAT = "faultline-terrain/1"
+MOST_BYTES = 1_000_000_000
+"""That an archive unpacks to: twice what reading keeps of the largest area."""
+SAME_DEG = 1e-9
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError)
+
+
+@contextmanager
+def open_raster(
+    path: Path,
+    drivers: Sequence[str],
+    error: type[MissionsError],
+    what: str,
+    needs: str,
+    *,
+    zoom: int | None = None,
+    **options: str,
+) -> Iterator[Any]:
+    """Open a raster that knows where it lies; nothing that it names is fetched, for it is read by these drivers alone.
+
+    Args:
+        path: The file.
+        drivers: GDAL's names of formats that hold their own content.
+        error: What to raise.
+        what: What is expected, for messages.
+        needs: What is said where nothing is installed to read it with.
+        zoom: Of tiles; None where there are none.
+        options: Of GDAL.
+
+    Raises:
+        MissionsError: of the type that is given: it cannot be read, or lies nowhere.
+    """
+    try:
+        from rasterio import Env
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
+        from rasterio.io import DatasetReader
+    except ImportError:
+        raise error(f"{path}: {needs}") from None
+    try:
+        # A small cache: blocks are read once, and in order.
+        with warnings.catch_warnings(), Env(GDAL_CACHEMAX=64, GDAL_NUM_THREADS="1", **options):
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused in our own words
+            tiles = {} if zoom is None else {"ZOOM_LEVEL": zoom}
+            with DatasetReader(str(path.absolute()), driver=list(drivers), **tiles) as dataset:
+                yield dataset
+    except (RasterioError, CRSError, ProjError, ValueError) as reason:
+        text = to_printable(str(reason.__cause__ or reason)).replace(str(path.absolute()), path.name)
+        text = text if len(text) <= 160 else f"{text[:160]}..."
+        whole = "whole " if isinstance(reason, RasterioIOError) else ""
+        raise error(f"{path}: content: expected a {whole}{what}: {text}") from reason
+
+
+def check_georeference(path: Path, dataset: rasterio.DatasetReader, error: type[MissionsError], cells: str) -> None:
+    """Refuse a raster that does not say where its cells lie.
+
+    Raises:
+        MissionsError: of the type that is given.
+    """
+    if dataset.crs is None:
+        raise error(f"{path}: crs: expected a coordinate reference system in the file, found none")
+    transform = dataset.transform
+    if not all(map(math.isfinite, tuple(transform)[:6])) or abs(transform.determinant) < 1e-18:
+        raise error(f"{path}: transform: expected where its {cells} lie, found no usable one")
+    if transform.is_identity:
+        raise error(f"{path}: transform: expected where its {cells} lie, found none")
+
+
+def locate_cells(dataset: rasterio.DatasetReader, level: pyproj.CRS, places_deg: FloatArray) -> FloatArray:
+    """Return (m, 2) rows and columns in a raster of (m, 2) latitude and longitude; middles of cells are whole numbers.
+
+    Args:
+        dataset: The raster.
+        level: The reference system of its places.
+        places_deg: Which places.
+    """
+    to_raster = pyproj.Transformer.from_crs("EPSG:4326", level.to_2d(), always_xy=True)
+    x, y = (np.asarray(value) for value in to_raster.transform(places_deg[:, 1], places_deg[:, 0]))
+    if level.is_geographic:
+        # Around the antimeridian both ways of counting degrees are in use.
+        there = dataset.transform
+        middle = there.a * dataset.width / 2 + there.b * dataset.height / 2 + there.c
+        x = x + 360.0 * np.round((middle - x) / 360.0)
+    back = ~dataset.transform
+    columns = back.a * x + back.b * y + back.c - 0.5
+    rows = back.d * x + back.e * y + back.f - 0.5
+    return np.column_stack((rows, columns)).astype(np.float64)
+
+
+def find_window(dataset: rasterio.DatasetReader, at: FloatArray, beyond: int) -> Window | None:
+    """Return the part of a raster that holds (m, 2) rows and columns, and so many cells more; None if it holds none."""
+    from rasterio.windows import Window
+
+    at = at[np.isfinite(at).all(axis=1)]
+    if not len(at):
+        return None
+    low = np.maximum(np.floor(at.min(axis=0)).astype(int) - beyond, 0)
+    high = np.minimum(np.ceil(at.max(axis=0)).astype(int) + beyond + 1, [dataset.height, dataset.width])
+    if (high <= low).any():
+        return None
+    return Window(int(low[1]), int(low[0]), int(high[1] - low[1]), int(high[0] - low[0]))
+
+
+def measure_cell_m(at: FloatArray, step_m: float) -> float:
+    """Return how large a cell is over the ground: the smaller of its sides; not a number where it has none.
+
+    Args:
+        at: (easts, norths, 2) rows and columns of a lattice of places; its middle is looked at.
+        step_m: Between these.
+    """
+    e, n = at.shape[0] // 2 - 1, at.shape[1] // 2 - 1
+    along_e, along_n = (at[e + 1, n] - at[e, n]) / step_m, (at[e, n + 1] - at[e, n]) / step_m
+    cells = np.array([along_e, along_n]).T  # row and column a metre east, a metre north
+    if not np.isfinite(cells).all() or abs(np.linalg.det(cells)) < 1e-15:
+        return math.nan
+    return float(np.hypot(*np.linalg.inv(cells)).min())
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +281,9 @@ def _read(path: Path, reading: RasterOptions) -> _RasterPart:
     if path.suffix == KEPT_SUFFIX:
         raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
     # Nothing beside the file is looked for.
-    alone = {"GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR"}
-    with open_raster(path, DRIVERS, ElevationError, "raster of heights", NEEDS, **alone) as dataset:
+    with open_raster(
+        path, DRIVERS, ElevationError, "raster of heights", NEEDS, GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"
+    ) as dataset:
         _check_kind(path, dataset)
         product = next((one for one in PRODUCTS if one.name.search(path.name)), None)
         level, vertical_crs = _read_systems(path, dataset)
@@ -314,3 +439,142 @@ def _check_values(path: Path, dataset: rasterio.DatasetReader, part: Window, val
         f"{LOWEST_M:g} to {HIGHEST_M:g}, got {values[row, column]:g}: is it a no-data value that the file does not "
         f"declare (its own is {'none' if dataset.nodata is None else format(dataset.nodata, 'g')})?"
     )
+
+
+def convert_to_sea_level(path: Path, tile: Tile, frame: LocalFrame) -> tuple[Tile, float]:
+    """Return a tile whose heights were counted from the ellipsoid, and by how much it may be off for it.
+
+    The geoid is even over kilometres: between the lattice's nodes it is a curved plane, whose largest error is told.
+
+    Raises:
+        ElevationError: there is no geoid here, and nothing is fetched.
+    """
+    easts, norths = (tile.low_m[axis] + tile.step_m * np.arange(tile.lattice.shape[axis]) for axis in (0, 1))
+    nodes_m = np.stack(np.meshgrid(easts, norths, indexing="ij"), axis=-1).reshape(-1, 2)
+    geoid_m = _undulations_m(path, frame.many_to_wgs84_deg(nodes_m))
+    at = tile.lattice.reshape(-1, 2)
+    rows, columns = tile.heights_m.shape
+    design = np.column_stack((np.ones(len(at)), at, at**2, at.prod(axis=1)))
+    scale = np.abs(design).max(axis=0)
+    terms = np.linalg.lstsq(design / scale, geoid_m, rcond=None)[0] / scale
+    off_m = float(np.abs(design @ terms - geoid_m).max())
+    r, c = np.arange(rows)[:, np.newaxis], np.arange(columns)[np.newaxis]
+    over_m = terms[0] + terms[1] * r + terms[2] * c + terms[3] * r**2 + terms[4] * c**2 + terms[5] * r * c
+    same = tile.highest_m is tile.heights_m
+    heights_m = _subtract_geoid(tile.heights_m, over_m)
+    highest_m = heights_m if same else _subtract_geoid(tile.highest_m, over_m)
+    return replace(tile, heights_m=heights_m, highest_m=highest_m), off_m
+
+
+def _subtract_geoid(heights_m: Heights, over_m: FloatArray) -> Heights:
+    return np.asarray(np.ceil((heights_m - over_m) * 10.0) / 10.0, dtype=np.float32)
+
+
+def _undulations_m(path: Path, places_deg: FloatArray) -> FloatArray:
+    """Return (m,) heights of the geoid over the ellipsoid at (m, 2) latitudes and longitudes."""
+    for grid in GRIDS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                shift = pyproj.Transformer.from_pipeline(
+                    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+                    f"+step +proj=vgridshift +grids={grid} +multiplier=1"
+                )
+                up_m = shift.transform(places_deg[:, 1], places_deg[:, 0], np.zeros(len(places_deg)))[2]
+        except ProjError:
+            continue
+        if np.isfinite(up_m).all():
+            return np.asarray(up_m, dtype=np.float64)
+    raise ElevationError(
+        f"{path}: vertical: expected heights above mean sea level, but these are over the ellipsoid, and no geoid to "
+        f"convert them by is installed: `pyproj sync --file {GRIDS[0]}` brings it where there is a network"
+    )
+
+
+def write_kept_ground(path: Path, elevation: Elevation) -> None:
+    """Write what was read, so that the same ground is read again without the rasters.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    about = {
+        "format": FORMAT,
+        "lat_deg": elevation.frame.lat_deg,
+        "lon_deg": elevation.frame.lon_deg,
+        "source": elevation.source,
+        "vertical": elevation.vertical,
+        "uncertainty_m": elevation.uncertainty_m,
+        "remarks": list(elevation.remarks),
+        "tiles": [
+            {
+                "low_m": tile.low_m,
+                "step_m": tile.step_m,
+                "cell_m": tile.cell_m,
+                "same": tile.highest_m is tile.heights_m,
+            }
+            for tile in elevation.tiles
+        ],
+    }
+    parts: dict[str, np.ndarray] = {"about": np.array(json.dumps(about))}
+    for number, tile in enumerate(elevation.tiles):
+        parts[f"heights_{number}"] = tile.heights_m
+        parts[f"lattice_{number}"] = tile.lattice
+        if tile.highest_m is not tile.heights_m:
+            parts[f"highest_{number}"] = tile.highest_m
+    content = io.BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **parts)
+    write_whole(path, content.getvalue())
+
+
+def read_kept_ground(path: Path, frame: LocalFrame) -> Elevation:
+    """Read what a run has kept.
+
+    Args:
+        path: The file.
+        frame: Of the site, which must be the one that it was kept for.
+
+    Raises:
+        ElevationError: it is damaged, or of another depot.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(member.file_size for member in archive.infolist()) > MOST_BYTES:
+                raise ElevationError(f"{path}: content: expected it to unpack to at most {MOST_BYTES // 1_000_000} MB")
+        with np.load(path, allow_pickle=False) as parts:
+            about = json.loads(str(parts["about"]))
+            if about["format"] != FORMAT:
+                raise ValueError(f"format: expected {FORMAT!r}")
+            tiles = tuple(_load_tile(parts, number, row) for number, row in enumerate(about["tiles"]))
+            found = Elevation(
+                frame=LocalFrame(float(about["lat_deg"]), float(about["lon_deg"])),
+                tiles=tiles,
+                source=str(about["source"]),
+                vertical=str(about["vertical"]),
+                uncertainty_m=float(about["uncertainty_m"]),
+                remarks=tuple(str(one) for one in about["remarks"]),
+            )
+    except UNREADABLE as error:
+        raise ElevationError(f"{path}: content: expected the ground that a run has kept, whole: {error}") from error
+    off_deg = max(abs(found.frame.lat_deg - frame.lat_deg), abs(found.frame.lon_deg - frame.lon_deg))
+    if off_deg > SAME_DEG:
+        raise ElevationError(
+            f"{path}: depot: expected the ground around {frame.lat_deg:.6f}, {frame.lon_deg:.6f}, got that around "
+            f"{found.frame.lat_deg:.6f}, {found.frame.lon_deg:.6f}"
+        )
+    return found
+
+
+def _load_tile(parts: np.lib.npyio.NpzFile, number: int, row: dict[str, object]) -> Tile:
+    heights_m, lattice = parts[f"heights_{number}"].astype(np.float32), parts[f"lattice_{number}"].astype(np.float64)
+    highest_m = heights_m if row["same"] else parts[f"highest_{number}"].astype(np.float32)
+    if heights_m.ndim != 2 or heights_m.shape != highest_m.shape or not heights_m.size:
+        raise ValueError(f"heights_{number}: expected rows and columns")
+    if lattice.ndim != 3 or lattice.shape[2] != 2 or min(lattice.shape[:2]) < 2:
+        raise ValueError(f"lattice_{number}: expected rows and columns of cells")
+    low_m = row["low_m"]
+    if not isinstance(low_m, list):
+        raise TypeError("low_m: expected a list")
+    return Tile(
+        heights_m, highest_m, (float(low_m[0]), float(low_m[1])), float(str(row["step_m"])), lattice,
+        float(str(row["cell_m"])),
+    )  # fmt: skip

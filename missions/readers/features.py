@@ -1,18 +1,23 @@
 """The one road from what a file has to what is drawn, so that a file means the same in every format.
 
-Points are poles and lines are lines, if they are any by what their attributes say.
+Points are poles and lines are lines, if they are any by what their attributes say; positions become WGS 84.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 from math import isnan
 
+import pyproj
+from pyproj.exceptions import CRSError, ProjError
+
 from missions.errors import NetworkError
-from missions.files import MOST_FIGURE, is_figure
+from missions.files import MOST_FIGURE, is_figure, to_printable
 from missions.readers.attributes import (
     LINES,
     LOOSE,
@@ -21,7 +26,11 @@ from missions.readers.attributes import (
     POLES,
     WAY,
     PlainAttributes,
+    PowerFeature,
+    classify_line,
+    classify_point,
     flatten_attributes,
+    has_all_tags,
     heights_of,
     name_of,
     normalise_attributes,
@@ -29,16 +38,81 @@ from missions.readers.attributes import (
     osm_name_of,
     read_loose_metres,
 )
-from missions.readers.classification import PowerFeature, classify_line, classify_point, has_all_tags
-from missions.readers.crs import Wgs84Transform
-from missions.readers.raw_network import Attributes, Line, Pole, RawNetwork
-from missions.readers.read_options import ReadOptions, quote_names
-from missions.readers.values import NO_HEIGHT_M
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Vertex, quote_names
+from missions.readers.values import NO_HEIGHT_M, Attributes
 
+WGS84 = "EPSG:4326"
 Position = tuple[float, float, float | None]
 """Easting or longitude first, then northing or latitude, and the third coordinate where there is one."""
 POLE_NAMES = ("name", "ref", "id")
 EMPTY, OTHER = "empty feature", "feature of another geometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Wgs84Transform:
+    """From one reference system; longitude or easting comes first, whatever the system's own order."""
+
+    words: str
+    """What the system is called."""
+    transformer: pyproj.Transformer | None
+    """None where there is nothing to do."""
+
+    def lat_lon_deg(
+        self, xs: Sequence[float], ys: Sequence[float], places: Sequence[str] | str
+    ) -> list[tuple[float, float]]:
+        """Return latitude and longitude of many places.
+
+        Raises:
+            NetworkError: one has none in this system.
+        """
+        if self.transformer is None:
+            return list(zip(ys, xs, strict=True))
+        try:
+            lons, lats = self.transformer.transform(xs, ys)
+        except ProjError as error:
+            raise NetworkError(f"crs: expected coordinates of {self.words}: {error}") from error
+        found = list(zip(map(float, lats), map(float, lons), strict=True))
+        for index, (lat_deg, lon_deg) in enumerate(found):
+            if not math.isfinite(lat_deg) or not math.isfinite(lon_deg):
+                where = places if isinstance(places, str) else places[index]
+                raise NetworkError(
+                    f"{where}: position: expected a place of {self.words}, got {xs[index]:g}, {ys[index]:g}"
+                )
+        return found
+
+
+IDENTITY = Wgs84Transform("WGS 84", None)
+"""Of files that have no other system."""
+
+
+def build_wgs84_transform(said: object, place: str = "") -> Wgs84Transform:
+    """Return the way from a reference system to WGS 84.
+
+    Args:
+        said: What names or defines it: 'EPSG:5514', well-known text.
+        place: What comes before the key in messages: the layer.
+
+    Raises:
+        NetworkError: it is unknown, or has no two horizontal axes.
+    """
+    try:
+        system = pyproj.CRS.from_user_input(said)
+    except CRSError as error:
+        text = to_printable(str(said))
+        text = text if len(text) <= 60 else f"{text[:60]}..."
+        raise NetworkError(
+            f"{place}crs: expected a coordinate reference system such as 'EPSG:32633', got {text!r}"
+        ) from error
+    if system.is_compound:  # with heights, of which nothing is used
+        system = system.sub_crs_list[0]
+    if not (system.is_projected or system.is_geographic):
+        raise NetworkError(f"{place}crs: expected a map grid or degrees, got {system.name!r}")
+    code = system.to_authority(min_confidence=70)
+    name = to_printable(system.name)
+    words = name if code is None else f"{name} ({':'.join(code)})"
+    if code is not None and ":".join(code) in {WGS84, "OGC:CRS84"}:
+        return IDENTITY
+    return Wgs84Transform(words, pyproj.Transformer.from_crs(system, WGS84, always_xy=True))
 
 
 class GeometryKind(StrEnum):
@@ -49,27 +123,13 @@ class GeometryKind(StrEnum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
-class SourceLayer:
-    """One layer of a file, before it is read."""
-
-    name: str
-    kind: GeometryKind
-    count: int
-
-    @property
-    def words(self) -> str:
-        """The layer for people."""
-        return f"{self.name!r} ({self.count} {self.kind.value}s)"
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Feature:
-    """One feature: points, or a line of several parts."""
+    """One feature: points, or a line of several parts, which are looked at only if it is wanted."""
 
     place: str
     kind: GeometryKind
-    parts: Sequence[Sequence[Position]]
+    parts: Iterable[Sequence[Position]]
     attributes: Attributes
     id: object = None
     """What the file says beside the attributes, as GeoJSON and OpenStreetMap do."""
@@ -77,9 +137,56 @@ class Feature:
     """What it is called whatever its attributes say."""
     other: str = OTHER
     """What it is where it is neither."""
+    pole_names: Sequence[str] = POLE_NAMES
+    """What is taken for a pole's name first."""
+
+    @cached_property
+    def known(self) -> PlainAttributes:
+        """Its attributes by their plain names, with those that are nested."""
+        return normalise_attributes(flatten_attributes(self.attributes))
+
+    @cached_property
+    def osm_id(self) -> tuple[str, str] | None:
+        """What of OpenStreetMap it is, and its number; None where it is nothing of it."""
+        return osm_id_of(self.known, self.id, NODE if self.kind is GeometryKind.POINT else WAY)
+
+    @property
+    def is_of_map(self) -> bool:
+        """Whether all tags of OpenStreetMap are there."""
+        return self.osm_id is not None and has_all_tags(self.attributes)
+
+    @property
+    def title(self) -> str:
+        """What it is called; empty where nothing says so."""
+        if self.name:
+            return self.name
+        if self.osm_id is not None:
+            return osm_name_of(self.known, self.osm_id)
+        is_point = self.kind is GeometryKind.POINT
+        return name_of(self.known, (*self.pole_names, *(POLES if is_point else NAMES))) or name_of({"id": self.id})
 
 
-def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: ReadOptions) -> list[SourceLayer]:
+@dataclass(frozen=True, slots=True)
+class SourceLayer:
+    """One layer of a file, before it is read."""
+
+    name: str
+    kind: GeometryKind
+    count: int
+    features: Iterable[Feature]
+    """Read only if the layer is wanted."""
+    system: str
+    """What names or defines its reference system; empty where the file does not say one."""
+    place: str
+    """Where it says so, for messages."""
+
+    @property
+    def words(self) -> str:
+        """The layer for people."""
+        return f"{self.name!r} ({self.count} {self.kind.value}s)"
+
+
+def select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> list[SourceLayer]:
     """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most.
 
     Raises:
@@ -88,42 +195,62 @@ def select_wanted_layers(layers: Sequence[SourceLayer], source: str, choice: Rea
     useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
         others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
-        raise NetworkError(f"{source}: layers: expected one of lines, found none of lines or points{others}")
-    names = choice.select_layers(source, [layer.name for layer in useful])
+        raise NetworkError(f"layers: expected one of lines, found none of lines or points{others}")
+    names = choice.select_layers([layer.name for layer in useful])
     wanted = [layer for layer in useful if layer.name in names]
     for kind in (GeometryKind.POINT, GeometryKind.LINE):
         if not choice.layers and sum(layer.kind is kind for layer in wanted) > 1:
             words = ", ".join(layer.words for layer in useful[:12])
-            raise NetworkError(f"{source}: layer: expected it to say which of these are meant: {words}")
+            raise NetworkError(f"layer: expected it to say which of these are meant: {words}")
     return wanted
+
+
+def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadOptions) -> None:
+    """Add the layers that are wanted, each in its own reference system.
+
+    Raises:
+        NetworkError: one line that names the file, the layer and feature and what was expected.
+    """
+    systems = []
+    for layer in select_wanted_layers(layers, choice):
+        system = _find_system(layer, choice.crs)
+        systems.append(system.words)
+        add_features(drawing, layer.features, choice, system)
+    drawing.crs = ", ".join(dict.fromkeys(systems))
+
+
+def _find_system(layer: SourceLayer, asked: str | None) -> Wgs84Transform:
+    place = f"{layer.place}: "
+    if not layer.system and asked is None:
+        raise NetworkError(f"{place}crs: expected a reference system, none is in the file; crs says it")
+    system = build_wgs84_transform(layer.system or asked, place)
+    if layer.system and asked is not None and build_wgs84_transform(asked, place).words != system.words:
+        raise NetworkError(f"{place}crs: expected none, the file says {system.words}; got {asked!r}")
+    return system
 
 
 def add_features(
     drawing: RawNetwork,
     features: Iterable[Feature],
-    system: Wgs84Transform,
     choice: ReadOptions,
-    pole_names: Sequence[str] = POLE_NAMES,
+    system: Wgs84Transform = IDENTITY,
 ) -> None:
     """Add features to what is drawn.
 
     Args:
         drawing: What is drawn.
         features: Of a layer, or of a whole file.
-        system: Of their positions.
         choice: What of them is wanted.
-        pole_names: What is taken for a pole's name first.
+        system: Of their positions.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
     for feature in features:
         if feature.kind is GeometryKind.POINT:
-            add_points(drawing, feature, system, pole_names)
+            add_points(drawing, feature, system)
         elif feature.kind is GeometryKind.OTHER:
-            drawing.leave_out(
-                feature.other, _find_name(feature, normalise_attributes(feature.attributes)) or feature.place
-            )
+            drawing.leave_out(feature.other, feature.title or feature.place)
         elif is_wanted_line(drawing, feature, choice):
             add_line(drawing, feature, system)
 
@@ -133,39 +260,30 @@ def is_wanted_line(drawing: RawNetwork, feature: Feature, choice: ReadOptions) -
 
     What is in use no more is wanted where a filter asks for the attribute that says so.
     """
-    attributes = flatten_attributes(feature.attributes)
-    known = normalise_attributes(attributes)
-    meaning, key = classify_line(known, of_map=_is_osm_feature(feature, known))
+    meaning, key = classify_line(feature.known, of_map=feature.is_of_map)
     if meaning is not PowerFeature.SPAN and not (meaning is PowerFeature.DISUSED and choice.has_comparison_of(key)):
-        drawing.leave_out(meaning.value, _find_name(feature, known) or feature.place)
+        drawing.leave_out(meaning.value, feature.title or feature.place)
         return False
-    return choice.is_wanted(attributes)
+    return choice.is_wanted(flatten_attributes(feature.attributes))
 
 
-def add_points(
-    drawing: RawNetwork, feature: Feature, system: Wgs84Transform, pole_names: Sequence[str] = POLE_NAMES
-) -> None:
+def add_points(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
     """Add the poles of a feature, or the depot; what is no pole is noted.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, known = f"{drawing.source}: {feature.place}", normalise_attributes(flatten_attributes(feature.attributes))
-    name, is_depot = _find_name(feature, known, pole_names), str(known.get("role", "")).strip().lower() == "depot"
-    of_map = _is_osm_feature(feature, known)
+    place, known, name, of_map = feature.place, feature.known, feature.title, feature.is_of_map
+    is_depot = str(known.get("role", "")).strip().lower() == "depot"
     meaning, _ = classify_point(known, of_map=of_map)
     # Programs write a point without a place as one of no numbers.
     positions = [at for at in itertools.chain.from_iterable(feature.parts) if not (isnan(at[0]) and isnan(at[1]))]
     is_pole = meaning is PowerFeature.POLE and not is_depot
     if not is_depot and not (is_pole and positions):
-        drawing.leave_out(meaning.value if positions else EMPTY, name or feature.place)
-    _check_positions(positions, place)
-    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+        drawing.leave_out(meaning.value if positions else EMPTY, name or place)
     heights = heights_of(known, place) if is_pole or is_depot else (None, None)
-    for (lat_deg, lon_deg), (_, _, third_m) in zip(at, positions, strict=True):
-        pole = Pole(
-            feature.place, name, lat_deg, lon_deg, *heights, read_third_coordinate(third_m), name_of(known, LINES)
-        )
+    for lat_deg, lon_deg, third_m in _place_positions(positions, system, place):
+        pole = Pole(place, name, lat_deg, lon_deg, *heights, third_m, name_of(known, LINES))
         if is_depot:
             drawing.depot = drawing.depot or pole
         elif is_pole:
@@ -183,55 +301,31 @@ def _add_pole(drawing: RawNetwork, pole: Pole, known: PlainAttributes, *, of_map
     drawing.poles.append(replace(pole, elevation_m=elevation_m, height_m=height_m, hinted=hinted) if found else pole)
 
 
-def _is_osm_feature(feature: Feature, known: PlainAttributes) -> bool:
-    return _find_osm_id(feature, known) is not None and has_all_tags(feature.attributes)
-
-
-def _find_osm_id(feature: Feature, known: PlainAttributes) -> tuple[str, str] | None:
-    return osm_id_of(known, feature.id, NODE if feature.kind is GeometryKind.POINT else WAY)
-
-
-def _find_name(feature: Feature, known: PlainAttributes, names: Sequence[str] = POLE_NAMES) -> str:
-    if feature.name:
-        return feature.name
-    place = _find_osm_id(feature, known)
-    if place is not None:
-        return osm_name_of(known, place)
-    further = POLES if feature.kind is GeometryKind.POINT else NAMES
-    return name_of(known, names) or name_of(known, further) or name_of({"id": feature.id})
-
-
 def read_third_coordinate(value: object) -> float | None:
     """Return a third coordinate; None where it is none that a place can have, or nothing at all."""
     return float(value) if is_figure(value) and value and value > NO_HEIGHT_M else None
 
 
-def _check_positions(positions: Iterable[Position], place: str) -> None:
+def _place_positions(positions: Sequence[Position], system: Wgs84Transform, place: str) -> tuple[Vertex, ...]:
     for x, y, _ in positions:
         if not (abs(x) <= MOST_FIGURE and abs(y) <= MOST_FIGURE):
             raise NetworkError(f"{place}: position: expected finite coordinates, got {x}, {y}")
+    at = system.lat_lon_deg([x for x, _, _ in positions], [y for _, y, _ in positions], place)
+    return tuple((*one, read_third_coordinate(third_m)) for one, (_, _, third_m) in zip(at, positions, strict=True))
 
 
-def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform) -> None:
+def add_line(drawing: RawNetwork, feature: Feature, system: Wgs84Transform = IDENTITY) -> None:
     """Add a line.
 
     Raises:
         NetworkError: one line that names the file, the feature and what was expected.
     """
-    place, name = (
-        f"{drawing.source}: {feature.place}",
-        _find_name(feature, normalise_attributes(flatten_attributes(feature.attributes))),
-    )
-    parts = []
+    place, parts = feature.place, []
     for part in feature.parts:
         if len(part) < 2:
             raise NetworkError(f"{place}: expected a line of at least two positions, found {len(part)}")
-        _check_positions(part, place)
-        at = system.lat_lon_deg([x for x, _, _ in part], [y for _, y, _ in part], place)
-        parts.append(
-            tuple((*one, read_third_coordinate(third_m)) for one, (_, _, third_m) in zip(at, part, strict=True))
-        )
-    if not parts:
-        drawing.leave_out(EMPTY, name or feature.place)
-        return
-    drawing.add_line(Line(feature.place, name, tuple(parts)))
+        parts.append(_place_positions(part, system, place))
+    if parts:
+        drawing.add_line(Line(place, feature.title, tuple(parts)))
+    else:
+        drawing.leave_out(EMPTY, feature.title or place)

@@ -18,24 +18,25 @@ and one whose ``elevation_m`` it contradicts.
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 
 from missions.errors import NetworkError
 from missions.files import is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
-from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
 from missions.readers.features import (
     EMPTY,
+    IDENTITY,
     Feature,
     GeometryKind,
     Position,
+    Wgs84Transform,
     add_features,
+    build_wgs84_transform,
     is_wanted_line,
     read_third_coordinate,
 )
-from missions.readers.raw_network import RawNetwork, Span, Vertex
-from missions.readers.read_options import ReadOptions
+from missions.readers.raw_network import RawNetwork, ReadOptions, Span
 from missions.readers.values import EAST_WEST, NORTH_SOUTH, degrees_of, is_blank
 
 FORMAT = "GeoJSON"
@@ -62,28 +63,26 @@ class GeoFeature:
     id: object
 
 
-def parse_geojson(document: Mapping[str, object], source: str, choice: ReadOptions) -> RawNetwork:
+def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNetwork:
     """Return what a FeatureCollection shows.
 
     Args:
         document: The JSON object.
-        source: The file's name, for messages.
         choice: What of it is wanted.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
-    choice.refuse_layers(source, FORMAT)
-    choice.refuse_crs(source, FORMAT)
-    check_whole(document, source)
-    system = system_of(document, source)
-    drawing = choice.create_raw_network(source, FORMAT, system.words, flat=document.get(FLAT) is True)
-    every = list(features_of(document, source))
+    choice.refuse_layers(FORMAT)
+    choice.refuse_crs(FORMAT)
+    check_whole(document)
+    system = system_of(document)
+    drawing = choice.create_raw_network(FORMAT, system.words, flat=document.get(FLAT) is True)
+    every = list(features_of(document))
     meant = frozenset(end for one in every if _is_span(one) for end in _read_ends(one))
-    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _build_feature(one, meant), choice))
+    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _to_feature(one, meant), choice))
     drawing.spans += map(_build_span, spans)
-    rest = (_read_feature(one, source, meant) for one in every if not _is_span(one))
-    add_features(drawing, rest, system, choice, OWN_NAMES)
+    add_features(drawing, (_to_feature(one, meant) for one in every if not _is_span(one)), choice, system)
     _check_names(drawing, meant)
     return drawing
 
@@ -101,7 +100,7 @@ def parse_features(text: str, source: str) -> Mapping[str, object]:
         return {"type": "FeatureCollection", "features": features}
     document = parse_json(text.lstrip(), source, NetworkError)
     if not isinstance(document, dict):
-        raise NetworkError(f"{source}: content: expected a JSON object")
+        raise NetworkError("content: expected a JSON object")
     return document
 
 
@@ -113,7 +112,7 @@ def _is_feature(line: str) -> bool:
     return isinstance(found, dict) and found.get("type") == "Feature"
 
 
-def check_whole(document: Mapping[str, object], source: str) -> None:
+def check_whole(document: Mapping[str, object]) -> None:
     """Refuse the part of an answer whose server says that there is more: ArcGIS, WFS and OGC API Features.
 
     Raises:
@@ -123,7 +122,7 @@ def check_whole(document: Mapping[str, object], source: str) -> None:
     for said in (document, inner if isinstance(inner, dict) else {}):
         if said.get("exceededTransferLimit") is True:
             raise NetworkError(
-                f"{source}: exceededTransferLimit: expected all features, the server sent a part: ask for the rest "
+                "exceededTransferLimit: expected all features, the server sent a part: ask for the rest "
                 "(resultOffset); taken out, the part is read as it is"
             )
     matched, returned = (document.get(key) for key in ("numberMatched", "numberReturned"))
@@ -133,19 +132,19 @@ def check_whole(document: Mapping[str, object], source: str) -> None:
     known = is_figure(matched) and is_figure(returned)
     if is_figure(matched) and is_figure(returned) and matched > returned:
         raise NetworkError(
-            f"{source}: numberMatched: expected all {matched:g} features, the server sent {returned:g}: ask for the "
+            f"numberMatched: expected all {matched:g} features, the server sent {returned:g}: ask for the "
             "rest (limit, count, the link 'next'); taken out, the part is read as it is"
         )
     links = document.get("links")
     for link in links if isinstance(links, list) and not known else ():
         if isinstance(link, dict) and link.get("rel") == "next":
             raise NetworkError(
-                f"{source}: links: expected all features, the server sent a part and a link to the next: ask for the "
+                "links: expected all features, the server sent a part and a link to the next: ask for the "
                 "rest; taken out, the part is read as it is"
             )
 
 
-def system_of(document: Mapping[str, object], source: str) -> Wgs84Transform:
+def system_of(document: Mapping[str, object]) -> Wgs84Transform:
     """Return the system that files before RFC 7946, and QGIS when asked, name.
 
     Raises:
@@ -153,15 +152,15 @@ def system_of(document: Mapping[str, object], source: str) -> Wgs84Transform:
     """
     crs = document.get("crs")
     if crs is None:
-        return build_identity_transform(source)
+        return IDENTITY
     properties = crs.get("properties") if isinstance(crs, dict) else None
     name = properties.get("name") if isinstance(properties, dict) else None
     if not isinstance(name, str):
-        raise NetworkError(f"{source}: crs: expected a name such as 'urn:ogc:def:crs:EPSG::5514', got {crs!r}")
-    return build_wgs84_transform(name, source)
+        raise NetworkError(f"crs: expected a name such as 'urn:ogc:def:crs:EPSG::5514', got {crs!r}")
+    return build_wgs84_transform(name)
 
 
-def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeature]:
+def features_of(document: Mapping[str, object]) -> Iterator[GeoFeature]:
     """Yield the features of a FeatureCollection.
 
     Raises:
@@ -171,22 +170,20 @@ def features_of(document: Mapping[str, object], source: str) -> Iterator[GeoFeat
         document = {"type": "FeatureCollection", "features": [document]}
     error = document.get("error")
     if isinstance(error, dict):
-        raise NetworkError(
-            f"{source}: content: expected features, got a server's error: {to_printable(str(error))[:200]}"
-        )
+        raise NetworkError(f"content: expected features, got a server's error: {to_printable(str(error))[:200]}")
     features = document.get("features")
     if document.get("type") != "FeatureCollection" or not isinstance(features, list):
-        raise NetworkError(f"{source}: type: expected a FeatureCollection with a list of features")
+        raise NetworkError("type: expected a FeatureCollection with a list of features")
     for index, feature in enumerate(features):
         place = f"features[{index}]"
         if not isinstance(feature, dict) or feature.get("type") != "Feature":
-            raise NetworkError(f"{source}: {place}: expected an object of type Feature")
+            raise NetworkError(f"{place}: expected an object of type Feature")
         properties, geometry = feature.get("properties") or {}, feature.get("geometry") or {}
         if not isinstance(properties, dict) or not isinstance(geometry, dict):
-            raise NetworkError(f"{source}: {place}: expected properties and geometry to be objects or null")
+            raise NetworkError(f"{place}: expected properties and geometry to be objects or null")
         kind = geometry.get("type")
         if kind not in (None, *KINDS, *LEFT_OUT):
-            raise NetworkError(f"{source}: {place}.geometry.type: expected Point or LineString, got {kind!r}")
+            raise NetworkError(f"{place}.geometry.type: expected Point or LineString, got {kind!r}")
         yield GeoFeature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
 
 
@@ -196,8 +193,7 @@ def _check_names(drawing: RawNetwork, meant: Container[str]) -> None:
     for pole in drawing.poles:
         if pole.name in seen and pole.name in meant:
             raise NetworkError(
-                f"{drawing.source}: {pole.place}.properties.id: expected a name that no other pylon has, "
-                f"got {pole.name!r}"
+                f"{pole.place}.properties.id: expected a name that no other pylon has, got {pole.name!r}"
             )
         seen.add(pole.name)
 
@@ -215,42 +211,45 @@ def _build_span(feature: GeoFeature) -> Span:
     return Span(f"{feature.place}.properties", name, *_read_ends(feature), name_of(feature.properties, LINES))
 
 
-def _build_feature(feature: GeoFeature, meant: Container[str], parts: Sequence[Sequence[Position]] = ()) -> Feature:
+def _to_feature(feature: GeoFeature, meant: Container[str]) -> Feature:
     """Return a feature for the drawing; a pole that a segment means by its id is called by that."""
     own = name_of(feature.properties, ("id",)) or name_of({"id": feature.id})
-    kind = GeometryKind.OTHER if feature.kind is None else KINDS.get(feature.kind, GeometryKind.OTHER)
+    kind = KINDS.get(feature.kind or "", GeometryKind.OTHER)
     name = own if kind is GeometryKind.POINT and own in meant else ""
-    other = feature.kind or EMPTY
-    return Feature(feature.place, kind, parts, feature.properties, feature.id, name, other)
+    return Feature(
+        feature.place,
+        kind,
+        _read_parts(feature),
+        feature.properties,
+        feature.id,
+        name,
+        feature.kind or EMPTY,
+        OWN_NAMES,
+    )
 
 
-def _read_feature(feature: GeoFeature, source: str, meant: Container[str]) -> Feature:
-    place = f"{source}: {feature.place}.geometry.coordinates"
-    at = feature.coordinates
-    is_empty = not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2])))
-    if feature.kind not in KINDS or is_empty:
-        return _build_feature(feature, meant)
+def _read_parts(feature: GeoFeature) -> Iterator[list[Position]]:
+    place, at = f"{feature.place}.geometry.coordinates", feature.coordinates
+    if not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2]))):
+        return
     if feature.kind == "Point":
-        return _build_feature(feature, meant, [[_read_position(at, place)]])
-    if not isinstance(at, list):
+        yield [_read_position(at, place)]
+    elif not isinstance(at, list):
         raise NetworkError(f"{place}: expected a list of lines, got {at!r}")
-    if feature.kind == "MultiPoint":
-        return _build_feature(
-            feature, meant, [[_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]]
-        )
-    parts = at if feature.kind == "MultiLineString" else [at]
-    return _build_feature(feature, meant, [_read_positions(part, place) for part in parts])
+    elif feature.kind == "MultiPoint":
+        yield [_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]
+    else:
+        yield from (_read_positions(part, place) for part in (at if feature.kind == "MultiLineString" else [at]))
 
 
-def positions_of(positions: object, place: str, system: Wgs84Transform) -> tuple[Vertex, ...]:
-    """Return the places of a line or an outline.
+def places_of(positions: object, place: str, system: Wgs84Transform) -> list[tuple[float, float]]:
+    """Return latitude and longitude of all positions of a line or an outline.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
     read = _read_positions(positions, place)
-    places = system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
-    return tuple((*at, third_m) for at, (_, _, third_m) in zip(places, read, strict=True))
+    return system.lat_lon_deg([x for x, _, _ in read], [y for _, y, _ in read], place)
 
 
 def _read_positions(positions: object, place: str) -> list[Position]:

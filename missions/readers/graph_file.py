@@ -32,16 +32,16 @@ def parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = 
     settings = {name: "".join(_STRING.findall(value)) for name, value in _SETTING.findall(text)}
     for key in (POSITIONS, NEIGHBOURS):
         if key not in settings:
-            raise NetworkError(f"{source}: {key}: expected a string in quotes, found none")
-    offsets_m = _parse_positions_m(settings[POSITIONS], source)
-    segments = _parse_segments(settings[NEIGHBOURS], len(offsets_m), source)
+            raise NetworkError(f"{key}: expected a string in quotes, found none")
+    offsets_m = _parse_positions_m(settings[POSITIONS])
+    segments = _parse_segments(settings[NEIGHBOURS], len(offsets_m))
     try:
         if crs is None:
             lat_lon_deg = frame.many_to_wgs84_deg(offsets_m[:, :2])
         else:
             lat_lon_deg = grid_offsets_to_wgs84_deg(frame, offsets_m[:, :2], crs)
     except ValueError as error:
-        raise NetworkError(f"{source}: crs: {error}") from error
+        raise NetworkError(f"crs: {error}") from error
     knows_ground = bool(np.any(offsets_m[:, 2]))
     pylons = tuple(
         Pylon(
@@ -58,10 +58,10 @@ def _split_rows(value: str) -> list[list[str]]:
     return [row.split() for row in (rows[:-1] if not rows[-1].strip() else rows)]
 
 
-def _parse_positions_m(value: str, source: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _parse_positions_m(value: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     positions: list[tuple[float, float, float]] = []
     for number, row in enumerate(_split_rows(value), start=1):
-        place = f"{source}: {POSITIONS}, row {number}"
+        place = f"{POSITIONS}, row {number}"
         try:
             east, north, up = (float(word) for word in row)
         except ValueError as error:
@@ -70,17 +70,17 @@ def _parse_positions_m(value: str, source: str) -> np.ndarray[tuple[int, int], n
             raise NetworkError(f"{place}: expected finite numbers, got {' '.join(row)!r}")
         positions.append((east, north, up))
     if not positions:
-        raise NetworkError(f"{source}: {POSITIONS}: expected at least two rows 'x y z;', found none")
+        raise NetworkError(f"{POSITIONS}: expected at least two rows 'x y z;', found none")
     return np.array(positions, dtype=np.float64)
 
 
-def _parse_segments(value: str, pylons: int, source: str) -> tuple[Segment, ...]:
+def _parse_segments(value: str, pylons: int) -> tuple[Segment, ...]:
     rows = _split_rows(value)
     if len(rows) != pylons:
-        raise NetworkError(f"{source}: {NEIGHBOURS}: expected {pylons} rows, one a pylon, found {len(rows)}")
+        raise NetworkError(f"{NEIGHBOURS}: expected {pylons} rows, one a pylon, found {len(rows)}")
     pairs: set[tuple[int, int]] = set()
     for number, row in enumerate(rows, start=1):
-        place = f"{source}: {NEIGHBOURS}, row {number}"
+        place = f"{NEIGHBOURS}, row {number}"
         for word in row:
             if not word.isdecimal() or not 1 <= int(word) <= pylons:
                 raise NetworkError(f"{place}: expected pylon numbers from 1 to {pylons}, got {word!r}")

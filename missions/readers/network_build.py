@@ -9,20 +9,20 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 
 import numpy as np
 
 from missions.errors import NetworkError
-from missions.geo import MAX_LATITUDE_DEG, LocalFrame
-from missions.geometry import find_bends
+from missions.geo import MAX_LATITUDE_DEG, FloatArray, IndexArray, LocalFrame
+from missions.geometry import find_bends, find_nearest_on_legs, place_distances_m
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
-from missions.readers.network_checks import find_oddities, suggest_snap
-from missions.readers.nodes import SAME_POLE_M, Nodes
-from missions.readers.planar import PlaceIndex
-from missions.readers.raw_network import Line, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
+from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
 
+SAME_POLE_M = 0.5
+"""Two poles of a file that are nearer than this are one."""
 SNAP_M = 0.5
 STRAIGHT_M = 1.0
 """A position without a pole that is nearer to the straight between its neighbours than this is none of a pole."""
@@ -31,6 +31,215 @@ NEAR_M = 20.0
 LONG_M = 1000.0
 """A span that is longer is worth a look."""
 MOST_SPANS = 100_000
+NEARLY_M = 10.0
+"""Ends that are nearer than this to another line, and do not meet it, are worth a look."""
+ASIDE_M = 20.0
+"""A pole on no line that is nearer than this to one was meant for it."""
+SHORT_M = 5.0
+"""Lines whose spans are shorter than this by half are tracks rather than lines of poles."""
+MOST_LOOKED_AT = 2000
+"""Of one kind, for the time it takes; there is something wrong with all of the others, too."""
+
+
+@dataclass(slots=True)
+class Node:
+    """A pole, or a place that may become one."""
+
+    name: str
+    lat_deg: float
+    lon_deg: float
+    at_m: tuple[float, float]
+    elevation_m: float | None = None
+    height_m: float | None = None
+    third_m: float | None = None
+    drawn: bool = True
+    """Whether the file has it as a pole."""
+    hinted: Mapping[str, str] = field(default_factory=dict)
+    """As its pole has it."""
+
+
+@dataclass(slots=True)
+class Nodes:
+    """All of them, by name and by place: a grid of cells as wide as what is joined."""
+
+    frame: LocalFrame
+    snap_m: float
+    nodes: list[Node] = field(default_factory=list)
+    by_name: dict[str, int] = field(default_factory=dict)
+    found: list[Remark] = field(default_factory=list)
+    _cells: dict[tuple[int, int], list[int]] = field(default_factory=dict)
+
+    def find_nearest(self, at_m: tuple[float, float], within_m: float) -> tuple[int | None, float]:
+        """Return the nearest node, at most as far as what is joined, and how far it is."""
+        row, column = self._cell_of(at_m)
+        least_m, found = math.inf, None
+        for cell in ((row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)):
+            for index in self._cells.get(cell, ()):
+                away_m = math.dist(at_m, self.nodes[index].at_m)
+                if away_m < least_m:
+                    least_m, found = away_m, index
+        return (found, least_m) if least_m <= within_m else (None, least_m)
+
+    def add_poles(self, poles: Iterable[Pole], named: frozenset[str]) -> None:
+        """Add the file's poles; those that spans name stay as they are, of others two at one place are one."""
+        unnamed = []
+        for pole in poles:
+            at_m = self.frame.to_local_m(pole.lat_deg, pole.lon_deg)
+            index, away_m = (None, 0.0)
+            if pole.name not in named:
+                index, away_m = self.find_nearest(at_m, min(self.snap_m, SAME_POLE_M))
+            if index is not None and self.nodes[index].name not in named:
+                self._join(self.nodes[index], pole, away_m)
+                continue
+            name = self._choose_name(pole) if pole.name else ""
+            if not name:
+                unnamed.append(len(self.nodes))
+            heights = pole.elevation_m, pole.height_m, pole.third_m
+            self._add(Node(name, pole.lat_deg, pole.lon_deg, at_m, *heights, hinted=pole.hinted))
+        for index in unnamed:
+            self._name(index)
+
+    def find_or_add(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
+        """Return the node of a line's vertex, a new one if none is near, and how far it was."""
+        lat_deg, lon_deg, third_m = vertex
+        index, away_m = self.find_nearest(at_m, self.snap_m)
+        if index is None:
+            self._add(Node("", lat_deg, lon_deg, at_m, third_m=third_m, drawn=False))
+            return len(self.nodes) - 1, 0.0
+        if self.nodes[index].third_m is None:
+            self.nodes[index].third_m = third_m
+        return index, away_m
+
+    def add_between(self, at_m: tuple[float, float]) -> int:
+        """Add a place of which the file knows nothing."""
+        lat_deg, lon_deg = self.frame.to_wgs84_deg(*at_m)
+        self._add(Node("", lat_deg, lon_deg, at_m, drawn=False))
+        return len(self.nodes) - 1
+
+    def discard_hinted_heights(self, used: Iterable[int], asset: str) -> None:
+        """Forget heights that count only if all poles on lines have them, where some have not."""
+        poles = [self.nodes[index] for index in used if self.nodes[index].drawn]
+        for key in ("elevation_m", "height_m"):
+            hinted = [node for node in poles if key in node.hinted]
+            known = sum(getattr(node, key) is not None for node in poles)
+            if hinted and known < len(poles):
+                text = f"{hinted[0].hinted[key]} is known of {known} of {len(poles)} poles: not used"
+                self.found.append(Remark(RemarkTopic.HEIGHTS, asset, text))
+            for node in hinted if known < len(poles) else ():
+                setattr(node, key, None)
+
+    def name_unnamed(self, indices: Iterable[int]) -> None:
+        """Name what has no name yet."""
+        for index in indices:
+            if not self.nodes[index].name:
+                self._name(index)
+
+    def _add(self, node: Node) -> None:
+        if node.name:
+            self.by_name[node.name] = len(self.nodes)
+        self._cells.setdefault(self._cell_of(node.at_m), []).append(len(self.nodes))
+        self.nodes.append(node)
+
+    def _name(self, index: int) -> None:
+        number = index + 1
+        while (name := f"P{number}") in self.by_name:
+            number += len(self.nodes)
+        self.nodes[index].name = name
+        self.by_name[name] = index
+
+    def _join(self, node: Node, pole: Pole, away_m: float) -> None:
+        """Take a pole for one that is there already; what only one of them knows is kept."""
+        node.hinted = {**{key: by for key, by in pole.hinted.items() if getattr(node, key) is None}, **node.hinted}
+        node.elevation_m = pole.elevation_m if node.elevation_m is None else node.elevation_m
+        node.height_m = pole.height_m if node.height_m is None else node.height_m
+        node.third_m = pole.third_m if node.third_m is None else node.third_m
+        if pole.name in {"", node.name} and pole.line:
+            return  # a table has a pole of two lines in the rows of both
+        if pole.name != node.name:
+            text = f"{away_m:.2f} m from {node.name or 'a pole without a name'!r}: taken for the same pole"
+            self.found.append(Remark(RemarkTopic.SAME_PLACE, pole.name or pole.place, text))
+            if pole.name and pole.name not in self.by_name:
+                self.by_name[pole.name] = self.by_name.get(node.name, len(self.nodes))
+        else:
+            self.found.append(Remark(RemarkTopic.SAME_PLACE, pole.name or pole.place, "drawn twice: taken once"))
+
+    def _choose_name(self, pole: Pole) -> str:
+        if pole.name not in self.by_name:
+            return pole.name
+        name, number = f"{pole.line} {pole.name}" if pole.line else f"{pole.name} (2)", 2
+        while name in self.by_name:
+            number += 1
+            name = f"{pole.name} ({number})"
+        text = f"another pole has this name: it is called {name!r} here"
+        self.found.append(Remark(RemarkTopic.SAME_NAME, pole.name, text))
+        return name
+
+    def _cell_of(self, at_m: tuple[float, float]) -> tuple[int, int]:
+        wide_m = max(self.snap_m, SAME_POLE_M)
+        return math.floor(at_m[0] / wide_m), math.floor(at_m[1] / wide_m)
+
+
+class PlaceIndex:
+    """PlaceIndex that are looked up by where they are."""
+
+    def __init__(self, places_m: FloatArray) -> None:
+        """Sort (n, 2) places along the longer side of what they cover."""
+        self._axis = int(np.argmax(np.ptp(places_m, axis=0))) if len(places_m) else 0
+        self._order = np.argsort(places_m[:, self._axis], kind="stable")
+        self._sorted_m = places_m[self._order]
+
+    def find_beside(
+        self, a_m: FloatArray, b_m: FloatArray, within_m: float
+    ) -> tuple[IndexArray, FloatArray, FloatArray]:
+        """Return the places near a span: their numbers, how far along it (0 to 1), and how far from it."""
+        low, high = sorted((float(a_m[self._axis]), float(b_m[self._axis])))
+        first, last = np.searchsorted(self._sorted_m[:, self._axis], (low - within_m, high + within_m))
+        distances_m, shares = find_nearest_on_legs(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
+        near = np.flatnonzero(distances_m[:, 0] <= within_m)
+        return self._order[first:last][near], shares[near, 0], distances_m[near, 0]
+
+
+def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
+    """Yield pairs of (n, 2, 2) spans that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
+    if not len(ends_m):
+        return
+    lows, highs = ends_m.min(axis=1), ends_m.max(axis=1)
+    axis = int(np.argmax(np.ptp(ends_m.reshape(-1, 2), axis=0)))
+    order = np.argsort(lows[:, axis], kind="stable")
+    ends_m, nodes, lows, highs = ends_m[order], nodes[order], lows[order], highs[order]
+    other = 1 - axis
+    last = np.searchsorted(lows[:, axis], highs[:, axis], side="right")
+    for index in range(len(order)):
+        rest = np.arange(index + 1, last[index])
+        rest = rest[(lows[rest, other] <= highs[index, other]) & (highs[rest, other] >= lows[index, other])]
+        if rest.size:
+            rest = rest[~np.isin(nodes[rest], nodes[index]).any(axis=1)]
+        if rest.size:
+            yield from _find_crossings_of(ends_m, index, rest, order)
+
+
+def _find_crossings_of(
+    ends_m: FloatArray, index: int, rest: IndexArray, order: IndexArray
+) -> Iterator[tuple[int, int, tuple[float, float]]]:
+    a_m, way_m = ends_m[index, 0], ends_m[index, 1] - ends_m[index, 0]
+    from_m, ways_m = ends_m[rest, 0] - a_m, ends_m[rest, 1] - ends_m[rest, 0]
+    turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
+        theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
+        meet = (mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)
+    for number in np.flatnonzero(meet):
+        east_m, north_m = (a_m + mine[number] * way_m).tolist()
+        pair = sorted((int(order[index]), int(order[rest[number]])))
+        yield pair[0], pair[1], (east_m, north_m)
+
+
+def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
+    """Return the nearest of (n, 2, 2) spans to a place and how far away it is; ``but`` are not looked at."""
+    distances_m = place_distances_m(ends_m, place_m[np.newaxis])[0]
+    distances_m[list(but)] = np.inf
+    nearest = int(np.argmin(distances_m))
+    return nearest, float(distances_m[nearest])
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +308,7 @@ def build_unplaced_network(drawing: RawNetwork, mending: MendingLimits) -> Unpla
     _lay_spans(chains, spans, None if has_poles else mending.max_span_m)
     if len(spans.pairs) > MOST_SPANS:
         raise NetworkError(
-            f"{drawing.source}: segments: expected at most {MOST_SPANS}, found {len(spans.pairs)}; layer, where, or a "
+            f"segments: expected at most {MOST_SPANS}, found {len(spans.pairs)}; layer, where, or a "
             "cut of the file choose what is flown"
         )
     return _assemble_network(drawing, nodes, spans, mending)
@@ -123,9 +332,7 @@ def _check_ends(drawing: RawNetwork) -> None:
     for span in drawing.spans:
         for key, end in (("a", span.a), ("b", span.b)):
             if end not in names:
-                raise NetworkError(
-                    f"{drawing.source}: {span.place}.{key}: expected the id of a pylon, got unknown {end!r}"
-                )
+                raise NetworkError(f"{span.place}.{key}: expected the id of a pylon, got unknown {end!r}")
 
 
 def _frame_of(drawing: RawNetwork) -> LocalFrame:
@@ -136,13 +343,11 @@ def _frame_of(drawing: RawNetwork) -> LocalFrame:
             if not math.isfinite(value) or abs(value) > bound:
                 swapped = key == "lat_deg" and abs(lon_deg) <= bound and math.isfinite(value)
                 hint = "; are latitude and longitude swapped, or is it a grid's?" if swapped else ""
-                raise NetworkError(
-                    f"{drawing.source}: {place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}"
-                )
+                raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
         why = f"neither lines nor poles{explain_empty_file(drawing.remarks)}"
-        raise NetworkError(f"{drawing.source}: segments: expected at least one, found none: {why}")
+        raise NetworkError(f"segments: expected at least one, found none: {why}")
     return LocalFrame(*first)
 
 
@@ -242,7 +447,7 @@ def _build_made_remark(
     away_m = np.hypot(*(known_m - np.array(node.at_m)).T)
     nearest = int(np.argmin(away_m))
     if away_m[nearest] <= NEAR_M:
-        text += f"; {names[nearest]!r} {suggest_snap(away_m[nearest])}"
+        text += f"; {names[nearest]!r} {_suggest_snap(away_m[nearest])}"
     return Remark(RemarkTopic.MADE, asset, text)
 
 
@@ -290,8 +495,8 @@ def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending:
     # What a file has drawn as spans by their poles' names may have poles beside; they were never on a line.
     unused: Sequence[int] = [index for index, node in enumerate(nodes.nodes) if node.drawn and index not in new_index]
     nodes.discard_hinted_heights(used, drawing.format)
-    found = [*drawing.remarks, *nodes.found, *spans.found, *find_oddities(nodes, spans.pairs, spans.labels, spans.lines,
-             unused, longest_m=mending.max_span_m or LONG_M)]  # fmt: skip
+    found = [*drawing.remarks, *nodes.found, *spans.found,
+             *_find_oddities(spans, unused, mending.max_span_m or LONG_M)]  # fmt: skip
     pylons = (nodes.nodes[old] for old in used)
     return UnplacedNetwork(
         tuple(Pylon(n.name, n.lat_deg, n.lon_deg, n.elevation_m, n.height_m, n.third_m) for n in pylons),
@@ -302,3 +507,89 @@ def _assemble_network(drawing: RawNetwork, nodes: Nodes, spans: _Spans, mending:
         dict(zip(spans.labels, spans.lines, strict=True)),
         tuple(found),
     )
+
+
+def _round_up_m(distance_m: float) -> str:
+    """Return a figure for snap_m that is just more than a distance."""
+    return f"{math.ceil(distance_m * 10 + 1e-6) / 10:g}"
+
+
+def _suggest_snap(away_m: float) -> str:
+    """Return how far away something is, and what snap_m takes it for a line's."""
+    return f"is {away_m:.1f} m away, snap_m = {_round_up_m(away_m)} takes it"
+
+
+def _find_oddities(spans: _Spans, unused: Sequence[int], longest_m: float) -> Iterator[Remark]:
+    """Yield what is odd about spans: nothing of it is changed, all of it is said."""
+    if not spans.pairs:
+        return
+    places_m = np.array([node.at_m for node in spans.nodes.nodes], dtype=np.float64)
+    ends = np.array(spans.pairs, dtype=np.intp)
+    ends_m = places_m[ends]
+    yield from _check_lengths(spans, ends_m, longest_m)
+    yield from _check_crossings(spans, ends_m, ends)
+    yield from _check_near_misses(spans, places_m, ends_m, ends)
+    yield from _check_unused(spans, places_m, ends_m, unused)
+
+
+def _check_lengths(spans: _Spans, ends_m: FloatArray, longest_m: float) -> Iterator[Remark]:
+    lengths_m = np.hypot(*(ends_m[:, 1] - ends_m[:, 0]).T).tolist()
+    by_line: dict[str, list[float]] = {}
+    for length_m, label, line in zip(lengths_m, spans.labels, spans.lines, strict=True):
+        by_line.setdefault(line, []).append(length_m)
+        if length_m > longest_m:
+            text = f"{length_m:.0f} m long: is a pole missing? max_span_m divides where a file has no poles"
+            yield Remark(RemarkTopic.LONG, label, text)
+    for line, own_m in by_line.items():
+        if len(own_m) > 2 and median(own_m) < SHORT_M:
+            yield Remark(
+                RemarkTopic.SHORT, line, f"half of its spans are shorter than {median(own_m):.1f} m: are these poles?"
+            )
+
+
+def _check_crossings(spans: _Spans, ends_m: FloatArray, ends: np.ndarray) -> Iterator[Remark]:
+    for count, (one, other, at_m) in enumerate(find_crossings(ends_m, ends)):
+        if count == MOST_LOOKED_AT:
+            return
+        lat_deg, lon_deg = spans.nodes.frame.to_wgs84_deg(*at_m)
+        text = (
+            f"crosses {spans.labels[other]} at {lat_deg:.6f}, {lon_deg:.6f} without a pole: two lines that do not meet"
+        )
+        yield Remark(RemarkTopic.CROSSING, spans.labels[one], text)
+
+
+def _check_near_misses(spans: _Spans, places_m: FloatArray, ends_m: FloatArray, ends: np.ndarray) -> Iterator[Remark]:
+    nodes, labels = spans.nodes.nodes, spans.labels
+    degrees = np.bincount(ends.ravel(), minlength=len(places_m))
+    beside: dict[int, list[int]] = {}
+    for number, pair in enumerate(ends.tolist()):
+        for end in pair:
+            beside.setdefault(end, []).append(number)
+    seen: set[frozenset[int]] = set()
+    for node in np.flatnonzero(degrees == 1)[:MOST_LOOKED_AT].tolist():
+        # The span before its own would be near wherever spans are short.
+        (own,) = beside[node]
+        mine = {number for end in ends[own].tolist() for number in beside[end]}
+        if len(mine) == len(ends):
+            continue
+        span, away_m = find_nearest_span(places_m[node], ends_m, sorted(mine))
+        if away_m > NEARLY_M:
+            continue
+        meets = next((end for end in ends[span].tolist() if math.dist(places_m[end], places_m[node]) <= NEARLY_M), None)
+        pair = frozenset((node, meets if meets is not None else -1 - span))
+        if pair not in seen:
+            seen.add(pair)
+            to = f"{nodes[meets].name!r} of {labels[span]}" if meets is not None else labels[span]
+            gap_m = away_m if meets is None else math.dist(places_m[meets], places_m[node])
+            text = f"{nodes[node].name!r} ends {gap_m:.1f} m from {to} and does not meet it; snap_m = "
+            yield Remark(RemarkTopic.NEARLY, labels[own], f"{text}{_round_up_m(gap_m)} joins them")
+
+
+def _check_unused(spans: _Spans, places_m: FloatArray, ends_m: FloatArray, unused: Sequence[int]) -> Iterator[Remark]:
+    for count, index in enumerate(unused):
+        text = "on no line: left out"
+        if count < MOST_LOOKED_AT:
+            span, away_m = find_nearest_span(places_m[index], ends_m)
+            if away_m <= ASIDE_M:
+                text += f"; {spans.labels[span]} {_suggest_snap(away_m)}"
+        yield Remark(RemarkTopic.UNUSED, spans.nodes.nodes[index].name, text)

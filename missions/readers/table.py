@@ -25,16 +25,16 @@ from missions.readers.attributes import (
     HEIGHT,
     LINES,
     POLES,
+    PowerFeature,
+    classify_row,
     find_first_value,
     flatten_attributes,
     heights_of,
     name_of,
     normalise_attributes,
 )
-from missions.readers.classification import PowerFeature, classify_row
-from missions.readers.crs import Wgs84Transform, build_identity_transform, build_wgs84_transform
-from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic
-from missions.readers.read_options import ReadOptions, quote_names
+from missions.readers.features import IDENTITY, Wgs84Transform, build_wgs84_transform
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, Remark, RemarkTopic, quote_names
 from missions.readers.values import (
     EAST_WEST,
     NORTH_SOUTH,
@@ -86,31 +86,30 @@ def is_pole_table(text: str) -> bool:
     return _detect_delimiter(text)[1]
 
 
-def parse_csv(text: str, source: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork:
+def parse_csv(text: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork:
     """Return what a table in a text file shows; a comma, semicolon, tab or bar divides it.
 
     Args:
         text: The file's.
-        source: Its name, for messages.
         choice: What of it is wanted.
         remark: What is to be said of how its text was read.
 
     Raises:
         NetworkError: one line that names the file, the row and what was expected.
     """
-    choice.refuse_layers(source, CSV)
+    choice.refuse_layers(CSV)
     (delimiter, _), found = _detect_delimiter(text), [Remark(RemarkTopic.FILE, CSV, remark)] if remark else []
     try:
         reader = csv.reader(io.StringIO(text.lstrip("\ufeff"), newline=None), delimiter=delimiter, strict=True)
         rows = [(f"line {reader.line_num}", row) for row in reader]
     except csv.Error as reason:
         words = "a quote that is not closed" if "end of data" in str(reason) else str(reason)
-        raise NetworkError(f"{source}: line {reader.line_num}: expected a table: {words}") from reason
+        raise NetworkError(f"line {reader.line_num}: expected a table: {words}") from reason
     rows = rows[1:] if _SAID.fullmatch(text.partition("\n")[0]) else rows
-    table = _find_table(rows, source, CSV, found)
+    table = _find_table(rows, CSV, found)
     if rows and not text.endswith(("\n", "\r")):
-        _check_end(table, source, found)
-    return _build_raw_network(_iterate_rows(table, source), source, CSV, choice, found)
+        _check_end(table, choice.source, found)
+    return _build_raw_network(_iterate_rows(table), CSV, choice, found)
 
 
 def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
@@ -118,7 +117,7 @@ def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found
     (place, last), others = table[-1], [row for _, row in table[1:-1]]
     if len(last) < len(table[0][1]):
         raise NetworkError(
-            f"{source}: {place}: expected {len(table[0][1])} cells as in the first row, got {len(last)}: the file ends "
+            f"{place}: expected {len(table[0][1])} cells as in the first row, got {len(last)}: the file ends "
             "in the middle of a line"
         )
     lengths = [len(str(row[-1]).strip()) for row in others if len(row) == len(last)]
@@ -127,7 +126,7 @@ def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found
         found.append(Remark(RemarkTopic.WHOLE, source, text))
 
 
-def parse_xlsx(archive: Archive, content: bytes, source: str, choice: ReadOptions) -> RawNetwork:
+def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetwork:
     """Return what a sheet of a workbook shows: the one that is asked for, or else the only one.
 
     Raises:
@@ -137,37 +136,35 @@ def parse_xlsx(archive: Archive, content: bytes, source: str, choice: ReadOption
         import openpyxl
         from openpyxl.utils.exceptions import InvalidFileException
     except ImportError:
-        raise NetworkError(f"{source}: a workbook {NEEDS}") from None
+        raise NetworkError(f"a workbook {NEEDS}") from None
     for name in archive.list_by_suffix(".xml"):
         if b"<!DOCTYPE" in archive.read(name)[:4096]:
-            raise NetworkError(f"{source}: {name}: expected XML without a document type (DOCTYPE)")
+            raise NetworkError(f"{name}: expected XML without a document type (DOCTYPE)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheet = _select_sheet(book, source, choice)
+        sheet = _select_sheet(book, choice)
         hidden = _count_hidden_rows(archive, sheet)
         rows = _read_cells(sheet)
     except (
         *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
     ) as reason:  # fmt: skip
-        raise NetworkError(f"{source}: content: expected a workbook: {to_printable(str(reason))}") from reason
+        raise NetworkError(f"content: expected a workbook: {to_printable(str(reason))}") from reason
     found: list[Remark] = []
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
-        found.append(Remark(RemarkTopic.WHOLE, source, text))
-    return _build_raw_network(
-        _iterate_rows(_find_table(rows, source, XLSX, found), source), source, XLSX, choice, found
-    )
+        found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
+    return _build_raw_network(_iterate_rows(_find_table(rows, XLSX, found)), XLSX, choice, found)
 
 
-def _select_sheet(book: openpyxl.Workbook, source: str, choice: ReadOptions) -> ReadOnlyWorksheet:
+def _select_sheet(book: openpyxl.Workbook, choice: ReadOptions) -> ReadOnlyWorksheet:
     titles = [sheet.title for sheet in book.worksheets]
-    wanted = choice.select_layers(source, titles, "sheet")
+    wanted = choice.select_layers(titles, "sheet")
     if not choice.layers and len(wanted) > 1:
         wanted = tuple(sheet.title for sheet in book.worksheets if sheet.sheet_state == "visible")
     if len(wanted) != 1:
-        raise NetworkError(f"{source}: layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
+        raise NetworkError(f"layer: expected one sheet of {quote_names(titles)}, found {len(wanted)}")
     return book[wanted[0]]
 
 
@@ -200,7 +197,7 @@ def _has_columns(row: Sequence[object]) -> bool:
 
 
 def _find_table(
-    rows: Sequence[tuple[str, Sequence[object]]], source: str, what: str, found: list[Remark]
+    rows: Sequence[tuple[str, Sequence[object]]], what: str, found: list[Remark]
 ) -> list[tuple[str, Sequence[object]]]:
     """Return the rows from the names of the columns on, without empty ones; a title above is said.
 
@@ -209,9 +206,9 @@ def _find_table(
     """
     filled = [(place, row) for place, row in rows if any(cell not in {None, ""} for cell in row)]
     if len(filled) > MOST_ROWS:
-        raise NetworkError(f"{source}: content: expected at most {MOST_ROWS} rows")
+        raise NetworkError(f"content: expected at most {MOST_ROWS} rows")
     if not filled:
-        raise NetworkError(f"{source}: content: expected a row of column names, found none")
+        raise NetworkError("content: expected a row of column names, found none")
     begin = next((at for at, (_, row) in enumerate(filled[: MOST_ABOVE + 1]) if _has_columns(row)), 0)
     if begin:
         first = to_printable(str(next(cell for cell in filled[0][1] if cell not in {None, ""})))[:60]
@@ -220,30 +217,28 @@ def _find_table(
     return filled[begin:]
 
 
-def _iterate_rows(table: Sequence[tuple[str, Sequence[object]]], source: str) -> Iterator[_Row]:
+def _iterate_rows(table: Sequence[tuple[str, Sequence[object]]]) -> Iterator[_Row]:
     header = [to_printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
     for place, row in table[1:]:
         if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
-            raise NetworkError(f"{source}: {place}: expected {len(header)} cells as in the first row, got {len(row)}")
+            raise NetworkError(f"{place}: expected {len(header)} cells as in the first row, got {len(row)}")
         cells = {name: cell.strip() if isinstance(cell, str) else cell
                  for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
         yield _Row(place, cells)
 
 
-def _build_raw_network(
-    rows: Iterator[_Row], source: str, what: str, choice: ReadOptions, found: list[Remark]
-) -> RawNetwork:
+def _build_raw_network(rows: Iterator[_Row], what: str, choice: ReadOptions, found: list[Remark]) -> RawNetwork:
     every = list(rows)
     if not every:
-        raise NetworkError(f"{source}: content: expected rows of poles below the column names, found none")
+        raise NetworkError("content: expected rows of poles below the column names, found none")
     columns = [name for row in every[:1] for name in row.cells]
-    system, horizontal = _find_system(columns, source, choice)
+    system, horizontal = _find_system(columns, choice)
     if not {name.lower() for name in columns} & set(ORDER):
         raise NetworkError(
-            f"{source}: columns: expected one that says which pole follows which, {quote_names(ORDER)}, "
+            f"columns: expected one that says which pole follows which, {quote_names(ORDER)}, "
             f"got {quote_names(columns)}"
         )
-    drawing = choice.create_raw_network(source, what, system.words)
+    drawing = choice.create_raw_network(what, system.words)
     drawing.found += found
     members: dict[str, list[_Member]] = {}
     mark = _mark_of(every, horizontal)
@@ -274,7 +269,7 @@ def _pair_rows_with_lines(
             yield row, line, row.cells
             continue
         if not line:
-            raise NetworkError(f"{drawing.source}: {row.place}: {LINES[0]}: expected its name, as other rows have it")
+            raise NetworkError(f"{row.place}: {LINES[0]}: expected its name, as other rows have it")
         went_on += 1
         yield row, line, first.cells | {key: cell for key, cell in row.cells.items() if cell not in {None, ""}}
     if went_on:
@@ -315,42 +310,40 @@ def _build_member(
     )
     if not is_pole or is_buried:
         drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
-    x, y = (_read_coordinate(row, keys, drawing.source, mark) for keys in horizontal)
-    return _Member(_read_rank(row, drawing.source), row, x, y, is_pole, is_buried)
+    x, y = (_read_coordinate(row, keys, mark) for keys in horizontal)
+    return _Member(_read_rank(row), row, x, y, is_pole, is_buried)
 
 
 def _find_system(
-    columns: Sequence[str], source: str, choice: ReadOptions
+    columns: Sequence[str], choice: ReadOptions
 ) -> tuple[Wgs84Transform, tuple[tuple[str, ...], tuple[str, ...]]]:
     known = {name.lower() for name in columns}
     if known & set(LAT) and known & set(LON):
-        choice.refuse_crs(source, "columns lat and lon")
-        return build_identity_transform(source), (LON, LAT)
+        choice.refuse_crs("columns lat and lon")
+        return IDENTITY, (LON, LAT)
     if not (known & set(EAST) and known & set(NORTH)):
-        raise NetworkError(
-            f"{source}: columns: expected lat and lon, or easting and northing, got {quote_names(columns)}"
-        )
+        raise NetworkError(f"columns: expected lat and lon, or easting and northing, got {quote_names(columns)}")
     if choice.crs is None:
-        raise NetworkError(f"{source}: crs: expected one such as 'EPSG:5514' for easting and northing, none is given")
-    return build_wgs84_transform(choice.crs, source), (EAST, NORTH)
+        raise NetworkError("crs: expected one such as 'EPSG:5514' for easting and northing, none is given")
+    return build_wgs84_transform(choice.crs), (EAST, NORTH)
 
 
-def _read_coordinate(row: _Row, keys: Sequence[str], source: str, mark: str | None) -> float:
+def _read_coordinate(row: _Row, keys: Sequence[str], mark: str | None) -> float:
     value = find_first_value(row.cells, keys)
     if keys in {LAT, LON}:
         figure = degrees_of(value, NORTH_SOUTH if keys == LAT else EAST_WEST)
     else:
         figure = grid_figure_of(value, mark)
     if figure is None or not is_figure(figure):
-        raise NetworkError(f"{source}: {row.place}: {keys[0]}: expected a number, got {value!r}")
+        raise NetworkError(f"{row.place}: {keys[0]}: expected a number, got {value!r}")
     return figure
 
 
-def _read_rank(row: _Row, source: str) -> PoleRank:
+def _read_rank(row: _Row) -> PoleRank:
     value = find_first_value(row.cells, ORDER)
     rank = parse_pole_rank(value)
     if rank is None:
-        raise NetworkError(f"{source}: {row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
+        raise NetworkError(f"{row.place}: {ORDER[0]}: expected a number, or one with letters, got {value!r}")
     return rank
 
 
@@ -361,7 +354,7 @@ def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wg
     for (key, one), (next_key, other) in itertools.pairwise(keyed):
         if key == next_key:
             raise NetworkError(
-                f"{drawing.source}: {other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "
+                f"{other.row.place}: {ORDER[0]}: expected another than that of {one.row.place}, "
                 f"got {other.order.text}" + (f" twice in line {line!r}" if line else "")
             )
     members = [member for _, member in keyed]
@@ -369,10 +362,8 @@ def _add_line(drawing: RawNetwork, line: str, members: list[_Member], system: Wg
         drawing.leave_out("line of one pole", line or members[0].row.place)
         return
     if len(members) < 2:
-        raise NetworkError(
-            f"{drawing.source}: {members[0].row.place}: expected two poles or more of line {line!r}, found one"
-        )
-    places = [f"{drawing.source}: {member.row.place}" for member in members]
+        raise NetworkError(f"{members[0].row.place}: expected two poles or more of line {line!r}, found one")
+    places = [f"{member.row.place}" for member in members]
     found = system.lat_lon_deg([member.x for member in members], [member.y for member in members], places)
     for (lat_deg, lon_deg), member, place in zip(found, members, places, strict=True):
         heights = heights_of(member.row.cells, place, mark)

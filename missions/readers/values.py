@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from missions.files import is_number
 
+Attributes = Mapping[str, object]
+"""Of a feature, by the names that its file has for them."""
 BLANK = {"", "nan", "null", "(null)", "<null>", "none", "n/a", "#n/a", "nil", "not available"}
 """Texts by which programs say nothing."""
 NO_FIGURE = BLANK | {"-", "--", "?", "na", "unknown"}

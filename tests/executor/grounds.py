@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from executor.site.ground_view import GroundView, compute_shown_area
 from executor.site.hillshade import compute_hillshade
-from missions.background import Background, choose_grid_size
 from missions.geo import FloatArray
+from missions.readers.background_files import Background, choose_grid_size
 
 
 @dataclass(frozen=True)

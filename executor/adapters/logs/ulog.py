@@ -1,6 +1,7 @@
 """PX4's ULog (.ulg) to our messages, on the vehicle's own clock (microseconds since its boot).
 
 pyulog reads the file; only the topics that are used are kept, and of them only the rows that may say something new.
+Topics and fields came, went and changed their names between 1.5 and 1.17; what a log does not have stays unknown.
 """
 
 from __future__ import annotations
@@ -8,23 +9,429 @@ from __future__ import annotations
 import heapq
 import io
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 from pyulog import ULog
 
-from executor.adapters.logs.px4_vehicle import TOPICS, Px4Messages, Px4State, TopicReader, build_status_text
-from executor.core.interface.messages import VehicleSetting
-from executor.core.interface.recorded_log import Record, RecordedFile, is_wanted_setting
+from executor.core import formatting
+from executor.core.interface.messages import (
+    Actor,
+    Attitude,
+    Battery,
+    EstimatorStatus,
+    FlightMessage,
+    Gps,
+    Heartbeat,
+    HeightTarget,
+    LandedState,
+    MissionCurrent,
+    ModeChange,
+    OrderSeen,
+    OwnFailsafe,
+    Position,
+    RcChannels,
+    StatusText,
+    VehicleSetting,
+)
+from executor.core.interface.recorded_log import (
+    MODE_COMMANDS,
+    RcChangeFilter,
+    Record,
+    RecordedFile,
+    TiltFilter,
+    is_wanted_setting,
+)
 from executor.core.telemetry.plausibility import filter_implausible
+from executor.core.telemetry.px4_event_meanings import ARGUMENT_BYTES, parse_px4_event
 from executor.errors import LogError
+from missions import PX4
 
+DO_SET_MODE = 176
+SWITCH_MODE = 7
+"""action_request.action."""
+REQUESTED_BY = MappingProxyType(dict.fromkeys((0, 1, 2, 3), Actor.PILOT))
+"""action_request.source: a gesture of the sticks, a switch, a button, the mode switch."""
+MODE_SWITCHES = (
+    "mode_slot", "mode_switch", "return_switch", "loiter_switch", "posctl_switch", "offboard_switch", "acro_switch",
+    "rattitude_switch", "stab_switch", "man_switch",
+)  # fmt: skip
+"""Of manual_control_switches, and before 1.12 of manual_control_setpoint."""
+ORDERED_USEC = 1_500_000
+"""So long after an order a mode changes because of it: the commander looks at its orders many times a second."""
+FAILED: Mapping[str, tuple[str, str]] = MappingProxyType({
+    # failsafe_flags, since 1.14
+    "battery_low_remaining_time": ("battery", "battery: too little for the way home"),
+    "battery_unhealthy": ("battery", "battery unhealthy"),
+    "manual_control_signal_lost": ("rc", "manual control lost"),
+    "gcs_connection_lost": ("ground station", "ground station lost"),
+    "global_position_invalid": ("gps", "global position invalid"),
+    "position_accuracy_low": ("gps", "position accuracy low"),
+    "local_position_invalid": ("ekf", "local position invalid"),
+    "local_velocity_invalid": ("ekf", "local velocity invalid"),
+    "local_altitude_invalid": ("ekf", "local altitude invalid"),
+    "attitude_invalid": ("attitude", "attitude invalid"),
+    "angular_velocity_invalid": ("attitude", "angular velocity invalid"),
+    "geofence_breached": ("fence", "geofence breached"),
+    "fd_critical_failure": ("attitude", "failure detector: attitude"),
+    "fd_esc_arming_failure": ("motor", "failure detector: speed controller"),
+    "fd_motor_failure": ("motor", "failure detector: motor"),
+    "fd_imbalanced_prop": ("motor", "failure detector: imbalanced propeller"),
+    "mission_failure": ("other", "mission failed"),
+    "navigator_failure": ("other", "navigator failed"),
+    "offboard_control_signal_lost": ("other", "offboard control lost"),
+    "wind_limit_exceeded": ("other", "wind limit exceeded"),
+    "flight_time_limit_exceeded": ("other", "flight time limit exceeded"),
+    # vehicle_status, before 1.14
+    "rc_signal_lost": ("rc", "manual control lost"),
+    "data_link_lost": ("ground station", "ground station lost"),
+    "engine_failure": ("motor", "motor failed"),
+})  # fmt: skip
+"""Flags, and what kind of failsafe they are a reason for."""
+VALID: Mapping[str, tuple[str, str]] = MappingProxyType({
+    "condition_global_position_valid": ("gps", "global position invalid"),
+    "condition_local_position_valid": ("ekf", "local position invalid"),
+    "condition_local_velocity_valid": ("ekf", "local velocity invalid"),
+    "condition_battery_healthy": ("battery", "battery unhealthy"),
+})  # fmt: skip
+"""vehicle_status_flags, before 1.14: what is well."""
+CRITICAL = 2
+"""battery_warning of failsafe_flags and battery_status: critical, and above it emergency and failed."""
+UNNAMED = ("other", "failsafe")
+"""The log has no flag that would say what failed."""
+QUADROTOR = 2
+TYPES: Mapping[int, int] = {2: 1, 3: 10, 4: 7}
+"""vehicle_status.vehicle_type to MAV_TYPE, but for rotary wings: fixed wing, rover, airship."""
+STANDBY, ACTIVE, CRITICAL_STATE = 3, 4, 5
+HALF = 128
+CHANNELS = 18
+CELLS = 14
+ARMED = 2
+"""vehicle_status.arming_state."""
+BEAT_USEC = 950_000
+MODES: Mapping[int, int] = {
+    0: 1 << 16, 1: 2 << 16, 2: 3 << 16, 3: 4 << 24 | 4 << 16, 4: 3 << 24 | 4 << 16, 5: 5 << 24 | 4 << 16,
+    10: 5 << 16, 12: 6 << 24 | 4 << 16, 13: 10 << 16, 14: 6 << 16, 15: 7 << 16, 17: 2 << 24 | 4 << 16,
+    18: 6 << 24 | 4 << 16, 19: 8 << 24 | 4 << 16, 20: 9 << 24 | 4 << 16,
+}  # fmt: skip
+"""vehicle_status.nav_state (VehicleStatus.msg) to custom_mode (px4_custom_mode.h); 12, DESCEND, is a landing."""
+WARNINGS: Mapping[int, int] = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
+"""battery_status.warning to MAV_BATTERY_CHARGE_STATE: none, low, critical, emergency, failed."""
+STALE_USEC = 3_000_000
+"""After so long without the filter's place, the receiver's is taken."""
+FIXED = 3
+UNKNOWN_M = 100.0
+"""A receiver without a fix says that it may be off by more."""
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 OF_EACH = frozenset({"sensor_gps"})
 """Topics of which each receiver has one: the first is read."""
 LONGEST_USEC = 3 * 86400 * 1_000_000
 """No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicRow:
+    """One row of a topic, whose fields are looked up when they are asked for."""
+
+    columns: Mapping[str, Any]
+    index: int
+
+    def __getitem__(self, name: str) -> float:
+        """Return a field."""
+        value: float = self.columns[name][self.index]
+        return value
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether this version has a field."""
+        return name in self.columns
+
+    def get(self, name: str, default: float) -> float:
+        """Return a field, or what stands for it in a version that has none."""
+        return self[name] if name in self.columns else default
+
+
+Px4Messages: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
+
+
+@dataclass(slots=True)
+class Px4State:
+    """What is known of the vehicle."""
+
+    beat: tuple[int, bool] | None = None
+    """Mode, and whether it is armed."""
+    beat_usec: int = -BEAT_USEC
+    velocity_m_s: tuple[float, float, float] | None = None
+    """North, east, down, by the local position."""
+    height_m: float | None = None
+    """By the local position: above where the filter began."""
+    begun_msl_m: float | None = None
+    placed_usec: int = -STALE_USEC
+    received_usec: int = -STALE_USEC
+    landed: bool | None = None
+    item: tuple[int, int] | None = None
+    rc: RcChangeFilter = field(default_factory=RcChangeFilter)
+    tilt: TiltFilter = field(default_factory=TiltFilter)
+    failing: dict[str, tuple[str, str]] = field(default_factory=dict)
+    """Flags that are up in the order in which they rose, with what they are about."""
+    failed: OwnFailsafe | None = None
+    """What acts now."""
+    asked: tuple[int, Actor] = (-ORDERED_USEC, Actor.UNKNOWN)
+    """When a mode was asked for last, and by whom."""
+    switches: tuple[int, ...] | None = None
+    finished: bool = False
+
+
+def _read_vehicle_status(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    mode = MODES.get(int(row["nav_state"]), 0)
+    armed, acts = int(row["arming_state"]) == ARMED, bool(row.get("failsafe", 0))
+    _read_failsafe_flags(vehicle, t_usec, row)
+    told: list[FlightMessage] = list(_update_failsafe(vehicle, acts=acts and armed))
+    if vehicle.beat is None or mode != vehicle.beat[0]:
+        told.append(ModeChange(mode, _find_mode_actor(vehicle, t_usec, row, acts=acts)))
+    beat = (mode, armed)
+    if beat != vehicle.beat or told or t_usec - vehicle.beat_usec >= BEAT_USEC:
+        vehicle.beat, vehicle.beat_usec = beat, t_usec
+        status = CRITICAL_STATE if acts and armed else ACTIVE if armed else STANDBY
+        kind = TYPES.get(int(row.get("vehicle_type", 0)), QUADROTOR)
+        told.append(Heartbeat(PX4.number, mode, armed, status, kind))
+    return tuple(told)
+
+
+def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
+    """Return who chose a mode that has just changed."""
+    if acts:
+        return Actor.FAILSAFE
+    if t_usec - vehicle.asked[0] <= ORDERED_USEC:
+        return vehicle.asked[1]
+    return Actor.MISSION if int(row.get("executor_in_charge", 0)) else Actor.UNKNOWN
+
+
+def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[OwnFailsafe]:
+    """Yield what began to act or ended; the flag that rose last is the reason."""
+    if acts:
+        what, said = next(reversed(vehicle.failing.values()), UNNAMED)
+        if vehicle.failed is None or (vehicle.failed.what != what and what != UNNAMED[0]):
+            vehicle.failed = OwnFailsafe(what, active=True, words=said)
+            yield vehicle.failed
+    elif vehicle.failed is not None:
+        yield OwnFailsafe(vehicle.failed.what, active=False, words=vehicle.failed.words)
+        vehicle.failed = None
+
+
+def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
+    """Note which flags are up."""
+    up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
+    up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
+    if row.get("battery_warning", 0) >= CRITICAL:
+        up["battery_warning"] = ("battery", "battery critical")
+    known = [name for name in (*FAILED, *VALID, "battery_warning") if name in row]
+    for name in known:
+        if name not in up:
+            vehicle.failing.pop(name, None)
+        elif name not in vehicle.failing:
+            vehicle.failing[name] = up[name]
+    return None
+
+
+def _read_vehicle_command(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    command = int(row["command"])
+    if command not in MODE_COMMANDS:
+        return None
+    if not row.get("from_external", 1):
+        vehicle.asked = (t_usec, Actor.MISSION)  # the navigator flies an item: a return, a landing
+        return None
+    vehicle.asked = (t_usec, Actor.GROUND_STATION)
+    main, sub = row["param2"], row["param3"]
+    named = command == DO_SET_MODE and 0 <= main < HALF and 0 <= sub < HALF
+    return OrderSeen(
+        command, int(main) << 16 | int(sub) << 24 if named else None, int(row.get("source_system", 0)) or None
+    )
+
+
+def _read_action_request(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    if int(row["action"]) == SWITCH_MODE:
+        vehicle.asked = (t_usec, REQUESTED_BY.get(int(row["source"]), Actor.UNKNOWN))
+    return None
+
+
+def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    """Read an event: what has failed, or who asks for a mode."""
+    size = sum(f"arguments[{one}]" in row for one in range(ARGUMENT_BYTES))
+    said = parse_px4_event(int(row["id"]), bytes(int(row[f"arguments[{one}]"]) for one in range(size)))
+    if isinstance(said, ModeChange):
+        vehicle.asked = (t_usec, said.by)
+        return None
+    return said
+
+
+def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
+    switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
+    if vehicle.switches is not None and switches != vehicle.switches:
+        vehicle.asked = (t_usec, Actor.PILOT)
+    vehicle.switches = switches
+    return None
+
+
+def _read_rc_channels(vehicle: Px4State, t_usec: int, row: TopicRow) -> RcChannels | None:
+    if row.get("rc_lost", 0):
+        return None
+    count = min(int(row["channel_count"]), CHANNELS)
+    return vehicle.rc.filter_channels(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
+
+
+def _read_battery(_: Px4State, __: int, row: TopicRow) -> Battery | None:
+    if not row.get("connected", 1):
+        return None
+    remaining, volts = row.get("remaining", math.nan), row["voltage_v"]
+    amperes, discharged = row.get("current_a", math.nan), row.get("discharged_mah", -1.0)
+    cells = [float(row.get(f"voltage_cell_v[{cell}]", 0.0)) for cell in range(CELLS)]
+    known = tuple(cell for cell in cells if math.isfinite(cell) and 1.0 < cell < 5.0)
+    sensed = math.isfinite(amperes) and amperes >= 0
+    return Battery(
+        battery=max(0, int(row.get("id", 1)) - 1),
+        remaining_pct=100.0 * float(remaining) if 0.0 <= remaining <= 1.0 else None,
+        voltage_v=float(volts) if math.isfinite(volts) and volts > 0 else None,
+        current_a=float(amperes) if sensed else None,
+        consumed_ah=float(discharged) / 1e3 if sensed and discharged >= 0 else None,
+        charge_state=WARNINGS.get(int(row.get("warning", 0)), 0),
+        faults=0,
+        # Where cells are not measured PX4 divides the voltage by their number.
+        cells_v=known if len(set(known)) > 1 else (),
+    )
+
+
+def _read_local_position(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
+    if row.get("v_xy_valid", 1):
+        vehicle.velocity_m_s = (float(row["vx"]), float(row["vy"]), float(row["vz"]))
+    vehicle.height_m = -float(row["z"])
+    return None
+
+
+def _read_global_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    vehicle.placed_usec = t_usec
+    place = _build_position(vehicle, t_usec, (float(row["lat"]), float(row["lon"]), float(row["alt"])), row)
+    return (EstimatorStatus(is_absolute=not row["dead_reckoning"]), place) if "dead_reckoning" in row else place
+
+
+def _read_gps(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
+    """Read the receiver's fix, and its place where the log has none of the filter."""
+    vehicle.received_usec = t_usec
+    told = _build_gps(t_usec, row)
+    place = _read_receiver_position(vehicle, t_usec, row)
+    return told if place is None else (told, place)
+
+
+def _read_receiver(vehicle: Px4State, t_usec: int, row: TopicRow) -> Gps | None:
+    """Read a receiver's own topic, where the log has none of what is made of all of them."""
+    return None if t_usec - vehicle.received_usec < STALE_USEC else _build_gps(t_usec, row)
+
+
+def _build_gps(t_usec: int, row: TopicRow) -> Gps:
+    off_m = float(row.get("eph", math.nan))
+    return Gps(
+        int(row["fix_type"]),
+        int(row["satellites_used"]) if "satellites_used" in row else None,
+        accuracy_m=off_m if 0.0 < off_m < UNKNOWN_M else None,
+        measured_s=t_usec / 1e6,
+    )
+
+
+def _read_receiver_position(vehicle: Px4State, t_usec: int, row: TopicRow) -> Position | None:
+    if row["fix_type"] < FIXED or t_usec - vehicle.placed_usec < STALE_USEC:
+        return None
+    if "latitude_deg" in row:
+        place = (float(row["latitude_deg"]), float(row["longitude_deg"]), float(row["altitude_msl_m"]))
+    else:
+        place = (row["lat"] / 1e7, row["lon"] / 1e7, row["alt"] / 1e3)
+    return _build_position(vehicle, t_usec, place, row)
+
+
+def _build_position(vehicle: Px4State, t_usec: int, place: tuple[float, float, float], row: TopicRow) -> Position:
+    lat_deg, lon_deg, alt_m = place
+    vehicle.begun_msl_m = alt_m if vehicle.begun_msl_m is None else vehicle.begun_msl_m
+    own = tuple(float(row.get(name, row.get(f"{name}_m_s", 0.0))) for name in ("vel_n", "vel_e", "vel_d"))
+    north, east, down = vehicle.velocity_m_s or own
+    height_m = alt_m - vehicle.begun_msl_m if vehicle.height_m is None else vehicle.height_m
+    return Position(t_usec / 1e6, lat_deg, lon_deg, alt_m, height_m, north, east, down, None)
+
+
+def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarget | None:
+    """Read its controller's target; a landing and a take-off may have none."""
+    down_m = float(row["z"])
+    return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
+
+
+def _read_attitude(vehicle: Px4State, t_usec: int, row: TopicRow) -> Attitude | None:
+    w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    return vehicle.tilt.filter_attitude(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
+
+
+def _read_land_detected(vehicle: Px4State, _: int, row: TopicRow) -> LandedState | None:
+    landed = bool(row["landed"])
+    if landed == vehicle.landed:
+        return None
+    vehicle.landed = landed
+    return LandedState(landed)
+
+
+def _read_mission_result(vehicle: Px4State, t_usec: int, row: TopicRow) -> MissionCurrent | None:
+    finished = bool(row.get("finished", 0))
+    if finished and not vehicle.finished:
+        vehicle.asked = (t_usec, Actor.MISSION)
+    vehicle.finished = finished
+    item = (int(row["seq_current"]), int(row.get("seq_total", 0)))
+    if item == vehicle.item or item[1] <= 0:
+        return None
+    vehicle.item = item
+    return MissionCurrent(*item)
+
+
+def build_status_text(level: int, text: str) -> StatusText:
+    """Return a text of the log: its level is a digit, and its console's colours are no part of it."""
+    return StatusText(
+        level - ord("0") if level >= ord("0") else level, formatting.escape_controls(_COLOUR.sub("", text))
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TopicReader:
+    """How a topic is read."""
+
+    read: Callable[[Px4State, int, TopicRow], Px4Messages]
+    every_usec: int = 0
+    """One row in so long is enough."""
+    changing: tuple[str, ...] = ()
+    """Fields of which only changes matter."""
+
+
+TOPICS: Mapping[str, TopicReader] = {
+    "vehicle_status": TopicReader(_read_vehicle_status),
+    "battery_status": TopicReader(_read_battery, 450_000),
+    "vehicle_local_position": TopicReader(_read_local_position, 200_000),
+    "vehicle_global_position": TopicReader(_read_global_position, 950_000),
+    "vehicle_gps_position": TopicReader(_read_gps, 950_000),
+    "sensor_gps": TopicReader(_read_receiver, 950_000),
+    "vehicle_local_position_setpoint": TopicReader(_read_height_target, 950_000),
+    "vehicle_attitude": TopicReader(_read_attitude, 450_000),
+    "vehicle_land_detected": TopicReader(_read_land_detected),
+    "failsafe_flags": TopicReader(_read_failsafe_flags),
+    "vehicle_status_flags": TopicReader(_read_failsafe_flags),
+    "vehicle_command": TopicReader(_read_vehicle_command),
+    "action_request": TopicReader(_read_action_request),
+    "event": TopicReader(_read_event),
+    "manual_control_switches": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
+    "manual_control_setpoint": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
+    "input_rc": TopicReader(_read_rc_channels, 190_000),
+    "mission_result": TopicReader(_read_mission_result),
+}
+"""By their names."""
 
 
 @dataclass(slots=True)
@@ -87,29 +494,16 @@ class UlogFile(RecordedFile):
                     continue
                 last = state
             last_usec = t_usec
-            yield t_usec, topic.read, _UlogRow(data, index)
-
-
-@dataclass(frozen=True, slots=True)
-class _UlogRow:
-    """One row of a topic, whose fields are looked up when they are asked for."""
-
-    columns: Mapping[str, Any]
-    index: int
-
-    def __getitem__(self, name: str) -> float:
-        value: float = self.columns[name][self.index]
-        return value
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.columns
-
-    def get(self, name: str, default: float) -> float:
-        return self[name] if name in self.columns else default
+            yield t_usec, topic.read, TopicRow(data, index)
 
 
 _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
 """When it is whose turn to be read."""
+
+
+def _repeat(_: Px4State, __: int, told: FlightMessage) -> Px4Messages:
+    """Return what is a message already."""
+    return told
 
 
 def _is_near(t_usec: int, began_usec: int) -> bool:
@@ -126,11 +520,7 @@ def _find_system(log: ULog) -> int:
 def _read_texts(log: ULog, began_usec: int) -> Iterator[_Turn]:
     for text in sorted(log.logged_messages, key=lambda one: one.timestamp):
         if _is_near(text.timestamp, began_usec):
-            yield int(text.timestamp), _convert_text, text
-
-
-def _convert_text(_: Px4State, __: int, text: Any) -> Px4Messages:  # noqa: ANN401 - pyulog is untyped
-    return build_status_text(text.log_level, str(text.message))
+            yield int(text.timestamp), _repeat, build_status_text(text.log_level, str(text.message))
 
 
 def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
@@ -138,8 +528,4 @@ def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
     told += [(int(t_usec), name, value) for t_usec, name, value in log.changed_parameters]
     for t_usec, name, value in sorted(told, key=lambda one: one[0]):
         if is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
-            yield t_usec, _convert_setting, (name, float(value))
-
-
-def _convert_setting(_: Px4State, __: int, named: tuple[str, float]) -> Px4Messages:
-    return VehicleSetting(*named)
+            yield t_usec, _repeat, VehicleSetting(name, float(value))

@@ -1,32 +1,34 @@
 """Telemetry logs (.tlog) to our messages, faster than a codec that decodes them all.
 
 A record is [8 bytes, microseconds since 1970, big-endian][a MAVLink frame]; both directions and any number of vehicles
-may share a file. Only the headers of most frames are read, for their sequence numbers. What is wanted of the
-others, `tlog_kinds` unpacks. The file is read in pieces, so a log of any length takes the same memory.
+may share a file. Only the headers of most frames are read, for their sequence numbers. What is wanted of the others is
+unpacked by pymavlink's own definitions and read by `message_readers`, as on a link; only the classes of pymavlink are
+passed by, whose making takes most of the time of a long log. The file is read in pieces, so a log of any length takes
+the same memory.
+
+A log is stamped by the computer that wrote it, whose clock is set in flight: by satellites, by a network, by hand, from
+1970 to today, or an hour back. What the vehicles send has their own time since their boot. After a leap both go on
+alike, apart by as much as the clock was set; after a silence of the link they agree as before, at the latest when what
+was held back has come.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Generator, Iterator
+from collections import namedtuple
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import integers, message_readers, px4_events
 from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
-from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
 from executor.adapters.mavlink.statustext import StatusTextAssembler
-from executor.adapters.mavlink.tlog_kinds import (
-    ITEMS,
-    KINDS,
-    ORDERS,
-    SLOW_USEC,
-    STAND_IN_USEC,
-    TOLD_BY_VEHICLES,
-    MessageKind,
-)
 from executor.core import formatting
 from executor.core.interface.messages import (
     Attitude,
@@ -53,6 +55,31 @@ from executor.core.telemetry.autopilot_component import AutopilotComponent, upda
 from executor.core.telemetry.plausibility import filter_implausible
 from missions import AUTOPILOTS, PX4
 
+BACK_USEC = 1_000_000
+"""Frames of several links are out of order by less."""
+AHEAD_USEC = 2_000_000
+"""A shorter pause is one of any link, and costs nothing."""
+SET_USEC = 1_500_000
+"""A clock that is off by less was not set."""
+ALIKE_USEC = 500_000
+"""By so much both may differ after it was set; frames that were held back catch up by more."""
+SEEN_USEC, LOOKS_USEC = 2_500_000, 10_000_000
+"""For so long both must go on alike where the leap itself is short, and for so long is looked ahead."""
+SHORT_USEC = 60_000_000
+LONGEST_PAUSE_USEC = 86_400_000_000
+"""Where no vehicle's clock says anything a longer pause of a recorder is a clock that was set."""
+EVERY_USEC = 450_000
+"""Of a battery's reports no watchpoint needs more than two a second."""
+SLOW_USEC = 950_000
+"""Of everything else one a second is enough."""
+POSITION_USEC = 1_400_000
+"""Of positions two in three seconds: of one in two each would be called late."""
+STEADY_USEC = 2_900_000
+"""Of what is repeated until it changes, one in three seconds."""
+RC_USEC = 190_000
+"""A switch is seen at once."""
+STAND_IN_USEC = 4_000_000
+"""SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
 MARKS = frozenset(HEADS)
 STAMP = 8
 LONGEST = STAMP + 10 + 255 + 2 + 13
@@ -77,6 +104,139 @@ LOOKAHEAD = 1 << 16
 """Bytes of a piece that are left to the next one, so that what follows a leap of the clock is there to look at."""
 LEAST = 18
 """Bytes of the shortest records: a time, and a frame of the older version without a field."""
+
+
+@dataclass(frozen=True, slots=True)
+class BootTime:
+    """A vehicle's own time, and the log's beside it, in microseconds."""
+
+    boot_usec: int
+    stamp_usec: int
+
+
+def was_set_by_usec(pairs: Sequence[tuple[BootTime, BootTime]], stamp_usec: int, before_usec: int) -> int:
+    """Return by how much a clock was set between two stamps; 0 where it was not.
+
+    Args:
+        pairs: Of each report after the leap, in their order: its vehicle's last report before it, and itself.
+        stamp_usec: Of the first record after it.
+        before_usec: Of the last record before it.
+    """
+    leap_usec = stamp_usec - before_usec
+    off = [
+        (after.stamp_usec - before.stamp_usec) - (after.boot_usec - before.boot_usec)
+        for before, after in pairs
+        if after.boot_usec >= before.boot_usec  # else it rebooted, and says nothing of the time between
+    ]
+    if not off:
+        return leap_usec if not -BACK_USEC <= leap_usec < LONGEST_PAUSE_USEC else 0
+    seen_usec = pairs[-1][1].stamp_usec - stamp_usec
+    alike = max(off) - min(off) <= ALIKE_USEC and (seen_usec >= SEEN_USEC or abs(leap_usec) >= SHORT_USEC)
+    if alike and abs(off[-1]) >= SET_USEC:
+        return off[-1]
+    return leap_usec if leap_usec < -BACK_USEC else 0
+
+
+@dataclass(frozen=True, slots=True)
+class MessageKind:
+    """One message that is read."""
+
+    name: str
+    extra: int
+    """CRC_EXTRA: part of its checksum."""
+    layout: struct.Struct
+    """All fields in the order on the wire; what a sender left out at the end is zero."""
+    name_fields: Callable[[tuple[Any, ...]], Any]
+    """Makes of their values an object that has them by MAVLink's names."""
+    read: Callable[[Any], FlightMessage | None]
+    every_usec: int
+    """One that follows another sooner than this is passed over."""
+    special: bool
+    """Whether it is not simply a vehicle's word about itself."""
+    arrays: tuple[tuple[int, int], ...] = ()
+    """Where each field begins and ends among the values, if any has more than one."""
+
+    def unpack_fields(self, frame: bytes) -> Frame:
+        """Return all fields of a frame by their names."""
+        values = self.layout.unpack(payload_of(frame, self.layout.size))
+        if self.arrays:
+            values = tuple(values[first] if end == first + 1 else values[first:end] for first, end in self.arrays)
+        return self.name_fields(values)
+
+
+def _ignore_message(_: object) -> None:
+    """Say nothing: it is not the message alone that tells."""
+
+
+def _make_kind(name: str, every_usec: int, *, special: bool) -> MessageKind:
+    """Return a kind as pymavlink defines it."""
+    known, read = _DEFINED[name], message_readers.READERS.get(name, _ignore_message)
+    read = message_readers.read_channels if name == "RC_CHANNELS_RAW" else read
+    more_format, more_fields = _MORE.get(name, ("", ()))
+    layout = struct.Struct(known.unpacker.format + more_format)
+    name_fields = _named_tuple(name, (*known.ordered_fieldnames, *more_fields))._make
+    ends = list(accumulate(known.lengths))
+    arrays = tuple(zip([0, *ends], ends, strict=False)) if max(known.lengths) > 1 else ()
+    return MessageKind(name, known.crc_extra, layout, name_fields, read, every_usec, special, arrays)
+
+
+_named_tuple: Any = namedtuple
+_DEFINED: Mapping[str, Any] = {one.msgname: one for one in mav.mavlink_map.values()}
+_MORE = {"MISSION_CURRENT": ("I", ("mission_id",))}
+"""Fields at the end that pymavlink's definition does not have yet."""
+_PLAIN = {
+    "SYS_STATUS": SLOW_USEC,
+    "GPS_RAW_INT": SLOW_USEC,
+    "GPS2_RAW": SLOW_USEC,
+    "EKF_STATUS_REPORT": SLOW_USEC,
+    "ESTIMATOR_STATUS": SLOW_USEC,
+    "GLOBAL_POSITION_INT": POSITION_USEC,
+    "MISSION_CURRENT": STEADY_USEC,
+    "MISSION_ITEM_REACHED": 0,
+    "NAV_CONTROLLER_OUTPUT": SLOW_USEC,
+    "BATTERY_STATUS": EVERY_USEC,
+    "EXTENDED_SYS_STATE": STEADY_USEC,
+}
+"""A vehicle's words about itself, and how often one is wanted."""
+_SPECIAL = {
+    "HEARTBEAT": 0,
+    "ATTITUDE": EVERY_USEC,
+    "LOCAL_POSITION_NED": SLOW_USEC,
+    "POSITION_TARGET_LOCAL_NED": SLOW_USEC,
+    "MISSION_ITEM": 0,
+    "MISSION_ITEM_INT": 0,
+    "RADIO_STATUS": POSITION_USEC,
+    "STATUSTEXT": 0,
+    "COMMAND_LONG": 0,
+    "COMMAND_INT": 0,
+    "SET_MODE": 0,
+    "COMMAND_ACK": 0,
+    "PARAM_VALUE": 0,
+    "RC_CHANNELS_RAW": RC_USEC,
+    "RC_CHANNELS": RC_USEC,
+}
+"""What is not simply that."""
+_EVENT = MessageKind(
+    px4_events.NAME,
+    px4_events.EXTRA,
+    px4_events.LAYOUT,
+    _named_tuple(px4_events.NAME, px4_events.FIELDS)._make,
+    _ignore_message,
+    every_usec=0,
+    special=True,
+)
+KINDS: Mapping[int, MessageKind] = (
+    {_DEFINED[name].id: _make_kind(name, every_usec, special=False) for name, every_usec in _PLAIN.items()}
+    | {_DEFINED[name].id: _make_kind(name, every_usec, special=True) for name, every_usec in _SPECIAL.items()}
+    | {px4_events.EVENT: _EVENT}
+)
+"""By message id: what is read; RADIO_STATUS is also what SiK radios send."""
+ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
+TOLD_BY_VEHICLES = frozenset({
+    px4_events.NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
+    "POSITION_TARGET_LOCAL_NED",
+})  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -116,6 +276,7 @@ class _MessageStream:
 class TelemetryFile(RecordedFile):
     """A .tlog being read once, from its beginning to its end."""
 
+    on_board = False
     frames: int = 0
     _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sources: dict[int, _Source] = field(default_factory=dict)

@@ -18,8 +18,8 @@ from executor.analysis.pictures.map_sheet import STRIP_IN, MapSheet
 from executor.analysis.pictures.style import PAPER, make_white_edge
 from executor.site.ground_view import GroundView
 from executor.site.hillshade import Contour
-from missions.background import Background, Pixels
 from missions.geo import FloatArray
+from missions.readers.background_files import Background, Pixels
 
 SHADE = 0.45
 """How strong the relief is: what is drawn over it must be told from it."""

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 from executor.core.interface.messages import Attitude, FlightMessage, RcChannels
 
@@ -52,6 +53,8 @@ class SkippedRecords:
 class RecordedFile(ABC):
     """One log, read once from its beginning to its end."""
 
+    on_board: ClassVar[bool] = True
+    """Whether the vehicle itself wrote it: then its link cannot be judged."""
     path: Path
     every_record: bool = field(default=False, kw_only=True)
     """Whether all that it says is wanted; else each kind only as often as some watchpoint needs it."""

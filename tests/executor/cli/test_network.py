@@ -180,8 +180,8 @@ MALFORMED: dict[str, tuple[str, bytes, str, str]] = {
                                     "a.gpkg: layer 'hv' feature 12: geometry: expected a GeoPackage's: no header"),
     "an unknown layer": ("a.gpkg", database(*GPKG), "--layer mv",
                          "a.gpkg: layer: expected a layer of the file, 'hv', got 'mv'"),
-    "a shapefile without .prj": ("a.zip", shapes(prj=None), "", ("a.zip: lines.prj: expected the reference system, the "
-                                 "file is missing; crs says it")),
+    "a shapefile without .prj": ("a.zip", shapes(prj=None), "", ("a.zip: lines.prj: crs: expected a reference system, "
+                                 "none is in the file; crs says it")),
     "a shapefile with another .prj": ("a.zip", shapes(prj=b"north is up"), "", ("a.zip: lines.prj: crs: expected a "
                                       "coordinate reference system such as 'EPSG:32633', got 'north is up'")),
     "a shapefile without .dbf": ("a.zip", shapes(dbf=None), "",

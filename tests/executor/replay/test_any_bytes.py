@@ -74,7 +74,7 @@ def is_explained(path: Path) -> bool:
     """Return whether somebody is followed, or it is said why nobody is."""
     try:
         opened = open_log(path)
-        found = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board)
+        found = replay_log(opened, build_replay_rules(None))
     except LogError as error:
         return str(path) in str(error)
     return bool(found.vehicles or found.notes)
@@ -127,5 +127,5 @@ def test_an_undamaged_log_is_followed(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_bytes(LOGS[suffix])
     opened = open_log(path)
-    [vehicle] = replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board).vehicles
+    [vehicle] = replay_log(opened, build_replay_rules(None)).vehicles
     assert vehicle.flown_s > 25

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executor.core.state.vehicle_state import VehicleState
-from executor.replay.flight_book import FlightBook
+from executor.replay.log_replay import FlightBook
 from tests.executor.core.vehicles import DISARMED, flying
 
 

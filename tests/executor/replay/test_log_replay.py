@@ -21,7 +21,7 @@ RTL, LOITER, GUIDED = 6, 5, 4
 
 def replayed(writer: Writer, tmp_path: Path) -> LogReplay:
     path = writer.write(tmp_path / "a.tlog")
-    return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def declared(found: LogReplay) -> list[tuple[int, str, str, float]]:
@@ -82,7 +82,7 @@ def test_a_clock_that_jumps_back_is_counted_and_carried_on(tmp_path: Path) -> No
     for second in range(60, 110):
         shifted.say(float(second), 255, station())
     path.write_bytes(writer.data() + shifted.data())
-    found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    found = replay_log(TelemetryFile(path), build_replay_rules(None))
     assert found.skipped.time_back == 1
     [(_, kind, _, at_s)] = declared(found)
     assert kind == "link"
@@ -176,7 +176,7 @@ def test_a_site_brings_its_own_rules(tmp_path: Path) -> None:
     writer = Writer()
     flight(writer, 3, range(200), silent=range(60, 100))
     path = writer.write(tmp_path / "a.tlog")
-    found = replay_log(TelemetryFile(path), path, build_replay_rules(check_site(content, "test")))
+    found = replay_log(TelemetryFile(path), build_replay_rules(check_site(content, "test")))
     [(_, _, _, at_s)] = declared(found)
     assert found.vehicles[0].name == "uav9"
     assert 71.5 <= at_s <= 72.0

@@ -48,7 +48,7 @@ class Recorded:
         for at_s, system, message in self.says:
             self.writer.say(at_s, system, message)
         path = self.writer.write(folder / "a.tlog")
-        return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+        return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def channels(mode_us: int) -> Any:
@@ -114,7 +114,7 @@ def written(folder: Path, beats: Callable[[int], Any], *says: tuple[float, int, 
     for one in says:
         writer.say(*one)
     path = writer.write(folder / "a.tlog")
-    return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def test_a_failsafe_after_a_person_took_it_interrupts_nothing(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_a_switch_explains_a_mode_that_a_lossy_link_shows_late(tmp_path: Path) -
         writer.say(second + 0.3, 3, position(second, 3.0 * second))
         writer.say(second + 0.4, 3, channels(SWITCHES[AUTO if second < 57 else RTL]))
     path = writer.write(tmp_path / "a.tlog")
-    found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    found = replay_log(TelemetryFile(path), build_replay_rules(None))
     assert modes(found) == [("RTL", "pilot")]
     assert kinds(found) == []
 
@@ -192,4 +192,4 @@ def test_what_a_log_says_last_is_judged(tmp_path: Path) -> None:
         writer.say(second + 0.3, 3, position(second, 3.0 * second))
     writer.say(59.4, 3, text("Crash: Disarming"))
     path = writer.write(tmp_path / "a.tlog")
-    assert kinds(replay_log(TelemetryFile(path), path, build_replay_rules(None))) == [("interruption", "crash")]
+    assert kinds(replay_log(TelemetryFile(path), build_replay_rules(None))) == [("interruption", "crash")]

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.recorded_truths import RecordedTruth, read_recorded_truths, truth_for
 from benchmarks.tuning import few_lines
 from executor.core.state.vehicle_state import FaultKind
-from executor.replay.ground_truth import read_recorded_truths, truth_for
 from executor.replay.log_replay import build_replay_rules, replay_log
 from executor.replay.open_log import open_log
-from executor.replay.replay_result import LogReplay, RecordedTruth
+from executor.replay.replay_result import LogReplay
 from tests.recorded import LOGS, real_logs
 
 TELEMETRY = sorted(LOGS.glob("*.tlog")) if LOGS.is_dir() else []
@@ -31,7 +31,7 @@ def replayed(path: Path) -> tuple[LogReplay, RecordedTruth]:
     opened = open_log(path)
     truth = truth_for(path, read_recorded_truths(path.parent))
     assert truth is not None
-    return replay_log(opened.file, path, build_replay_rules(None), on_board=opened.on_board), truth
+    return replay_log(opened, build_replay_rules(None)), truth
 
 
 def extra_pct(found: LogReplay, truth: RecordedTruth, at_usec: int) -> float:

@@ -21,7 +21,7 @@ from tests.recorded import Writer, battery, flight, heartbeat, position, station
 
 def replayed(writer: Writer, tmp_path: Path) -> LogReplay:
     path = writer.write(tmp_path / "a.tlog")
-    return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def test_an_empty_log(tmp_path: Path) -> None:
@@ -43,7 +43,7 @@ def test_a_vehicle_that_never_says_what_it_is(tmp_path: Path) -> None:
 
 def test_no_frame_at_all(tmp_path: Path) -> None:
     (tmp_path / "a.tlog").write_bytes(bytes(3000))
-    found = replay_log(TelemetryFile(tmp_path / "a.tlog"), tmp_path / "a.tlog", build_replay_rules(None))
+    found = replay_log(TelemetryFile(tmp_path / "a.tlog"), build_replay_rules(None))
     assert "there is no MAVLink frame in it" in found.notes
     assert found.skipped.garbage_runs >= 1
 
@@ -73,7 +73,7 @@ def test_parameters_that_come_first_are_kept(tmp_path: Path) -> None:
         writer.say("PARM", "QNf", "TimeUS,Name,Value", 1_000_000, "BATT_CAPACITY", capacity)
     writer.say("MODE", "QMBB", "TimeUS,Mode,ModeNum,Rsn", 2_000_000, 3, 3, 1)
     path = writer.write(tmp_path / "a.BIN")
-    assert not replay_log(DataFlashFile(path), path, build_replay_rules(None), on_board=True).skipped
+    assert not replay_log(DataFlashFile(path), build_replay_rules(None)).skipped
 
 
 @pytest.mark.parametrize("later_s", [7200.0, -7200.0])
@@ -85,7 +85,7 @@ def test_two_flights_in_one_log(later_s: float, tmp_path: Path) -> None:
         writer.records = [(from_s + at_s, frame) for at_s, frame in writer.records]
     path = tmp_path / "a.tlog"
     path.write_bytes(first.data() + second.data())
-    found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    found = replay_log(TelemetryFile(path), build_replay_rules(None))
     [vehicle] = found.vehicles
     assert vehicle.declarations == ()
     assert vehicle.flown_s == pytest.approx(120, abs=6)
@@ -111,7 +111,7 @@ def test_a_log_is_known_by_what_it_holds(tmp_path: Path) -> None:
     ):
         opened = open_log(path)
         assert opened.on_board is on_board
-        assert replay_log(opened.file, path, build_replay_rules(None), on_board=on_board).vehicles
+        assert replay_log(opened, build_replay_rules(None)).vehicles
     (tmp_path / "four.log").write_text("2024-01-01 something else\n" * 50)
     with pytest.raises(LogError, match="expected a telemetry log"):
         open_log(tmp_path / "four.log")
@@ -139,7 +139,4 @@ def test_a_stamp_alone_is_cut_off(tmp_path: Path) -> None:
     writer = Writer()
     flight(writer, 3, range(3))
     (tmp_path / "a.tlog").write_bytes(writer.data() + struct.pack(">Q", 5))
-    assert (
-        replay_log(TelemetryFile(tmp_path / "a.tlog"), tmp_path / "a.tlog", build_replay_rules(None)).skipped.truncated
-        == 1
-    )
+    assert replay_log(TelemetryFile(tmp_path / "a.tlog"), build_replay_rules(None)).skipped.truncated == 1

@@ -13,9 +13,14 @@ from executor.core.battery.resting_voltage import Chemistry
 from executor.core.interface.messages import Heartbeat
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
-from executor.replay.pack_book import PackFlight, capacity_ah
-from executor.replay.packs_file import format_pack_lines, merge_packs
-from executor.replay.replay_result import LogReplay, VehicleReplay
+from executor.replay.replay_result import (
+    LogReplay,
+    PackFlight,
+    VehicleReplay,
+    capacity_ah,
+    format_pack_lines,
+    merge_packs,
+)
 from executor.site.site_packs import read_packs
 from tests.recorded import real_logs
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -14,7 +16,8 @@ from tests.executor.core.steps import rounded
 def trace(count: int, every_s: float) -> SampleTrace:
     found = SampleTrace()
     for number in range(count):
-        found.add(replay_result.ReplaySample(number * every_s, None, None, None, None, None, 0.0, 0.0, None, None))
+        sample = replay_result.ReplaySample(number * every_s, None, None, None, None, None, 0.0, 0.0, None, None)
+        found.add(sample.at_s, partial(replace, sample))
     return found
 
 

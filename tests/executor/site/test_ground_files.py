@@ -21,7 +21,7 @@ from executor.site.ground_files import (
     write_ground,
 )
 from executor.site.ground_view import GroundView
-from missions.background import Background
+from missions.readers.background_files import Background
 from tests.executor.grounds import Hills, ground_about
 from tests.missions.builders import FRAME
 

@@ -8,7 +8,7 @@ import pytest
 import shapefile
 
 from missions import NetworkError, NetworkImport, RemarkTopic, Selection, import_network
-from missions.readers.code_pages import code_page_of
+from missions.readers.archives import code_page_of
 from tests.missions.readers.tagged import WGS84
 
 NAME = "Žďár nad Řekou"
@@ -86,4 +86,4 @@ def test_who_knows_better_says_the_encoding_of_a_shapefile(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("content", [b"", b"\x03" * 20, bytes(33), b"\xff" * 200])
 def test_a_damaged_table_has_the_usual_letters(content: bytes) -> None:
-    assert code_page_of(content, None, None, "a.shp")
+    assert code_page_of(content, None, None)

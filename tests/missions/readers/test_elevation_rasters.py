@@ -14,9 +14,13 @@ from affine import Affine
 
 from missions.errors import ElevationError
 from missions.geo import FloatArray, LocalFrame
-from missions.readers.elevation_rasters import RasterOptions, read_elevation
-from missions.readers.kept_elevation import read_kept_ground, write_kept_ground
-from missions.readers.rasters import locate_cells
+from missions.readers.elevation_rasters import (
+    RasterOptions,
+    locate_cells,
+    read_elevation,
+    read_kept_ground,
+    write_kept_ground,
+)
 from missions.terrain import Elevation
 from tests.mountains import LAT_DEG, LON_DEG, Mountain, write_raster
 

@@ -8,8 +8,7 @@ import pytest
 
 from missions import LocalFrame, MendingLimits, RemarkTopic
 from missions.readers.network_build import UnplacedNetwork, build_unplaced_network
-from missions.readers.raw_network import Line, Pole, RawNetwork
-from missions.readers.read_options import ReadOptions, parse_where
+from missions.readers.raw_network import Line, Pole, RawNetwork, ReadOptions, parse_where
 
 FRAME = LocalFrame(49.6, 15.6)
 Spot = tuple[float, float]
@@ -181,7 +180,7 @@ def test_a_track_of_a_receiver_is_not_taken_for_poles_without_a_word() -> None:
     ],
 )
 def test_a_filter_compares_as_numbers_where_both_are(where: str, attributes: dict[str, object], takes: bool) -> None:
-    assert ReadOptions(where=parse_where(where)).is_wanted(attributes) is takes
+    assert ReadOptions("a.json", where=parse_where(where)).is_wanted(attributes) is takes
 
 
 @pytest.mark.parametrize("where", ["", "voltage", "= 3", "a = 1 or b = 2", "a = 1 and", "a = 1 b = 2", "a ~ 3"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from missions import NetworkError, Selection, import_network
-from missions.readers.table_text import decode_table
+from missions.readers.archives import decode_table
 
 NAMES = {
     "cp1250": ("Příbram;Týniště nad Orlicí", "Łódź;Częstochowa", "Győr;Székesfehérvár", "Brašov;Bacău", "Čačak;Užice"),
@@ -28,7 +28,7 @@ NAMES = {
 
 @pytest.mark.parametrize(("page", "names"), [(page, names) for page, own in NAMES.items() for names in own])
 def test_a_code_page_is_tried_by_the_letters_of_its_languages(page: str, names: str) -> None:
-    text, remark = decode_table(names.encode(page), "a.csv", None)
+    text, remark = decode_table(names.encode(page), None)
     assert text == names
     assert remark.startswith(f"no encoding is said: read as {page}, with names such as ")
 

@@ -48,7 +48,7 @@ def test_no_damage_stops_the_reader(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.tlog"
         path.write_bytes(damaged)
-        found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
+        found = replay_log(TelemetryFile(path), build_replay_rules(None))
     assert len(found.vehicles) <= 2
     assert found.lasted_s >= 0.0
 
@@ -66,7 +66,7 @@ def test_clocks_that_leap_both_ways(leaps: list[tuple[int, int]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.tlog"
         path.write_bytes(data)
-        found = replay_log(TelemetryFile(path), path, build_replay_rules(None))
+        found = replay_log(TelemetryFile(path), build_replay_rules(None))
     assert found.lasted_s >= 0.0
     assert found.skipped.time_back <= len(leaps)
 

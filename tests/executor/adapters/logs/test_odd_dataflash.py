@@ -13,8 +13,8 @@ from pymavlink import DFReader
 
 from benchmarks.witness.statements import read_log_evidence
 from executor.adapters.chunks import PIECE
-from executor.adapters.logs.dataflash import DataFlashFile
-from executor.adapters.logs.dataflash_rows import BinaryRows, WantedColumns
+from executor.adapters.logs.ardupilot_boot import WantedColumns
+from executor.adapters.logs.dataflash import BinaryRows, DataFlashFile
 from executor.core.interface.messages import Battery, Heartbeat, LandedState, Position, StatusText, VehicleSetting
 from executor.core.interface.recorded_log import Record, SkippedRecords
 from executor.errors import LogError
@@ -131,7 +131,7 @@ def test_who_else_wrote_it(said: str, words: str, tmp_path: Path) -> None:
     path = log((*MSG, SECOND, said), (*MODE, SECOND, 3, 3, 1), (*BAT, 2 * SECOND, 15.0, 20.0, 1.0)).write(
         tmp_path / "a.BIN"
     )
-    found = replay_log(DataFlashFile(path), path, build_replay_rules(None), on_board=True)
+    found = replay_log(DataFlashFile(path), build_replay_rules(None))
     assert found.vehicles == ()
     assert any(words in note for note in found.notes)
 
@@ -147,7 +147,7 @@ def test_two_boots_in_one_file(tmp_path: Path) -> None:
     again = next(index for index, (t_usec, _) in enumerate(beats) if index and t_usec < beats[index - 1][0])
     assert [beat.armed for _, beat in beats[again - 1 : again + 2]] == [True, False, True]
     assert not file.skipped
-    assert replay_log(DataFlashFile(path), path, build_replay_rules(None), on_board=True).skipped.time_back == 1
+    assert replay_log(DataFlashFile(path), build_replay_rules(None)).skipped.time_back == 1
 
 
 def test_one_damaged_time_moves_nothing(tmp_path: Path) -> None:
@@ -301,7 +301,7 @@ def copter_of_2013() -> DataFlashWriter:
 def test_a_log_of_2013_goes_by_the_satellites_clock(text: bool, tmp_path: Path) -> None:
     writer = copter_of_2013()
     path = writer.write_text(tmp_path / "a.log") if text else writer.write(tmp_path / "a.BIN")
-    found = replay_log(DataFlashFile(path, text=text), path, build_replay_rules(None), on_board=True)
+    found = replay_log(DataFlashFile(path, text=text), build_replay_rules(None))
     [vehicle] = found.vehicles
     assert found.lasted_s == pytest.approx(70.0, abs=1.0), "from the first fix on"
     assert vehicle.flown_s == pytest.approx(60.0, abs=1.0)

@@ -96,7 +96,7 @@ def test_without_vehicle_status_nobody_knows_anything(tmp_path: Path) -> None:
     writer = UlogWriter({"battery_status": OLD_BATTERY})
     writer.say(SECOND, "battery_status", voltage_v=15.5)
     path = writer.write(tmp_path / "a.ulg")
-    found = replay_log(UlogFile(path), path, build_replay_rules(None), on_board=True)
+    found = replay_log(UlogFile(path), build_replay_rules(None))
     assert found.vehicles == ()
     assert any("no vehicle_status" in note for note in found.notes)
 
@@ -105,9 +105,7 @@ def test_what_flies_with_wings_is_not_followed(tmp_path: Path) -> None:
     writer = UlogWriter({"vehicle_status": [*STATUS, ("vehicle_type", "uint8_t")]})
     writer.say(SECOND, "vehicle_status", nav_state=3, arming_state=2, vehicle_type=2)
     path = writer.write(tmp_path / "a.ulg")
-    assert any(
-        "fixed wing" in note for note in replay_log(UlogFile(path), path, build_replay_rules(None), on_board=True).notes
-    )
+    assert any("fixed wing" in note for note in replay_log(UlogFile(path), build_replay_rules(None)).notes)
 
 
 def test_channels_of_a_receiver_that_hears_its_transmitter(tmp_path: Path) -> None:

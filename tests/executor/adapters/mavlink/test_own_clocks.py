@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.witness.statements import read_log_evidence
-from executor.adapters.mavlink.own_clocks import BootTime, was_set_by_usec
-from executor.adapters.mavlink.tlog_reader import TelemetryFile
+from executor.adapters.mavlink.tlog_reader import BootTime, TelemetryFile, was_set_by_usec
 from executor.replay.log_replay import build_replay_rules, replay_log
 from executor.replay.replay_result import LogReplay
 from tests.recorded import Writer, battery, heartbeat, position, station
@@ -37,7 +36,7 @@ def log(stamped: Callable[[float], float], path: Path, *, drops: float = 0.0) ->
 
 
 def replayed(path: Path) -> LogReplay:
-    return replay_log(TelemetryFile(path), path, build_replay_rules(None))
+    return replay_log(TelemetryFile(path), build_replay_rules(None))
 
 
 def set_at(at_s: float, by_s: float) -> Callable[[float], float]:

@@ -17,8 +17,7 @@ from pymavlink.generator.mavcrc import x25crc
 from executor.adapters.chunks import PIECE
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.frame_layout import compute_checksum
-from executor.adapters.mavlink.tlog_kinds import KINDS, ORDERS
-from executor.adapters.mavlink.tlog_reader import TelemetryFile
+from executor.adapters.mavlink.tlog_reader import KINDS, ORDERS, TelemetryFile
 from executor.core.interface.messages import (
     Attitude,
     Battery,

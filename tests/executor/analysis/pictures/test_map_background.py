@@ -19,7 +19,7 @@ from executor.analysis.pictures.map_background import describe_ground
 from executor.analysis.pictures.style import DPI
 from executor.analysis.read_run import read_run
 from executor.site.ground_view import GroundView, compute_shown_area
-from missions.background import Background
+from missions.readers.background_files import Background
 from tests.executor.flights import first_plan_file, write_run
 from tests.executor.grounds import Hills, ground_about
 

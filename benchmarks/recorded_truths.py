@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
-from executor.replay.replay_result import RecordedTruth, TrueEvent
 
 KINDS: Mapping[str, FaultKind] = {
     "battery fault": FaultKind.BATTERY,
@@ -22,6 +22,26 @@ KINDS: Mapping[str, FaultKind] = {
 """What a truth calls them; any other kind is no fault."""
 _ROUTINE = re.compile(r"first heartbeat|\barmed|disarmed|\bend(s|ed)?\b|\bover\b|\bback\b", re.IGNORECASE)
 """Events of every flight, and ends of what was injected."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrueEvent:
+    """One thing that really happened, by the truth that lies beside a log."""
+
+    t_usec: int
+    """On the log's own clock."""
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedTruth:
+    """What is known of a recorded flight."""
+
+    kind: FaultKind | None
+    """Of the fault that was injected; None for a healthy flight."""
+    fault_usec: int | None
+    """When it became visible in the data, on the log's own clock."""
+    events: tuple[TrueEvent, ...]
 
 
 def read_recorded_truths(folder: Path) -> dict[str, RecordedTruth]:
