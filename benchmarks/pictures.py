@@ -32,7 +32,7 @@ from executor.images.exif import find_picture_files
 from executor.images.index_files import ImageIndex, build_image_index
 from executor.images.index_rows import ImageRow
 from executor.images.matching import match_files
-from executor.simulated.cards import SimulatedCards
+from executor.simulated.simulated_fleet import SimulatedCards
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions.cameras import PylonCameraTask

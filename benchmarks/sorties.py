@@ -27,8 +27,7 @@ from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtua
 from executor.errors import ExecutorError
 from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
-from executor.site.day_flight import build_first_sorties_plan
-from executor.site.day_problem import build_day_problem, solve_day
+from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest

@@ -39,7 +39,7 @@ from executor.runtime.flight_loop import Flight
 from executor.runtime.vehicle_preflight import load_lists
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
-from executor.site import day_flight, site_model
+from executor.site import day_plans, site_model
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
@@ -221,7 +221,7 @@ class VirtualRun(MemoryFlight):
             await self._upload_fences(context, first)
             await upload_first_missions(context, links, clock, boards, console)
             launched_s = self._launched_s = clock.now_s()
-            ahead = {} if self._order.day is None else day_flight.sorties_ahead_of(self._order.day)
+            ahead = {} if self._order.day is None else day_plans.sorties_ahead_of(self._order.day)
             state = fleet_step.build_initial_state(boards, fences=first, ahead=ahead)
             flight, ended = await self._supervise(context, state, launched_s + limit_s)
             ended_s = clock.now_s()

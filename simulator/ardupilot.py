@@ -13,12 +13,28 @@ from simulator import telemetry
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
-from simulator.enums import MavCommand, MissionState, Result, Severity
-from simulator.fence import FenceShape, build_fence_shapes, distance_outside_m, find_return_destination, is_inside
 from simulator.guidance import ThrottleDescent, find_stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
+from simulator.messages import (
+    Command,
+    Heartbeat,
+    MavCommand,
+    MissionState,
+    Outbound,
+    Peer,
+    Result,
+    SetMode,
+    Severity,
+    build_message,
+)
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
-from simulator.mission_store import StoreStep
+from simulator.mission_store import (
+    FenceShape,
+    StoreStep,
+    build_fence_shapes,
+    distance_outside_m,
+    find_return_destination,
+    is_inside,
+)
 from simulator.physics import Home, Limits
 from simulator.positioning import GPS_BIT
 from simulator.store_ardupilot import ArduPilotStore

@@ -13,14 +13,13 @@ from typing import ClassVar
 from simulator import telemetry
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
-from simulator.config import AutopilotKind, SimVehicle
-from simulator.enums import MavCommand, Result, Severity
-from simulator.faults import PAYLOAD_FAULTS, InjectionKind
+from simulator.config import PAYLOAD_FAULTS, AutopilotKind, InjectionKind, SimVehicle
 from simulator.guidance import Hover, Leg, find_stopping_place
 from simulator.messages import (
     Body,
     Command,
     Heartbeat,
+    MavCommand,
     MissionMessage,
     MissionSetCurrent,
     Outbound,
@@ -31,22 +30,22 @@ from simulator.messages import (
     Ping,
     Received,
     RequestDataStream,
+    Result,
     SetMode,
+    Severity,
     Timesync,
     build_message,
     describe_order,
 )
 from simulator.mission_ardupilot import ArduPilotMission
 from simulator.mission_px4 import Px4Mission
-from simulator.mission_store import StoreStep
+from simulator.mission_store import StoreStep, mission_length_m
 from simulator.params import ParamTable, defaults_for
 from simulator.physics import Home, Place
 from simulator.positioning import Positioning
-from simulator.route import mission_length_m
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.store_px4 import Px4Store
-from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
-from simulator.vehicle_outbox import VehicleOutbox
+from simulator.telemetry import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""

@@ -9,9 +9,8 @@ from contextlib import asynccontextmanager, suppress
 from typing import cast
 
 from simulator.autopilot import STEP_S
-from simulator.common_time import LOOK_REAL_S
+from simulator.common_time import LOOK_REAL_S, Stations
 from simulator.config import SimFleet, parse_vehicle_endpoint
-from simulator.time_stations import Stations
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle
 

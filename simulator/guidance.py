@@ -12,9 +12,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from simulator.physics import Body, Limits, Place, Velocity
-from simulator.position_drift import PositionDrift
-from simulator.px4_trajectory import Px4Leg, Px4Trajectory, moving_share
-from simulator.px4_velocity_smoothing import braking_speed_m_s
+from simulator.positioning import PositionDrift
+from simulator.px4_trajectory import Px4Leg, Px4Trajectory, braking_speed_m_s, moving_share
 from simulator.scurves import DelayedCurve, compute_target
 
 BRAKE_MARGIN = 0.7

@@ -8,17 +8,14 @@ from dataclasses import replace
 
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
-from simulator.enums import MissionState, Severity
-from simulator.fence import find_return_destination
 from simulator.guidance import Goal, Hover, Land, Leg, TimedLeg, can_join_timed_leg, corner_speed_m_s, distance_m
-from simulator.messages import build_message
-from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
+from simulator.messages import MissionState, Severity, build_message
+from simulator.mission_store import DONE_IN_PASSING, CarryOut, find_return_destination, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
-from simulator.route import place_of
 from simulator.scurves import DelayedCurve, LegLimits, SCurve, overlap_s, turn_s
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.vehicle_outbox import VehicleOutbox
+from simulator.telemetry import VehicleOutbox
 
 LATE_SLOWDOWN_M = 22.5
 """How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""

@@ -4,24 +4,69 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from enum import IntEnum
 from typing import ClassVar
 
 from simulator import telemetry
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
-from simulator.enums import LandedState, MavCommand, Result, Severity
-from simulator.fence import FenceShape, build_fence_shapes, find_return_destination, is_inside
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
+from simulator.messages import (
+    Command,
+    Heartbeat,
+    LandedState,
+    MavCommand,
+    Outbound,
+    Peer,
+    Result,
+    SetMode,
+    Severity,
+    build_message,
+)
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
-from simulator.mission_store import StoreStep, has_place
-from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, encode_custom_mode
+from simulator.mission_store import (
+    FenceShape,
+    StoreStep,
+    build_fence_shapes,
+    find_return_destination,
+    has_place,
+    is_inside,
+    place_of,
+)
 from simulator.physics import Home, Limits, Place
 from simulator.positioning import GPS_BIT
 from simulator.px4_trajectory import HEIGHT_M, JERK, UP
-from simulator.route import place_of
 from simulator.store_px4 import Px4Store
+
+MAIN_AUTO = 4
+
+
+def encode_custom_mode(main: int, sub: int = 0) -> int:
+    """Return the number that a heartbeat shows."""
+    return sub << 24 | main << 16
+
+
+class Mode(IntEnum):
+    """custom_mode, as far as simulated."""
+
+    ALTCTL = encode_custom_mode(2)
+    POSCTL = encode_custom_mode(3)
+    TAKEOFF = encode_custom_mode(4, 2)
+    LOITER = encode_custom_mode(4, 3)
+    MISSION = encode_custom_mode(4, 4)
+    RETURN = encode_custom_mode(4, 5)
+    LAND = encode_custom_mode(4, 6)
+
+
+WORDS = {
+    "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
+    "MISSION": Mode.MISSION,
+}  # fmt: skip
+"""The modes that a person chooses."""
+MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
+"""In which MISSION_CURRENT says 'active', as PX4 does."""
+
 
 MAV_AUTOPILOT_PX4 = 12
 LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)

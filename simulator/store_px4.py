@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from missions.items import Command, Frame, MissionItem, PlaceCommand
-from simulator.enums import MissionResult, Severity
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
@@ -21,8 +20,10 @@ from simulator.messages import (
     MissionMessage,
     MissionRequest,
     MissionRequestList,
+    MissionResult,
     Outbound,
     Peer,
+    Severity,
 )
 from simulator.mission_store import (
     StoreStep,

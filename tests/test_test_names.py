@@ -10,7 +10,6 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
-    "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
         "benchmarks/reallogspage.py",
@@ -20,8 +19,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/benchmarks/virtual/test_areas.py": ("missions/area_check.py",),
     "tests/executor/cli/test_areas.py": (
-        "executor/site/site_areas.py",
-        "executor/site/tables/area_tables.py",
+        "executor/site/site_places.py",
+        "executor/site/site_tables.py",
         "missions/outlines.py",
         "missions/reachability.py",
     ),
@@ -43,12 +42,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/simulated/injected_faults.py",
     ),
     "tests/e2e/test_given_back.py": (
-        "executor/cli/restore.py",
+        "executor/cli/flights.py",
         "executor/flight/restore_vehicles.py",
         "executor/flight/concurrency.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
-    "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
@@ -83,14 +81,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
-        "executor/analysis/pictures/front_figure.py",
+        "executor/analysis/pictures/chart_figures.py",
         "executor/analysis/pictures/map_figures.py",
-        "executor/analysis/pictures/label_placement.py",
-        "executor/analysis/pictures/map_sheet.py",
         "executor/analysis/pictures/style.py",
-        "executor/analysis/pictures/window_figure.py",
     ),
-    "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
+    "tests/executor/analysis/test_report.py": ("executor/adapters/document.py",),
     "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
@@ -135,8 +130,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/options.py",
     ),
     "tests/executor/cli/test_network.py": (
-        "executor/analysis/pictures/network_figure.py",
-        "executor/cli/network_options.py",
         "missions/readers/archives.py",
         "missions/readers/xml_tree.py",
     ),
@@ -160,15 +153,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/missions/test_overland_surface.py": ("missions/terrain.py",),
     "tests/missions/test_relief.py": ("missions/grids.py",),
-    "tests/executor/site/test_terrain.py": (
-        "executor/analysis/pictures/profile_figure.py",
-        "executor/analysis/height_profile.py",
-    ),
     "tests/stories/test_pictures.py": (
         "executor/core/payload/camera_state.py",
         "simulator/camera.py",
     ),
-    "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
         "executor/images/clock_offsets.py",
@@ -176,9 +164,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/images/asset_pages.py",
         "executor/images/index_rows.py",
         "executor/images/index_files.py",
-        "executor/simulated/cards.py",
+        "executor/simulated/simulated_fleet.py",
     ),
-    "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
     "tests/missions/test_camera_items.py": ("missions/cameras.py",),
     "tests/missions/readers/test_whole.py": ("missions/readers/shape_parts.py",),
     "tests/missions/readers/test_network_build.py": (
@@ -199,11 +186,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/shapes.py",
         "missions/readers/network_import.py",
     ),
-    "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (
-        "executor/cli/flights.py",
         "executor/cli/options.py",
-        "executor/cli/plan_inputs.py",
         "executor/cli/plans.py",
     ),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
@@ -287,43 +271,24 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/tuning_picture.py",
     ),
     "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/stream_requests.py",),
-    "tests/executor/simulated/test_demo_site.py": ("executor/simulated/simulated_fleet.py",),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
     "tests/simulator/test_leg_times.py": (
         "simulator/scurves.py",
         "simulator/px4_trajectory.py",
-        "simulator/px4_velocity_smoothing.py",
-        "simulator/position_drift.py",
     ),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
-    "tests/simulator/test_px4.py": (
-        "simulator/mission_px4.py",
-        "simulator/modes_px4.py",
-    ),
+    "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
     "tests/simulator/test_vehicle.py": (
-        "simulator/airframe.py",
         "simulator/messages.py",
-        "simulator/mission_store.py",
-        "simulator/route.py",
         "simulator/telemetry.py",
-        "simulator/vehicle_outbox.py",
     ),
-    "tests/simulator/test_wire.py": ("simulator/streams.py",),
-    "tests/executor/site/test_site_file.py": (
-        "executor/site/tables/aircraft.py",
-        "executor/site/tables/ground.py",
-        "executor/site/tables/links.py",
-    ),
-    "tests/executor/site/test_planned_heights.py": ("executor/site/site_model.py",),
+    "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
+    "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_planning_asked.py": (
         "executor/flight/checklist.py",
         "executor/flight/checklist_only.py",
-        "executor/site/plan_summary.py",
     ),
-    "tests/executor/site/test_campaign_risk.py": (
-        "executor/analysis/pictures/risk_figure.py",
-        "executor/cli/risk.py",
-    ),
+    "tests/executor/site/test_campaigns_risk.py": ("executor/cli/risk.py",),
     "tests/missions/autopilots/test_dialect.py": ("missions/autopilots/registry.py",),
     "tests/missions/test_encode.py": (
         "missions/autopilots/ardupilot.py",
@@ -386,13 +351,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_solve.py",
     ),
     "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "planner/sorties/sortie_model.py"),
-    "tests/executor/cli/test_day.py": (
-        "executor/analysis/pictures/gantt_figure.py",
-        "executor/site/day_summary.py",
-        "executor/site/tables/day_tables.py",
-        "missions/day_plan.py",
-    ),
-    "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
+    "tests/executor/cli/test_plan_inputs_day.py": ("missions/day_plan.py",),
     "tests/benchmarks/test_day.py": (
         "benchmarks/daypage.py",
         "benchmarks/day_command.py",

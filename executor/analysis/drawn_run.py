@@ -12,8 +12,7 @@ import numpy.typing as npt
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FaultRow
-from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord, find_last_row
-from executor.analysis.read_run import read_run
+from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord, find_last_row, read_run
 from executor.errors import LogError
 from executor.site.site_file import read_site
 from executor.site.site_model import load_terrain

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from executor.adapters.document import Document
 from executor.adapters.templates import format_value, render_template, write_page
-from executor.analysis.documents import FlightReport, InspectionRow, SeenRow
-from executor.analysis.earlier_flights import describe_total_inspected
+from executor.analysis.documents import FlightReport, InspectionRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import formatting
 from executor.core.interface.commands import Level

@@ -28,7 +28,7 @@ class CheckoutRequired(ExecutorError):
 
 COMMANDS: Mapping[str, str] = {
     "demo": "executor.cli.flights:demo",
-    "init": "executor.cli.init_site:init",
+    "init": "executor.cli.network:init",
     "network": "executor.cli.network:network",
     "plan": "executor.cli.plans:plan",
     "check": "executor.cli.plans:check",
@@ -40,7 +40,7 @@ COMMANDS: Mapping[str, str] = {
     "fly": "executor.cli.flights:fly",
     "preflight": "executor.cli.flights:preflight",
     "resume": "executor.cli.flights:resume",
-    "restore": "executor.cli.restore:restore",
+    "restore": "executor.cli.flights:restore",
     "images": "executor.cli.images:images",
     "day": "executor.cli.flights:fly_day",
     "replay": "executor.cli.replay:replay_logs",

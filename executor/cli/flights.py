@@ -1,9 +1,10 @@
-"""The commands that fly: demo, simulate, fly."""
+"""The commands that fly, or simulate: demo, simulate, fly, day, preflight, resume, restore."""
 
 from __future__ import annotations
 
 import errno
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -13,11 +14,9 @@ import typer
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
-from executor.analysis.documents import CheckRow, FlightReport
-from executor.analysis.earlier_flights import describe_total_inspected, read_earlier_flights
+from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
 from executor.cli.console import TerminalConsole
-from executor.cli.day import DAY_SECONDS, ObjectiveOption, plan_day_and_report
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
     DEFAULT_STRETCH_PCT,
@@ -42,18 +41,23 @@ from executor.cli.options import (
     require_finite,
 )
 from executor.cli.plan_inputs import (
+    DAY_SECONDS,
+    ObjectiveOption,
     check_can_write,
     load_site_with_learned,
     parse_plan_request,
     plan_and_report,
+    plan_day_and_report,
     plan_request_for,
     select_flown_plan,
 )
-from executor.core.formatting import command_line
+from executor.core.formatting import command_line, format_count
 from executor.core.interface.commands import Level
+from executor.core.preflight.board_changes import KeptList, KeptParameter
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
+from executor.flight.board_record import build_parameter_rows, read_kept_lists, read_kept_parameters
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
@@ -71,10 +75,9 @@ from executor.simulated.demo_site import (
     run_simulated_fleet,
 )
 from executor.simulated.injected_faults import read_injected_faults
-from executor.site import day_flight, site_model
-from executor.site.day_summary import describe_day
-from executor.site.ground_files import read_ground
-from executor.site.ground_view import GroundView, view_for
+from executor.site import day_plans, site_model
+from executor.site.ground_view import GroundView, read_ground, view_for
+from executor.site.plan_summary import describe_day
 from executor.site.site_file import check_site, read_signing_key, read_site
 from executor.site.site_planning import DEFAULT, PlanSolver
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
@@ -252,7 +255,7 @@ def fly_day(
     console.show_progress("")
     for line in describe_day(planned):
         console.say(Level.INFO, line)
-    routes = day_flight.build_first_sorties_plan(planned, made.ground)
+    routes = day_plans.build_first_sorties_plan(planned, made.ground)
     _fly_and_finish(made.build_flight_request(routes, run, planned), console, as_json=as_json)
 
 
@@ -421,7 +424,7 @@ def _write_next_flight(order: FlightRequest, report: FlightReport, *, quiet: boo
 
 
 def _show_flight(run: Path, report: FlightReport) -> None:
-    from executor.analysis.read_run import read_run
+    from executor.analysis.flight_record import read_run
     from executor.analysis.report_page import write_report_page
 
     try:
@@ -436,8 +439,8 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
-    from executor.analysis.height_profile import build_profiles
     from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
+    from executor.analysis.pictures.chart_figures import build_profiles
     from executor.flight.run_start import read_run_start
 
     save_figure(draw_flight_figure(record, _read_kept_ground(run)), RunDirectory(run).map)
@@ -461,3 +464,49 @@ def _read_kept_ground(run: Path) -> GroundView | None:
     except LogError as error:
         _print_line(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
         return None
+
+
+def restore(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before parameters are set.")] = False,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
+    from executor.flight import restore_vehicles as restoring
+
+    _, waiting, lists = restoring.read_open_changes(directory)
+    if not waiting and not lists:
+        _finish(
+            directory, read_kept_parameters(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet
+        )
+        return
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
+        console.say(Level.INFO, words)
+    counted = [format_count(len(waiting), "parameter")] if waiting else []
+    counted += list(dict.fromkeys(one.words_open for one in lists))
+    asked = " and ".join(counted)
+    if not console.confirm(f"Restore {asked}?"):
+        console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
+        raise typer.Exit(1)
+    kept, fences = fair_event_loop.run_on_fair_loop(restoring.restore_from_run(directory, console))
+    _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
+
+
+def _finish(
+    directory: Path, kept: Sequence[KeptParameter], lists: Sequence[KeptList], *, as_json: bool, quiet: bool
+) -> None:
+    stay = sum(one.is_open for one in kept) + sum(one.is_open for one in lists)
+    if as_json:
+        rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
+        if lists:
+            rows["fences"] = [
+                {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.is_open} for one in lists
+            ]
+        print(json_text({"restored": stay == 0, **rows}))
+    elif not quiet:
+        what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
+        print(f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored")
+    if stay:
+        raise typer.Exit(1)

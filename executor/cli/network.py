@@ -1,46 +1,153 @@
-"""The command that shows what was understood of a network's file: network."""
+"""The commands that read a network's file: `network` shows what was understood of it, `init` begins a site with it."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+import tomli_w
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from executor.cli.network_options import (
-    CrsOption,
-    DepotOption,
-    EncodingOption,
-    LayersOption,
-    MaxSpanOption,
-    RadiusOption,
-    SnapOption,
-    WhereOption,
-    parse_depot,
-    parse_selection,
-)
-from executor.cli.options import JsonOption
+from executor.adapters.templates import render_template
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, require_finite
 from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
 from executor.core import formatting
+from executor.core.formatting import command_line
+from executor.errors import SiteError
 from executor.site import site_model
+from executor.site.site_tables import DepotTable, EnergyTable, InspectionTable, VehicleTable
 from missions import (
+    AUTOPILOTS,
     SNAP_M,
     MendingLimits,
+    Network,
+    NetworkError,
     NetworkImport,
     Pylon,
     Remark,
     RemarkTopic,
+    Selection,
     build_network_document,
     default_network_path,
     import_network,
+    parse_where,
+    read_station_points,
 )
 from missions.files import json_text, write_whole
+from planner import PRESETS
+
+LayersOption = Annotated[
+    list[str] | None,
+    typer.Option("--layer", metavar="NAME", help="The layer, sheet or folder to read; may be repeated."),
+]
+WhereOption = Annotated[
+    str | None,
+    typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".'),
+]
+CrsOption = Annotated[
+    str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
+]
+EncodingOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+    ),
+]
+SnapOption = Annotated[
+    float,
+    typer.Option(
+        "--snap",
+        min=0.01,
+        max=50,
+        callback=require_finite,
+        metavar="M",
+        help="Join ends of lines that are nearer than M metres.",
+    ),
+]
+MaxSpanOption = Annotated[
+    float | None,
+    typer.Option(
+        "--max-span",
+        min=5,
+        max=20_000,
+        callback=require_finite,
+        metavar="M",
+        help="Divide longer spans, where there are no poles.",
+    ),
+]
+RadiusOption = Annotated[
+    float | None,
+    typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
+]
+DepotOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LAT,LON,ALT",
+        help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
+    ),
+]
+
+
+def parse_selection(
+    layer: Sequence[str] | None,
+    where: str | None,
+    crs: str | None,
+    mending: MendingLimits | None = None,
+    encoding: str | None = None,
+) -> Selection:
+    """Return what options ask of a network's file.
+
+    Raises:
+        SiteError: the filter is none.
+    """
+    try:
+        terms = () if where is None else parse_where(where)
+    except ValueError as error:
+        raise SiteError(f"--where: {error}, got {where!r}") from error
+    return Selection(tuple(layer or ()), terms, crs, mending or MendingLimits(), encoding)
+
+
+def parse_depot(text: str) -> tuple[float, float, float | None]:
+    """Return where a depot is: by its figures, or as a point of a file by its name.
+
+    Raises:
+        SiteError: it is neither.
+        NetworkError: the file cannot be read.
+    """
+    try:
+        lat_deg, lon_deg, *rest = (float(word) for word in text.split(","))
+    except ValueError:
+        return _read_depot_point(text)
+    if len(rest) > 1 or not (abs(lat_deg) <= 89 and abs(lon_deg) <= 180 and all(-500 <= up <= 9000 for up in rest)):
+        raise _make_depot_error(text)
+    return lat_deg, lon_deg, rest[0] if rest else None
+
+
+def _read_depot_point(text: str) -> tuple[float, float, float | None]:
+    name, _, point = text.partition("#")
+    if not Path(name).is_file():
+        raise _make_depot_error(text)
+    found = read_station_points(name)
+    if point in found or (len(found) == 1 and not point):
+        return found[point] if point else next(iter(found.values()))
+    known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"
+    raise SiteError(f"--depot: expected the name of a point in {name}, of {known}, got {text!r}")
+
+
+def _make_depot_error(text: str) -> SiteError:
+    return SiteError(
+        "--depot: expected latitude and longitude in degrees and the ground's height in metres, such as "
+        f"49.5985,15.6137,462, or FILE#NAME, got '{text}'"
+    )
+
 
 SHOWN = 5
 """Findings of one matter on the screen; the JSON has all."""
@@ -191,3 +298,121 @@ def _describe_findings(found: Sequence[Remark]) -> Iterator[str]:
         yield from (f"  {finding.words}" for finding in own[:SHOWN])
         if len(own) > SHOWN:
             yield f"  {len(own) - SHOWN} more; --json has all"
+
+
+COMMENT_AT = 40
+FIRST_PORT = 14551
+
+
+@dataclass(frozen=True, slots=True)
+class SiteTemplate:
+    """What a site file is to begin with."""
+
+    file: str
+    """The network, as seen from the site file's folder; or 'default'."""
+    has_heights: bool
+    """Whether the network knows the heights of its pylons."""
+    depot: DepotTable | None
+    """Where the vehicles stand; None where the network's file says it."""
+    radius_m: float | None
+    vehicles: int
+    autopilot: str
+    choice: Mapping[str, object] = field(default_factory=dict)
+    """What else is said of the network's file, by its keys; None for what is not."""
+
+
+def render_site_template(wish: SiteTemplate) -> str:
+    """Return the text of a site file."""
+    vehicles = [
+        VehicleTable(
+            name=f"uav{number}",
+            connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
+            sysid=number,
+            autopilot=wish.autopilot,
+        )
+        for number in range(1, wish.vehicles + 1)
+    ]
+    return render_template(
+        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=vehicles, drones=PRESETS,
+        autopilots=[dialect.name for dialect in AUTOPILOTS], row=_render_row, noted=_append_comment,
+    )  # fmt: skip
+
+
+def _render_row(key: str, value: object, comment: str = "") -> str:
+    text = tomli_w.dumps({key: value}).strip()
+    if isinstance(value, float | tuple):
+        text = f"{key} = {_shorten_figures(value)}"
+    return _append_comment(text, comment) if comment else text
+
+
+def _shorten_figures(value: float | tuple[float, ...]) -> object:
+    """Return figures without a fraction that is 0."""
+    if isinstance(value, tuple):
+        return [_shorten_figures(one) for one in value]
+    return int(value) if value.is_integer() else value
+
+
+def _append_comment(text: str, comment: str) -> str:
+    return f"{text:{COMMENT_AT - 1}} # {comment}"
+
+
+def init(
+    network: Annotated[
+        str,
+        typer.Argument(
+            metavar="NETWORK", help="The network's file, of any format; 'default' is faultline's own network."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="SITE", help="Write the site file there; it must not exist yet."),
+    ] = None,
+    depot: DepotOption = None,
+    radius: RadiusOption = None,
+    vehicles: Annotated[int, typer.Option(min=1, max=50, help="Number of vehicles.")] = 3,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Autopilot of all vehicles.")] = FIRST_AUTOPILOT,
+    layer: LayersOption = None,
+    where: WhereOption = None,
+    crs: CrsOption = None,
+    encoding: EncodingOption = None,
+    snap: SnapOption = SNAP_M,
+    max_span: MaxSpanOption = None,
+) -> None:
+    """Write a commented site file to start from."""
+    check_can_write(output)
+    if output is not None and output.exists():
+        raise SiteError(f"{output}: expected a new file, this one exists already")
+    place = None if depot is None else parse_depot(depot)
+    chosen = parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding)
+    known = _read_network(network, chosen, place, radius)
+    file = network
+    if network != site_model.DEFAULT_NETWORK:
+        file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
+    table = None if place is None else _build_depot_table(place)
+    choice = {"layer": layer, "where": where, "crs": crs, "encoding": encoding,
+              "snap_m": None if snap == SNAP_M else snap, "max_span_m": max_span}  # fmt: skip
+    text = render_site_template(SiteTemplate(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
+    if output is None:
+        print(text, end="")
+        return
+    write_named_file(output, lambda: write_whole(output, text.encode()))
+    print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
+
+
+def _read_network(
+    file: str, chosen: Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
+) -> Network:
+    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+    try:
+        return import_network(path, chosen, depot=depot, radius_m=radius_m).network
+    except NetworkError as error:
+        if depot is None and ": depot: " in str(error):
+            raise SiteError(f"{error}; --depot LAT,LON,ALT says where it is") from error
+        raise
+
+
+def _build_depot_table(place: tuple[float, float, float | None]) -> DepotTable:
+    try:
+        return DepotTable(lat_deg=place[0], lon_deg=place[1], alt_m=place[2])
+    except ValidationError as error:
+        raise SiteError(f"--depot: expected a place on the Earth, got {place}") from error

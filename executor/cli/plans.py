@@ -11,17 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
-from executor.cli.day import (
-    DAY_SECONDS,
-    DayOption,
-    MtbfOption,
-    ObjectiveOption,
-    ProbabilityOption,
-    SamplesOption,
-    SurvivalOptions,
-    plan_day,
-    print_loss_windows,
-)
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
     DEFAULT_STRETCH_PCT,
@@ -45,6 +34,13 @@ from executor.cli.options import (
     require_finite,
 )
 from executor.cli.plan_inputs import (
+    DAY_SECONDS,
+    DayOption,
+    MtbfOption,
+    ObjectiveOption,
+    ProbabilityOption,
+    SamplesOption,
+    SurvivalOptions,
     announce_plan,
     check_can_draw,
     check_can_write,
@@ -52,16 +48,20 @@ from executor.cli.plan_inputs import (
     load_site_with_learned,
     parse_plan_request,
     plan_and_report,
+    plan_day,
+    print_loss_windows,
     write_named_file,
 )
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import site_model, site_planning
-from executor.site.campaign_runner import open_campaign_runner
+from executor.site.campaigns import open_campaign_runner
 from executor.site.ground_view import GroundView, view_for
 from executor.site.plan_summary import (
+    PlannedHeights,
     but_left_over,
+    compute_planned_heights,
     describe_distances,
     describe_left_over,
     describe_routes,
@@ -69,7 +69,6 @@ from executor.site.plan_summary import (
     find_left_over,
     summarise_plan,
 )
-from executor.site.planned_heights import PlannedHeights, compute_planned_heights
 from executor.site.site_file import read_site
 from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
 from missions import (
@@ -222,8 +221,8 @@ def _draw(
 
 
 def _draw_profile(ground: site_model.SiteModel, content: PlanFile, path: Path) -> None:
-    from executor.analysis.height_profile import build_profiles
     from executor.analysis.pictures import draw_profile_figure, save_figure
+    from executor.analysis.pictures.chart_figures import build_profiles
 
     setup = site_model.build_flight_setup(ground)
     paths = site_model.build_paths(setup, site_model.name_routes(ground, content.build_task(), content.plan))

@@ -11,8 +11,7 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, require_finite
 from executor.cli.plan_inputs import check_can_draw, write_named_file
-from executor.site.campaign_risk import compute_campaign_risks, describe_policy, sweep_mtbf
-from executor.site.campaign_runner import open_campaign_runner
+from executor.site.campaigns import compute_campaign_risks, describe_policy, open_campaign_runner, sweep_mtbf
 from missions import read_plan
 from missions.files import json_text
 from planner import RiskCampaign, RiskEstimate, build_risk_campaign, split_flights

@@ -18,8 +18,7 @@ from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.flight.mqtt_settings import MqttSettings
 from executor.site import site_model
-from executor.site.ground_files import write_ground
-from executor.site.ground_view import GroundView, view_for
+from executor.site.ground_view import GroundView, view_for, write_ground
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, write_plan

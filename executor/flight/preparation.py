@@ -22,7 +22,7 @@ from executor.runtime import vehicle_preflight as asking
 from executor.site import site_model
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
-from executor.site.tables.aircraft import VehicleTable
+from executor.site.site_tables import VehicleTable
 from missions import FlightSetup, dialect_for, encode
 
 

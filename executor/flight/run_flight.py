@@ -17,7 +17,6 @@ from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import FlightReport
-from executor.analysis.flown_packs import build_flown_packs
 from executor.analysis.learned_document import learn_from_flight
 from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
 from executor.core import fleet_step
@@ -47,9 +46,10 @@ from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
 from executor.runtime.loss_judging import keep_judging
-from executor.site import day_flight
+from executor.site import day_plans
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
+from executor.site.site_packs import build_flown_packs
 from missions.fences import Fence
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ async def _check_and_supervise(
         boards,
         tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
         fences,
-        {} if order.day is None else day_flight.sorties_ahead_of(order.day),
+        {} if order.day is None else day_plans.sorties_ahead_of(order.day),
     )
     log = EventLog(
         RunDirectory(run).events,
@@ -190,7 +190,7 @@ async def _prepare_launch(
     await fencing.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await upload_first_missions(context, links, clock, beginning.boards, console)
     build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
-    later = [] if order.day is None else day_flight.describe_later_sorties(order.day)
+    later = [] if order.day is None else day_plans.describe_later_sorties(order.day)
     text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
     if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(order.plan), *later)):
         raise PreflightFailed("not confirmed; nothing has moved")

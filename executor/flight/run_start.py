@@ -16,7 +16,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
-from executor.site import day_flight, site_model
+from executor.site import day_plans, site_model
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import check_plan_belongs
@@ -53,7 +53,7 @@ def read_run_start(run: Path) -> RunStart:
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
     context, boards = build_context_and_boards(ground, setup, plan, day, own, parameters)
-    ahead = {} if day is None else day_flight.sorties_ahead_of(day)
+    ahead = {} if day is None else day_plans.sorties_ahead_of(day)
     return RunStart(
         ground,
         plan,
@@ -88,7 +88,7 @@ def build_context_and_boards(
     task = plan.build_task()
     context = site_model.build_context(ground, setup, task, own, performances)
     if day is not None:
-        context = replace(context, day=day_flight.build_day_rules(day))
+        context = replace(context, day=day_plans.build_day_rules(day))
     routes = site_model.name_routes(ground, task, plan.plan)
     paths = site_model.build_paths(context.setup, routes, context.vehicles)
     return context, {

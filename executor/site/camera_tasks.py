@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from executor.errors import SiteError
 from executor.site.site_file import Site
-from executor.site.tables.camera_tables import CameraTable, LookTable
+from executor.site.site_tables import CameraTable, LookTable
 from missions import SafetyError
 from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
 from missions.network import Network

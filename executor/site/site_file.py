@@ -17,18 +17,32 @@ from pydantic import Field, ValidationError, model_validator
 
 from executor.core.telemetry.autopilot_component import AUTOPILOT
 from executor.errors import SiteError
-from executor.site.tables.aircraft import EnergyTable, VehicleTable
-from executor.site.tables.area_tables import AreaTable, PlaceTable
-from executor.site.tables.camera_tables import CameraTable, LookTable
-from executor.site.tables.day_tables import BaseTable, DayTable
-from executor.site.tables.fence_table import FenceTable
-from executor.site.tables.fields import SiteTable
-from executor.site.tables.flight import FaultsTable, FlightTable
-from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTable
-from executor.site.tables.learned import LearnedTable
-from executor.site.tables.links import LinkTable, MqttTable, SigningTable, WebTable
-from executor.site.tables.map import MapTable
-from executor.site.tables.terrain_table import TerrainTable
+from executor.site.flight_tables import (
+    BaseTable,
+    DayTable,
+    FaultsTable,
+    FenceTable,
+    FlightTable,
+    LinkTable,
+    MqttTable,
+    SigningTable,
+    WebTable,
+)
+from executor.site.site_tables import (
+    AreaTable,
+    CameraTable,
+    DepotTable,
+    EnergyTable,
+    InspectionTable,
+    LearnedTable,
+    LookTable,
+    MapTable,
+    NetworkTable,
+    PlaceTable,
+    SiteTable,
+    TerrainTable,
+    VehicleTable,
+)
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"

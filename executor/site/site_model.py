@@ -18,11 +18,10 @@ from executor.core.replanning.replan_separation import find_layer_bound_vehicles
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
 from executor.site.camera_tasks import build_looks, build_pylon_wishes
-from executor.site.site_areas import build_places, load_areas
-from executor.site.site_bases import base_places_m, find_base_pads
 from executor.site.site_file import Site
 from executor.site.site_packs import SitePacks, load_site_packs
-from executor.site.tables.aircraft import VehicleTable
+from executor.site.site_places import base_places_m, build_places, find_base_pads, load_areas
+from executor.site.site_tables import VehicleTable
 from missions import (
     Dialect,
     FlightModel,

@@ -16,20 +16,7 @@ from executor.analysis import documents, learned_document
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
-from executor.site import site_file
-from executor.site.tables import (
-    aircraft,
-    area_tables,
-    camera_tables,
-    day_tables,
-    fence_table,
-    flight,
-    ground,
-    links,
-    terrain_table,
-)
-from executor.site.tables import learned as learned_table
-from executor.site.tables import map as map_table
+from executor.site import flight_tables, site_file, site_tables
 from missions import areas, day_plan, flight_model, geo, grids, pace, performance, plan_file, plan_json, pricing, setup
 from missions import shortest_ways as ways
 from planner import moves
@@ -54,20 +41,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (
-    site_file,
-    aircraft,
-    area_tables,
-    camera_tables,
-    day_tables,
-    fence_table,
-    flight,
-    ground,
-    learned_table,
-    links,
-    map_table,
-    terrain_table,
-)
+SITE = (site_file, site_tables, flight_tables)
 """The modules that the site file's keys are in."""
 PLAN = (
     areas,

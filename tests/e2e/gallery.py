@@ -39,8 +39,7 @@ from executor.core.state.fleet_state import Briefing, CheckLine, FleetState, Ope
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
-from executor.site.ground_files import encode_ground
-from executor.site.ground_view import GroundView
+from executor.site.ground_view import GroundView, encode_ground
 from missions import Segment, Window, build_flight_path
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story

@@ -10,13 +10,13 @@ from missions.items import Frame, MissionItem
 from simulator.airframe import Event
 from simulator.autopilot import STEP_S, Autopilot
 from simulator.config import AutopilotKind, SimVehicle
-from simulator.enums import MavCommand
 from simulator.messages import (
     Body,
     Command,
     FieldValue,
     Heartbeat,
     ItemReceived,
+    MavCommand,
     MissionCount,
     MissionRequest,
     MissionRequestList,

@@ -6,10 +6,8 @@ import math
 
 import pytest
 
-from simulator.config import AutopilotKind, SimFleet
-from simulator.enums import MavCommand, Severity
-from simulator.errors import FaultSpecError
-from simulator.faults import parse_fault
+from simulator.config import AutopilotKind, FaultSpecError, SimFleet, parse_fault
+from simulator.messages import MavCommand, Severity
 from tests.simulator.harness import LAND, sim_vehicle
 from tests.simulator.test_vehicle import KINDS, Flight
 

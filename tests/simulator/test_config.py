@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.config import AutopilotKind, Endpoint, SimFleet, parse_vehicle_endpoint
-from simulator.errors import EndpointError, FaultSpecError, FleetError
-from simulator.faults import parse_fault
+from simulator.config import (
+    AutopilotKind,
+    Endpoint,
+    EndpointError,
+    FaultSpecError,
+    FleetError,
+    SimFleet,
+    parse_fault,
+    parse_vehicle_endpoint,
+)
 from simulator.params import defaults_for
 from tests.simulator.harness import sim_vehicle
 

@@ -10,7 +10,7 @@ import pytest
 from missions.items import MissionItem
 from simulator.config import AutopilotKind
 from simulator.physics import Vector
-from simulator.px4_velocity_smoothing import Axis, braking_speed_m_s
+from simulator.px4_trajectory import Axis, braking_speed_m_s
 from simulator.scurves import LegLimits, SCurve, overlap_s
 from tests.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 

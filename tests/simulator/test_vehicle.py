@@ -11,8 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from simulator.autopilot import BOOT_S
-from simulator.config import AutopilotKind
-from simulator.faults import parse_fault
+from simulator.config import AutopilotKind, parse_fault
 from simulator.messages import ItemReceived
 from simulator.truth import Truth
 from simulator.vehicle import SimulatedVehicle

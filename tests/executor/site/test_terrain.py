@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.height_profile import build_profiles
 from executor.analysis.pictures import draw_profile_figure, save_figure
+from executor.analysis.pictures.chart_figures import build_profiles
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.site import site_model
-from executor.site.planned_heights import compute_planned_heights
+from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, check_plan_fits, describe_site_changes, plan_site, preview_loss

@@ -18,7 +18,7 @@ from executor.core.interface.messages import (
     SendCommand,
 )
 from missions.cameras import PictureProof
-from simulator.gimbal import quaternion_from_euler
+from simulator.camera import quaternion_from_euler
 
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox, BboxBase
 
-from executor.analysis.flight_record import FlightRecord, SegmentRecord
+from executor.analysis.flight_record import FlightRecord, SegmentRecord, read_run
 from executor.analysis.pictures import (
     FrontPoint,
     draw_battery_figure,
@@ -28,11 +28,9 @@ from executor.analysis.pictures import (
     save_figure,
 )
 from executor.analysis.pictures.battery_figure import spread_heights
-from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m
 from executor.analysis.pictures.map_figures import group_connected
-from executor.analysis.pictures.map_sheet import round_length_m
+from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m, sample_line_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
-from executor.analysis.read_run import read_run
 from missions.geo import FloatArray
 from planner import find_repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
