@@ -20,7 +20,7 @@ from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import MemoryRadio
 from executor.analysis.documents import FlightReport
-from executor.analysis.report import PreflightRecord, build_report
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
@@ -228,7 +228,9 @@ class VirtualRun(MemoryFlight):
             await asyncio.sleep(STANDS_S)
         happened = [one for truth in self.truths if (one := find_injected_fault(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
-        report = build_report(context, flight.state, ended_s, happened, frames, PreflightRecord(facts, found))
+        report = build_report(
+            context, flight.state, ended_s, happened, frames, build_vehicle_answers(context, facts, found)
+        )
         crafts = {name: _build_outcome(vehicle) for name, vehicle in self._vehicles.items()}
         return VirtualFlight(
             report, context, flight.state, boards, tuple(self.truths), crafts, tuple(self.said), launched_s,

@@ -133,65 +133,43 @@ class InjectedFault:
     """In the ground station's time."""
 
 
-@dataclass(frozen=True, slots=True)
-class PreflightRecord:
-    """What was known before the flight."""
-
-    facts: Mapping[str, VehicleFacts]
-    """What each vehicle said."""
-    checks: Sequence[Check]
-    """The checklist."""
-    earlier: tuple[EarlierRow, ...] = ()
-    """Flights whose rest is flown."""
-    kept: AskedVehicles | None = None
-    """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
-
-    def build_check_rows(self) -> tuple[CheckRow, ...]:
-        """Return the checklist as a document has it."""
-        return tuple(map(CheckRow.build_from, self.checks)) if self.kept is None else self.kept.checks
-
-    def firmware_of(self, name: str) -> dict[str, str | None]:
-        """Return what a vehicle is and which firmware it has."""
-        rows = () if self.kept is None else self.kept.vehicles
-        known = next((row for row in rows if row.name == name), None)
-        if known is not None:
-            return {"type": known.type, "autopilot": known.autopilot, "firmware": known.firmware}
-        return _describe_firmware(self.facts.get(name))
+NOTHING_SAID = AskedVehicles(vehicles=())
 
 
-NOTHING_SAID = PreflightRecord(MappingProxyType({}), ())
+def build_vehicle_answers(
+    context: Context,
+    facts: Mapping[str, VehicleFacts],
+    checks: Sequence[Check] = (),
+    earlier: tuple[EarlierRow, ...] = (),
+) -> AskedVehicles:
+    """Return the content of vehicles.json: who was asked before the flight, and what each one answered.
 
-
-def build_vehicle_answers(context: Context, said: PreflightRecord) -> AskedVehicles:
-    """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
+    Args:
+        context: Of the flight.
+        facts: What each vehicle said.
+        checks: The checklist.
+        earlier: Flights whose rest is flown.
+    """
     return AskedVehicles(
         vehicles=tuple(
             AskedVehicle.build_from(
-                facts,
+                one,
                 sysid=context.vehicles[name].sysid,
-                **_describe_firmware(facts),
+                type=firmware.describe_vehicle_type(one.heartbeat.vehicle_type),
+                autopilot=firmware.describe_autopilot(one.heartbeat.autopilot),
+                firmware=None if one.version is None else str(one.version),
                 link_timeout_s=context.vehicles[name].link_timeout_s,
                 pad=PadPart.build_from(context.setup.pad_of(name)),
-                gps_fix=None if facts.gps is None else facts.gps.fix,
-                gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
-                parameters=dict(sorted(facts.parameters.items())),
-                stations=tuple((station.system, station.component) for station in facts.stations),
+                gps_fix=None if one.gps is None else one.gps.fix,
+                gps_accuracy_m=None if one.gps is None else one.gps.accuracy_m,
+                parameters=dict(sorted(one.parameters.items())),
+                stations=tuple((station.system, station.component) for station in one.stations),
             )
-            for name, facts in said.facts.items()
+            for name, one in facts.items()
         ),
-        checks=tuple(map(CheckRow.build_from, said.checks)),
-        earlier=said.earlier,
+        checks=tuple(map(CheckRow.build_from, checks)),
+        earlier=earlier,
     )
-
-
-def _describe_firmware(facts: VehicleFacts | None) -> dict[str, str | None]:
-    if facts is None:
-        return {}
-    return {
-        "type": firmware.describe_vehicle_type(facts.heartbeat.vehicle_type),
-        "autopilot": firmware.describe_autopilot(facts.heartbeat.autopilot),
-        "firmware": None if facts.version is None else str(facts.version),
-    }
 
 
 def build_report(
@@ -200,7 +178,7 @@ def build_report(
     ended_s: float,
     truths: Sequence[InjectedFault] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
-    said: PreflightRecord = NOTHING_SAID,
+    said: AskedVehicles = NOTHING_SAID,
     parameters: Sequence[ParameterRow] = (),
 ) -> FlightReport:
     """Return the content of report.json.
@@ -212,11 +190,12 @@ def build_report(
         truths: What really happened, where a simulator knows it.
         frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
             many were not believed.
-        said: What the vehicles said before the flight, and what was found then.
+        said: vehicles.json: what the vehicles said before the flight, and what was found then.
         parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
     never = {one.segment for one in context.unreachable}
+    asked = {row.name: row for row in said.vehicles}
     uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
     return FlightReport(
         format="faultline-report/1",
@@ -234,12 +213,10 @@ def build_report(
         faults=_build_fault_rows(state, began_s, truths),
         replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
-            _build_vehicle_row(
-                context, state, vehicle, frames.get(vehicle.name), said.firmware_of(vehicle.name), began_s
-            )
+            _build_vehicle_row(context, state, vehicle, frames.get(vehicle.name), asked.get(vehicle.name), began_s)
             for vehicle in state.vehicles.values()
         ),
-        checks=said.build_check_rows(),
+        checks=said.checks,
         parameters=tuple(parameters),
         heights=_build_heights(context, state),
         absences=tuple(
@@ -259,7 +236,7 @@ def build_report(
             for segment, reason in vehicle.assignment.runs_broken
         ),
         sorties=build_sortie_rows(context, state, began_s),
-        earlier=said.earlier if said.kept is None else said.kept.earlier,
+        earlier=said.earlier,
         routes=build_route_rows(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
 
@@ -356,11 +333,12 @@ def _build_vehicle_row(
     state: FleetState,
     vehicle: VehicleState,
     counts: LinkCounts | None,
-    known: Mapping[str, str | None],
+    asked: AskedVehicle | None,
     began_s: float,
 ) -> VehicleRow:
     battery = vehicle.power.battery
-    return VehicleRow(
+    return VehicleRow.build_from(
+        asked,
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=battery.given_pct,
@@ -372,7 +350,6 @@ def _build_vehicle_row(
         frames_missing=None if counts is None else counts.missing,
         frames_foreign=None if counts is None else counts.foreign,
         frames_refused=None if counts is None else dict(counts.refused),
-        **known,
     )
 
 

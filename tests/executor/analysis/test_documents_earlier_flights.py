@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from executor.analysis.documents import AskedVehicles, EarlierRow, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import read_run
-from executor.analysis.report import NOTHING_SAID, build_report, build_vehicle_answers
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.analysis.report_page import render_report_page
 from executor.errors import LogError
 from tests.executor.core.stories import FLEET, under_way
@@ -48,8 +47,7 @@ def test_without_its_report_a_flight_is_none_before_another(tmp_path: Path) -> N
 
 def test_what_came_before_is_kept_for_a_flight_that_is_taken_up_again() -> None:
     flight = under_way()
-    said = replace(NOTHING_SAID, earlier=(MONDAY,))
-    kept = AskedVehicles.model_validate(build_vehicle_answers(FLEET.context, said).to_plain())
-    for known in (said, replace(NOTHING_SAID, kept=kept)):
+    said = build_vehicle_answers(FLEET.context, {}, earlier=(MONDAY,))
+    for known in (said, AskedVehicles.model_validate(said.to_plain())):
         assert build_report(FLEET.context, flight.state, flight.now_s, said=known).earlier == (MONDAY,)
     assert short_report([]).earlier == ()
