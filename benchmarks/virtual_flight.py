@@ -228,9 +228,8 @@ class VirtualRun(MemoryFlight):
             await asyncio.sleep(STANDS_S)
         happened = [one for truth in self.truths if (one := find_injected_fault(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
-        report = build_report(
-            context, flight.state, ended_s, happened, frames, build_vehicle_answers(context, facts, found)
-        )
+        said = build_vehicle_answers(context, facts, found)
+        report = build_report(context, flight.state, ended_s, happened, frames, said)
         crafts = {name: _build_outcome(vehicle) for name, vehicle in self._vehicles.items()}
         return VirtualFlight(
             report, context, flight.state, boards, tuple(self.truths), crafts, tuple(self.said), launched_s,

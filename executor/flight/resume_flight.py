@@ -338,16 +338,8 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
             solver = run_flight.make_solver_process(order, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = FlightSession(
-                    left.begun.context,
-                    left.state,
-                    links,
-                    clock,
-                    log,
-                    solver,
-                    partial(_read_preflight_record, run),
-                    left.legacy,
-                )
+                said = partial(_read_preflight_record, run)
+                seat = FlightSession(left.begun.context, left.state, links, clock, log, solver, said, left.legacy)
                 return await run_flight.supervise(order, console, seat, reopened)
             finally:
                 await starting
