@@ -19,36 +19,32 @@ from executor.analysis.flight_record import FlightRecord
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
 from executor.cli.options import (
-    DEFAULT_STRETCH_PCT,
     FIRST_AUTOPILOT,
     AfterOption,
     AutopilotOption,
-    EverybodyOption,
     FaultOption,
     FlownPlanOption,
     JsonOption,
     LearnedOption,
     NetworkOption,
     PlanCostOption,
+    PlanOptions,
     QuietOption,
     RunOption,
-    SecondsOption,
     SeedOption,
     SiteArgument,
-    SolverOption,
     StartsOption,
-    StretchOption,
-    require_finite,
+    build_plan_request,
+    flatten_options,
+    number_option,
 )
 from executor.cli.plan_inputs import (
     DAY_SECONDS,
     ObjectiveOption,
     check_can_write,
     load_site_with_learned,
-    parse_plan_request,
     plan_and_report,
     plan_day_and_report,
-    plan_request_for,
     select_flown_plan,
 )
 from executor.core.formatting import command_line, format_count
@@ -79,7 +75,7 @@ from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
 from executor.site.plan_summary import describe_day
 from executor.site.site_file import check_site, read_signing_key, read_site
-from executor.site.site_planning import DEFAULT, PlanSolver
+from executor.site.site_planning import DEFAULT
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
 from planner.sorties import Objective
@@ -96,19 +92,11 @@ DEMO_SEARCHES = 2
 def demo(
     network: NetworkOption = None,
     radius: Annotated[
-        float,
-        typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
+        float, number_option("Only segments within M metres of the depot.", 1, metavar="M")
     ] = USUAL_RADIUS_M,
     vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = USUAL_VEHICLES,
     speedup: Annotated[
-        float,
-        typer.Option(
-            min=0.1,
-            max=100,
-            callback=require_finite,
-            metavar="X",
-            help="Speed of the simulation, in multiples of real time.",
-        ),
+        float, number_option("Speed of the simulation, in multiples of real time.", 0.1, 100, metavar="X")
     ] = 10.0,
     seed: SeedOption = 1,
     fault: FaultOption = None,
@@ -129,7 +117,7 @@ def demo(
     check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    wanted = replace(plan_request_for(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    wanted = replace(build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
     plan = plan_and_report(ground, console, wanted)
@@ -145,22 +133,11 @@ def simulate(
     site: SiteArgument,
     speedup: Annotated[
         float | None,
-        typer.Option(
-            min=0.1,
-            max=100,
-            callback=require_finite,
-            metavar="X",
-            help="Speed in multiples of real time, instead of the site's.",
-        ),
+        number_option("Speed in multiples of real time, instead of the site's.", 0.1, 100, metavar="X"),
     ] = None,
     fault: FaultOption = None,
     seed: SeedOption = 1,
-    wind: Annotated[
-        float,
-        typer.Option(
-            min=0.1, max=5, callback=require_finite, metavar="FACTOR", help="Factor on energy consumption, for wind."
-        ),
-    ] = 1.0,
+    wind: Annotated[float, number_option("Factor on energy consumption, for wind.", 0.1, 5, metavar="FACTOR")] = 1.0,
     truth: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the ground truth of the simulation there, one JSON object a line."),
@@ -192,22 +169,18 @@ def simulate(
     )  # fmt: skip
 
 
+@flatten_options
 def fly(
     asked: typer.Context,
     site: Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan beside --site.")],
+    *,
     of: Annotated[
         Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
     ] = None,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
     learned: LearnedOption = None,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
+    options: PlanOptions,
     run: RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
     quiet: QuietOption = False,
@@ -220,7 +193,7 @@ def fly(
     changed.
     """
     site, plan = _select_site_and_plan(site, of, plan)
-    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    wanted = options.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
     day, routes = select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
@@ -232,9 +205,7 @@ def fly_day(
     after: AfterOption = None,
     learned: LearnedOption = None,
     objective: ObjectiveOption = Objective.FINISH,
-    seconds: Annotated[
-        float, typer.Option(min=0.1, callback=require_finite, metavar="S", help="Time for the planning.")
-    ] = DAY_SECONDS,
+    seconds: Annotated[float, number_option("Time for the planning.", 0.1, metavar="S")] = DAY_SECONDS,
     seed: SeedOption = DEFAULT.seed,
     starts: StartsOption = 0,
     run: RunOption = None,
@@ -300,26 +271,22 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
     return of, first
 
 
+@flatten_options
 def preflight(
     asked: typer.Context,
     site: SiteArgument,
+    *,
     plan: FlownPlanOption = None,
     after: AfterOption = None,
     learned: LearnedOption = None,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
+    options: PlanOptions,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.checklist_only import run_checklist_only
 
-    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    wanted = options.build_request()
     content = read_site(site)
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)

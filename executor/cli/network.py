@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from executor.adapters.templates import render_template
-from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, require_finite
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
 from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
@@ -44,75 +44,64 @@ from missions import (
 from missions.files import json_text, write_whole
 from planner import PRESETS
 
-LayersOption = Annotated[
-    list[str] | None,
-    typer.Option("--layer", metavar="NAME", help="The layer, sheet or folder to read; may be repeated."),
-]
-WhereOption = Annotated[
-    str | None,
-    typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".'),
-]
-CrsOption = Annotated[
-    str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
-]
-EncodingOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
-    ),
-]
-SnapOption = Annotated[
-    float,
-    typer.Option(
-        "--snap",
-        min=0.01,
-        max=50,
-        callback=require_finite,
-        metavar="M",
-        help="Join ends of lines that are nearer than M metres.",
-    ),
-]
-MaxSpanOption = Annotated[
-    float | None,
-    typer.Option(
-        "--max-span",
-        min=5,
-        max=20_000,
-        callback=require_finite,
-        metavar="M",
-        help="Divide longer spans, where there are no poles.",
-    ),
-]
-RadiusOption = Annotated[
-    float | None,
-    typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
-]
-DepotOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LAT,LON,ALT",
-        help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
-    ),
-]
 
+@dataclass(frozen=True, slots=True)
+class NetworkOptions:
+    """How a network's file is read: what `network` and `init` are asked alike."""
 
-def parse_selection(
-    layer: Sequence[str] | None,
-    where: str | None,
-    crs: str | None,
-    mending: MendingLimits | None = None,
-    encoding: str | None = None,
-) -> Selection:
-    """Return what options ask of a network's file.
+    layer: Annotated[
+        list[str] | None,
+        typer.Option("--layer", metavar="NAME", help="The layer, sheet or folder to read; may be repeated."),
+    ] = None
+    where: Annotated[
+        str | None, typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".')
+    ] = None
+    crs: Annotated[
+        str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
+    ] = None
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+        ),
+    ] = None
+    depot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,ALT",
+            help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
+        ),
+    ] = None
+    radius: Annotated[float | None, number_option("Only segments within M metres of the depot.", 1, metavar="M")] = None
+    snap: Annotated[
+        float, number_option("Join ends of lines that are nearer than M metres.", 0.01, 50, metavar="M")
+    ] = SNAP_M
+    max_span: Annotated[
+        float | None, number_option("Divide longer spans, where there are no poles.", 5, 20_000, metavar="M")
+    ] = None
 
-    Raises:
-        SiteError: the filter is none.
-    """
-    try:
-        terms = () if where is None else parse_where(where)
-    except ValueError as error:
-        raise SiteError(f"--where: {error}, got {where!r}") from error
-    return Selection(tuple(layer or ()), terms, crs, mending or MendingLimits(), encoding)
+    @property
+    def place(self) -> tuple[float, float, float | None] | None:
+        """Where the depot is.
+
+        Raises:
+            SiteError: the option is no place.
+            NetworkError: the file with it cannot be read.
+        """
+        return None if self.depot is None else parse_depot(self.depot)
+
+    def build_selection(self) -> Selection:
+        """Return what is asked of the file.
+
+        Raises:
+            SiteError: the filter is none.
+        """
+        try:
+            terms = () if self.where is None else parse_where(self.where)
+        except ValueError as error:
+            raise SiteError(f"--where: {error}, got {self.where!r}") from error
+        limits = MendingLimits(self.snap, self.max_span)
+        return Selection(tuple(self.layer or ()), terms, self.crs, limits, self.encoding)
 
 
 def parse_depot(text: str) -> tuple[float, float, float | None]:
@@ -172,34 +161,23 @@ class LineRow:
     """Poles of which the structure's height is known."""
 
 
+@flatten_options
 def network(
     file: Annotated[str, typer.Argument(metavar="FILE", help="The network's file; 'default' is faultline's own.")],
+    *,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="GEOJSON", help="Write what was understood as GeoJSON.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw what was understood on a map.")] = None,
-    layer: LayersOption = None,
-    where: WhereOption = None,
-    crs: CrsOption = None,
-    encoding: EncodingOption = None,
-    depot: DepotOption = None,
-    radius: RadiusOption = None,
-    snap: SnapOption = SNAP_M,
-    max_span: MaxSpanOption = None,
+    options: NetworkOptions,
     as_json: JsonOption = False,
 ) -> None:
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
     path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
-    place = None if depot is None else parse_depot(depot)
-    understood = import_network(
-        path,
-        parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding),
-        depot=place,
-        radius_m=radius,
-        anywhere=True,
-    )
+    place, radius_m = options.place, options.radius
+    understood = import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
     if output is not None:
         text = json.dumps(build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
         write_named_file(output, lambda: write_whole(output, f"{text}\n".encode()))
@@ -356,6 +334,7 @@ def _append_comment(text: str, comment: str) -> str:
     return f"{text:{COMMENT_AT - 1}} # {comment}"
 
 
+@flatten_options
 def init(
     network: Annotated[
         str,
@@ -363,34 +342,27 @@ def init(
             metavar="NETWORK", help="The network's file, of any format; 'default' is faultline's own network."
         ),
     ],
+    *,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="SITE", help="Write the site file there; it must not exist yet."),
     ] = None,
-    depot: DepotOption = None,
-    radius: RadiusOption = None,
     vehicles: Annotated[int, typer.Option(min=1, max=50, help="Number of vehicles.")] = 3,
     autopilot: Annotated[AutopilotName, typer.Option(help="Autopilot of all vehicles.")] = FIRST_AUTOPILOT,
-    layer: LayersOption = None,
-    where: WhereOption = None,
-    crs: CrsOption = None,
-    encoding: EncodingOption = None,
-    snap: SnapOption = SNAP_M,
-    max_span: MaxSpanOption = None,
+    options: NetworkOptions,
 ) -> None:
     """Write a commented site file to start from."""
     check_can_write(output)
     if output is not None and output.exists():
         raise SiteError(f"{output}: expected a new file, this one exists already")
-    place = None if depot is None else parse_depot(depot)
-    chosen = parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding)
-    known = _read_network(network, chosen, place, radius)
+    place, radius = options.place, options.radius
+    known = _read_network(network, options.build_selection(), place, radius)
     file = network
     if network != site_model.DEFAULT_NETWORK:
         file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
     table = None if place is None else _build_depot_table(place)
-    choice = {"layer": layer, "where": where, "crs": crs, "encoding": encoding,
-              "snap_m": None if snap == SNAP_M else snap, "max_span_m": max_span}  # fmt: skip
+    choice = {key: getattr(options, key) for key in ("layer", "where", "crs", "encoding")}
+    choice |= {"snap_m": None if options.snap == SNAP_M else options.snap, "max_span_m": options.max_span}
     text = render_site_template(SiteTemplate(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
     if output is None:
         print(text, end="")

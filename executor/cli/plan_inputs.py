@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -14,12 +14,12 @@ from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned_document import describe_learned, read_learned
 from executor.cli.console import TerminalConsole
-from executor.cli.options import PlanCostName, require_finite
+from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_option
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_flight import read_segments_left
 from executor.site import day_plans, site_model, site_planning
-from executor.site.campaigns import CampaignRunner
+from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
 from executor.site.plan_summary import (
     compute_base_needs,
@@ -33,7 +33,7 @@ from executor.site.plan_summary import (
 )
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
-from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
+from executor.site.site_planning import PlanRequest
 from missions import (
     DayPlanFile,
     PlanFile,
@@ -46,7 +46,7 @@ from missions import (
     write_plan,
 )
 from missions.files import json_text
-from planner import Cost, Progress
+from planner import Progress
 from planner.sorties import (
     Objective,
     SparesEstimate,
@@ -57,37 +57,6 @@ from planner.sorties import (
     split_samples,
     summarise_samples,
 )
-
-
-def parse_plan_request(
-    cost: PlanCostName | None,
-    solver: PlanSolver,
-    stretch_pct: float,
-    all_vehicles: bool,
-    seconds: float,
-    seed: int,
-    starts: int,
-) -> PlanRequest:
-    """Return what the options that `plan`, `preflight` and `fly` share ask for.
-
-    Raises:
-        PlanFileError: the solver cannot do it.
-    """
-    return replace(
-        plan_request_for(cost),
-        seconds=seconds,
-        seed=seed,
-        solver=solver,
-        all_vehicles=all_vehicles,
-        stretch=stretch_pct / 100,
-        starts=starts,
-    )
-
-
-def plan_request_for(cost: PlanCostName | None) -> PlanRequest:
-    """Return what is asked for by a cost, or by none."""
-    chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
-    return replace(DEFAULT, cost=chosen, usual=cost is None)
 
 
 def load_site_with_learned(
@@ -123,7 +92,7 @@ def load_site_with_learned(
     return site_model.load_site_model(site, base, known)
 
 
-PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
+PLANNING = (*(one.name for one in fields(PlanOptions)), "after")
 
 
 def select_flown_plan(
@@ -265,41 +234,38 @@ def check_can_write(*paths: Path | None) -> None:
 DAY_SECONDS = 20.0
 """Of a day's search where nobody said how long."""
 MOST_SPARES = 5
-DayOption = Annotated[
-    bool,
-    typer.Option(
-        "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
-    ),
-]
 ObjectiveOption = Annotated[
     Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")
-]
-MtbfOption = Annotated[
-    float | None,
-    typer.Option(
-        "--mtbf-hours", min=0.01, callback=require_finite, metavar="HOURS",
-        help="With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
-    ),
-]  # fmt: skip
-ProbabilityOption = Annotated[
-    str,
-    typer.Option(
-        "--probability", metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for."
-    ),
-]
-SamplesOption = Annotated[
-    int, typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown.")
 ]
 
 
 @dataclass(frozen=True, slots=True)
-class SurvivalOptions:
-    """What is asked of days in which vehicles are lost."""
+class DayOptions:
+    """What is asked of days of many sorties, and of days in which vehicles are lost."""
 
-    mtbf_h: float | None
-    probability: str
-    samples: int
-    fly: CampaignRunner
+    day: Annotated[
+        bool,
+        typer.Option(
+            "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
+        ),
+    ] = False
+    objective: ObjectiveOption = Objective.FINISH
+    mtbf_hours: Annotated[
+        float | None,
+        number_option(
+            "With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
+            0.01, metavar="HOURS",
+        ),
+    ] = None  # fmt: skip
+    probability: Annotated[
+        str, typer.Option(metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for.")
+    ] = "95,99"
+    samples: Annotated[
+        int,
+        typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown."),
+    ] = 300
+    dask: DaskOption = None
+    jobs: JobsOption = None
 
 
 def parse_shares(text: str) -> list[float]:
@@ -321,7 +287,7 @@ def plan_day(
     ground: SiteModel,
     console: TerminalConsole,
     wanted: PlanRequest,
-    survival: SurvivalOptions,
+    asked: DayOptions,
     output: Path | None,
     picture: Path | None,
     left: Sequence[int] | None,
@@ -334,9 +300,10 @@ def plan_day(
         SiteError: the site or an option cannot be used.
         ExecutorError: a process or a worker was lost.
     """
-    shares, mtbf_h = parse_shares(survival.probability), survival.mtbf_h
-    content = plan_day_and_report(ground, console, wanted, left)
-    spares = _evaluate_spares(content, console, survival, wanted.seed, shares)
+    shares, mtbf_h = parse_shares(asked.probability), asked.mtbf_hours
+    with open_campaign_runner(jobs=asked.jobs, dask=asked.dask) as fly:
+        content = plan_day_and_report(ground, console, wanted, left)
+        spares = _evaluate_spares(content, console, asked, fly, wanted.seed, shares)
     console.show_progress("")
     heights = compute_planned_heights(ground, name_sortie_rounds(content))
     if output is not None:
@@ -407,10 +374,15 @@ def print_loss_windows(content: DayPlanFile, seed: int, *, as_json: bool) -> Non
 
 
 def _evaluate_spares(
-    content: DayPlanFile, console: TerminalConsole, asked: SurvivalOptions, seed: int, shares: Sequence[float]
+    content: DayPlanFile,
+    console: TerminalConsole,
+    asked: DayOptions,
+    fly: CampaignRunner,
+    seed: int,
+    shares: Sequence[float],
 ) -> list[SparesEstimate]:
     """Return what each number of spares comes to, up to the first that is enough; none where nobody asked for it."""
-    if asked.mtbf_h is None:
+    if asked.mtbf_hours is None:
         return []
     instance, found = content.build_instance(), list[SparesEstimate]()
     busy_s = [sum(own) for own in content.evaluation.lasts_s]
@@ -421,8 +393,8 @@ def _evaluate_spares(
             console.show_progress(f"{count} spares: {done} of {of} times flown")
 
         chosen = tuple(order[number % len(order)] for number in range(count))
-        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, asked.mtbf_h, seed)
-        lives = summarise_samples(asked.fly(simulate_days, campaign, split_samples(asked.samples), told))
+        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, asked.mtbf_hours, seed)
+        lives = summarise_samples(fly(simulate_days, campaign, split_samples(asked.samples), told))
         found.append(SparesEstimate(chosen, lives))
         if lives.finished.estimate >= max(shares):
             break

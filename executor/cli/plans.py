@@ -13,40 +13,28 @@ import typer
 from executor.cli.console import TerminalConsole
 from executor.cli.options import (
     DEFAULT_REPLAN_COST,
-    DEFAULT_STRETCH_PCT,
     MOST_SECONDS,
     AfterOption,
     CostOption,
-    DaskOption,
-    EverybodyOption,
-    JobsOption,
     JsonOption,
     LearnedOption,
     PlanArgument,
     PlanCostName,
-    PlanCostOption,
+    PlanOptions,
     SecondsOption,
     SeedOption,
     SiteArgument,
-    SolverOption,
-    StartsOption,
-    StretchOption,
-    require_finite,
+    flatten_options,
+    number_option,
 )
 from executor.cli.plan_inputs import (
     DAY_SECONDS,
-    DayOption,
-    MtbfOption,
-    ObjectiveOption,
-    ProbabilityOption,
-    SamplesOption,
-    SurvivalOptions,
+    DayOptions,
     announce_plan,
     check_can_draw,
     check_can_write,
     is_option_given,
     load_site_with_learned,
-    parse_plan_request,
     plan_and_report,
     plan_day,
     print_loss_windows,
@@ -56,7 +44,6 @@ from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import site_model, site_planning
-from executor.site.campaigns import open_campaign_runner
 from executor.site.ground_view import GroundView, view_for
 from executor.site.plan_summary import (
     PlannedHeights,
@@ -70,7 +57,7 @@ from executor.site.plan_summary import (
     summarise_plan,
 )
 from executor.site.site_file import read_site
-from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
+from executor.site.site_planning import PlanRequest
 from missions import (
     DayPlanFile,
     PlanFile,
@@ -83,7 +70,6 @@ from missions import (
 )
 from missions.files import json_text
 from planner import ReplanWindow, SearchParams, find_repairs_at, replan_window
-from planner.sorties import Objective
 
 if TYPE_CHECKING:
     from executor.analysis.pictures import FrontPoint
@@ -110,25 +96,15 @@ FrontOption = Annotated[
 ]
 
 
+@flatten_options
 def plan(
     asked: typer.Context,
     site: SiteArgument,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
+    *,
+    options: PlanOptions,
     search: SearchOption = None,
     front: FrontOption = False,
-    day: DayOption = False,
-    objective: ObjectiveOption = Objective.FINISH,
-    mtbf_hours: MtbfOption = None,
-    probability: ProbabilityOption = "95,99",
-    samples: SamplesOption = 300,
-    dask: DaskOption = None,
-    jobs: JobsOption = None,
+    days: DayOptions,
     after: AfterOption = None,
     learned: LearnedOption = None,
     output: Annotated[
@@ -145,10 +121,8 @@ def plan(
 
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
-    _check_options_fit(asked, day=day)
-    wanted = parse_plan_request(
-        PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts
-    )
+    _check_options_fit(asked, day=days.day)
+    wanted = (replace(options, cost=PlanCostName.WINDOW) if front else options).build_request()
     if search is not None:
         wanted = replace(wanted, params=SearchParams.load(search))
     check_can_write(None if front else output)
@@ -157,12 +131,10 @@ def plan(
     ground = load_site_with_learned(read_site(site), site.parent, learned, console)
     _check_can_profile(profile, site, front=front, over_raster=ground.terrain is not None)
     left = None if after is None else next_flight.read_segments_left(after, ground)
-    if day:
-        seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
-        wanted = replace(wanted, seconds=seconds, objective=objective)
-        with open_campaign_runner(jobs=jobs, dask=dask) as runner:
-            survival = SurvivalOptions(mtbf_hours, probability, samples, runner)
-            plan_day(ground, console, wanted, survival, output, picture, left, as_json=as_json)
+    if days.day:
+        seconds = options.seconds if is_option_given(asked, "seconds") else DAY_SECONDS
+        wanted = replace(wanted, seconds=seconds, objective=days.objective)
+        plan_day(ground, console, wanted, days, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
@@ -354,13 +326,7 @@ def replan(
     lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
     at: Annotated[
         float,
-        typer.Option(
-            min=0,
-            max=MOST_SECONDS,
-            callback=require_finite,
-            metavar="SECONDS",
-            help="Time of the loss, from the start of the plan.",
-        ),
+        number_option("Time of the loss, from the start of the plan.", 0, MOST_SECONDS, metavar="SECONDS"),
     ],
     cost: CostOption = DEFAULT_REPLAN_COST,
     seconds: SecondsOption = 2.0,

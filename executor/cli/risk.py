@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from executor.cli.console import TerminalConsole
-from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, require_finite
+from executor.cli.options import DaskOption, JobsOption, JsonOption, PlanArgument, SeedOption, number_option
 from executor.cli.plan_inputs import check_can_draw, write_named_file
 from executor.site.campaigns import compute_campaign_risks, describe_policy, open_campaign_runner, sweep_mtbf
 from missions import read_plan
@@ -17,24 +17,20 @@ from missions.files import json_text
 from planner import RiskCampaign, RiskEstimate, build_risk_campaign, split_flights
 
 MtbfOption = Annotated[
-    float,
-    typer.Option(
-        min=0.01, callback=require_finite, metavar="HOURS", help="Mean flight hours between failures of one vehicle."
-    ),
+    float, number_option("Mean flight hours between failures of one vehicle.", 0.01, metavar="HOURS")
 ]
 SpreadOption = Annotated[
     float,
-    typer.Option(
-        min=0, max=50, callback=require_finite, metavar="PCT",
-        help="Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
-        "planned one.",
+    number_option(
+        "Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
+        "planned one.", 0, 50, metavar="PCT",
     ),
 ]  # fmt: skip
 ReserveOption = Annotated[
     float,
-    typer.Option(
-        min=0, max=100, callback=require_finite, metavar="PCT",
-        help="Reserve beyond the budget, in percent of a full battery; a vehicle that has used up both is lost.",
+    number_option(
+        "Reserve beyond the budget, in percent of a full battery; a vehicle that has used up both is lost.", 0, 100,
+        metavar="PCT",
     ),
 ]  # fmt: skip
 SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Number of simulated flights.")]
