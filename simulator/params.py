@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 
 from simulator.config import AutopilotKind, FleetError, SimVehicle
 from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, ParamSet, build_message
@@ -31,17 +32,9 @@ class Param:
     kind: ParamKind = ParamKind.REAL32
 
 
-def _int8_param(value: float) -> Param:
-    return Param(value, ParamKind.INT8)
-
-
-def _int16_param(value: float) -> Param:
-    return Param(value, ParamKind.INT16)
-
-
-def _int32_param(value: float) -> Param:
-    return Param(value, ParamKind.INT32)
-
+_int8_param = partial(Param, kind=ParamKind.INT8)
+_int16_param = partial(Param, kind=ParamKind.INT16)
+_int32_param = partial(Param, kind=ParamKind.INT32)
 
 # Copter 4.7: SYSID_MYGCS is MAV_GCS_SYSID. Heights and speeds are in centimetres. FS_GCS_ENABLE is 0 in the firmware;
 # here it is 1 so that a vehicle that is left alone comes home.

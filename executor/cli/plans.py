@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -71,9 +70,6 @@ from missions import (
 from missions.files import json_text
 from planner import ReplanWindow, SearchParams, find_repairs_at, replan_window
 
-if TYPE_CHECKING:
-    from executor.analysis.pictures import FrontPoint
-
 SearchOption = Annotated[
     Path | None,
     typer.Option(
@@ -129,7 +125,9 @@ def plan(
     check_can_draw("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)
     ground = load_site_with_learned(read_site(site), site.parent, learned, console)
-    _check_can_profile(profile, site, front=front, over_raster=ground.terrain is not None)
+    check_can_draw("--profile", profile)
+    if profile is not None and (front or ground.terrain is None):
+        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     left = None if after is None else next_flight.read_segments_left(after, ground)
     if days.day:
         seconds = options.seconds if is_option_given(asked, "seconds") else DAY_SECONDS
@@ -139,45 +137,22 @@ def plan(
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    _plan_flight(ground, console, wanted, left, (site, learned), (output, picture, profile), as_json=as_json)
-
-
-def _plan_flight(
-    ground: site_model.SiteModel,
-    console: TerminalConsole,
-    wanted: PlanRequest,
-    left: Sequence[int] | None,
-    came_from: tuple[Path, Path | None],
-    kept: tuple[Path | None, Path | None, Path | None],
-    *,
-    as_json: bool,
-) -> None:
-    """Plan one flight and tell; the site's file and what was learned, then the plan's, picture's and profile's file."""
-    (site, learned), (output, picture, profile) = came_from, kept
     below = None if picture is None else view_for(ground, site.parent)
     content = plan_and_report(ground, console, wanted, left)
-    heights = compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
+    heights = _compute_heights(ground, content)
     if output is not None:
         write_named_file(output, lambda: write_plan(output, content))
     _draw(ground, content, (picture, below), profile)
     _print_plan(content, as_json=as_json, heights=heights)
-    if not as_json:
-        _print_how_to_fly(site, output, learned)
+    if output is not None and not as_json:
+        known = () if learned is None else ("--learned", learned)
+        print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
     if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 
-def _print_how_to_fly(site: Path, plan: Path | None, learned: Path | None) -> None:
-    if plan is None:
-        return
-    known = () if learned is None else ("--learned", learned)
-    print(f"flown as it is by: {command_line('fly', site, '--plan', plan, *known)}")
-
-
-def _check_can_profile(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
-    check_can_draw("--profile", profile)
-    if profile is not None and (front or not over_raster):
-        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
+def _compute_heights(ground: site_model.SiteModel, content: PlanFile) -> PlannedHeights:
+    return compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
 
 
 def _draw(
@@ -230,10 +205,7 @@ def _plan_front(
         ground, wanted, announce_plan(ground, console, wanted, len(ground.network.segments))
     )
     console.show_progress("")
-    heights = [
-        compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
-        for content in plans
-    ]
+    heights = [_compute_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     if output is not None:
@@ -246,11 +218,8 @@ def _plan_front(
     if picture is not None:
         from executor.analysis.pictures import draw_front_figure, save_figure
 
-        points = [_build_front_point(content) for content in plans]
-        others = {
-            name: _build_front_point(content) for name, content in references.items() if content.window is not None
-        }
-        write_named_file(picture, lambda: save_figure(draw_front_figure(points, others), picture))
+        others = {name: content for name, content in references.items() if content.window is not None}
+        write_named_file(picture, lambda: save_figure(draw_front_figure(plans, others), picture))
     if not as_json:
         print("         longest route   all energy   any loss from   window")
         for number, content in enumerate(plans, start=1):
@@ -259,13 +228,6 @@ def _plan_front(
             _print_trade(name, content)
         for line in dict.fromkeys(line for one in heights for line in one.warnings):
             print(f"warning: {line}")
-
-
-def _build_front_point(content: PlanFile) -> FrontPoint:
-    from executor.analysis.pictures import FrontPoint
-
-    earliest_s = 0.0 if content.window is None else content.window.earliest_s
-    return FrontPoint(max(content.durations_s), earliest_s, sum(content.energies_pct))
 
 
 def _print_trade(name: str, content: PlanFile) -> None:

@@ -14,13 +14,14 @@ from typing import Annotated, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
+from executor.adapters.document import Document
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.errors import LogError
 from executor.site.site_model import SiteModel
 from executor.site.site_tables import MapTable
-from missions import LocalFrame, format_first_error
+from missions import LocalFrame
 from missions.background import Background, Corner, PictureArea, Pixels, choose_grid_size
 from missions.files import write_whole
 from missions.geo import FloatArray
@@ -238,19 +239,7 @@ LATTICE = 17
 Count = Annotated[int, Field(ge=2, le=100_000)]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class ContourPart(_Part):
-    """A line of one height, above mean sea level."""
-
-    height_m: float
-    places_m: tuple[Corner, ...]
-    bold: bool
-
-
-class GroundHeightsPart(_Part):
+class GroundHeightsPart(Document):
     """The ground's heights above mean sea level in the middles of cells; the northernmost row first."""
 
     rows: Count
@@ -259,16 +248,16 @@ class GroundHeightsPart(_Part):
     """Row after row; null where nobody knows."""
 
 
-class HillshadePart(_Part):
+class HillshadePart(Document):
     """The shape of the ground."""
 
     file: str
     interval_m: float
-    contours: tuple[ContourPart, ...]
+    contours: tuple[Contour, ...]
     heights: GroundHeightsPart
 
 
-class DegreesPart(_Part):
+class DegreesPart(Document):
     """Where the local metres are: latitudes and longitudes of a lattice from corner to corner, the north first."""
 
     rows: Count
@@ -277,7 +266,7 @@ class DegreesPart(_Part):
     lon_deg: tuple[float, ...]
 
 
-class GroundDocument(_Part):
+class GroundDocument(Document):
     """`ground.json`."""
 
     format: Literal["faultline-ground/1"] = "faultline-ground/1"
@@ -306,7 +295,7 @@ def encode_ground(view: GroundView, frame: LocalFrame) -> dict[str, bytes]:
         relief=None if view.relief is None else _build_relief_part(view.relief),
         degrees=_build_degrees_part(view, frame),
     )
-    text = json.dumps(document.model_dump(mode="json"), separators=(",", ":"), allow_nan=False)
+    text = json.dumps(document.to_plain(), separators=(",", ":"), allow_nan=False)
     return {DOCUMENT: text.encode(), **files}
 
 
@@ -360,19 +349,15 @@ def read_ground(run: Path) -> GroundView | None:
         if len(metres) != part.rows * part.columns:
             raise LogError(f"{run / DOCUMENT}: relief.heights.metres: expected {part.rows * part.columns} heights")
         heights_m = np.array(metres, dtype=np.float32).reshape(part.rows, part.columns)
-        contours = tuple(Contour(one.height_m, one.places_m, one.bold) for one in document.relief.contours)
-        relief = Hillshade(heights_m, shade, document.low_m, document.high_m, document.relief.interval_m, contours)
+        relief = Hillshade(
+            heights_m, shade, document.low_m, document.high_m, document.relief.interval_m, document.relief.contours
+        )
     return GroundView(document.low_m, document.high_m, background, relief, document.attribution)
 
 
 def _read_document(run: Path) -> GroundDocument:
     path = run / DOCUMENT
-    try:
-        document = GroundDocument.model_validate_json(path.read_bytes())
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValidationError as error:
-        raise LogError(f"{path}: {format_first_error(error)}") from error
+    document = GroundDocument.read(path, "the ground below a flight")
     if document.photo not in {None, PHOTO} or (document.relief is not None and document.relief.file != RELIEF):
         raise LogError(f"{path}: photo, relief.file: expected {PHOTO} and {RELIEF}, beside it")
     return document
@@ -390,9 +375,7 @@ def _build_relief_part(relief: Hillshade) -> HillshadePart:
     return HillshadePart(
         file=RELIEF,
         interval_m=relief.interval_m,
-        contours=tuple(
-            ContourPart(height_m=one.height_m, places_m=one.places_m, bold=one.bold) for one in relief.contours
-        ),
+        contours=relief.contours,
         heights=GroundHeightsPart(rows=rows, columns=columns, metres=tuple(metres)),
     )
 

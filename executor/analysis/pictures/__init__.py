@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from executor.analysis.pictures.battery_figure import draw_battery_figure, draw_window_figure
 from executor.analysis.pictures.chart_figures import (
-    FrontPoint,
     draw_front_figure,
     draw_gantt_figure,
     draw_profile_figure,

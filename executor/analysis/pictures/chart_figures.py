@@ -30,7 +30,7 @@ from executor.analysis.pictures.style import (
     style_of,
 )
 from executor.site.campaigns import describe_policy
-from missions import DayPlanFile, FlightPath, FlightSetup, Phase
+from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
 from missions.safety import legs_m
 from planner import RiskEstimate
@@ -46,70 +46,54 @@ OFFSETS_PT = ((0, 13), (13, 6), (13, -7), (0, -14), (-13, 6), (-13, -7), (0, 26)
 """Where a number may stand, from its point; the first that is free is taken."""
 
 
-@dataclass(frozen=True, slots=True)
-class FrontPoint:
-    """One plan by its three figures; less is better in each."""
-
-    longest_route_s: float
-    earliest_s: float
-    """When its re-plan window begins."""
-    energy_pct: float
-    """Of all routes together, in percent of a full battery."""
-
-
-def draw_front_figure(front: Sequence[FrontPoint], references: Mapping[str, FrontPoint]) -> Figure:
+def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFile]) -> Figure:
     """Return earliest loss over longest route, coloured by energy; numbered from 1 in the order given."""
     figure = make_figure(
         FRONT_HEIGHT_IN, "Plans that no other one beats in all three",
         "left: sooner done; below: losses may come earlier; dark: less energy",
     )  # fmt: skip
     axes, bar = figure.add_axes(FRONT_PLOT), figure.add_axes(FRONT_BAR)
-    points = [*front, *references.values()]
-    energies = [point.energy_pct for point in points]
+    plans = (*front, *references.values())
+    points = [(max(one.durations_s), 0.0 if one.window is None else one.window.earliest_s) for one in plans]
+    energies = [sum(one.energies_pct) for one in plans]
     scale = Normalize(min(energies), max(*energies, min(energies) + 0.1))
     shade = colormaps[FRONT_COLOURS]
-    _set_limits(axes, points)
+    for values, set_limits in zip(zip(*points, strict=True), (axes.set_xlim, axes.set_ylim), strict=True):
+        room = 0.08 * (max(values) - min(values)) + 5.0
+        set_limits(min(values) - room, max(values) + room)
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
-    for point in front:
-        axes.plot(point.longest_route_s, point.earliest_s, ls="", marker="o", ms=10, mfc=shade(scale(point.energy_pct)),
-                  mec=INK, mew=0.8, zorder=3)  # fmt: skip
-    for number, point in enumerate(references.values()):
-        axes.plot(point.longest_route_s, point.earliest_s, ls="", marker=MARKERS[number % len(MARKERS)], ms=13,
-                  mfc=shade(scale(point.energy_pct)), mec=INK, mew=1.6, zorder=2)  # fmt: skip
+    markers = [MARKERS[number % len(MARKERS)] for number in range(len(references))]
+    for number, (point, energy_pct) in enumerate(zip(points, energies, strict=True)):
+        compared = number - len(front)
+        look = ("o", 10, 0.8, 3) if compared < 0 else (markers[compared], 13, 1.6, 2)
+        marker, size_pt, edge_pt, above = look
+        axes.plot(*point, ls="", marker=marker, ms=size_pt, mfc=shade(scale(energy_pct)), mec=INK, mew=edge_pt,
+                  zorder=above)  # fmt: skip
     axes.set_xlabel("longest route (s)")
     axes.set_ylabel("earliest time at which the fleet can absorb any one loss (s)")
     colours = figure.colorbar(ScalarMappable(scale, shade), cax=bar)
     colours.set_label("energy of all routes (% of a battery)")
     handles = [
-        Line2D([], [], ls="", marker=MARKERS[number % len(MARKERS)], ms=9, mfc=PAPER, mec=INK, mew=1.4, label=name)
-        for number, name in enumerate(references)
+        Line2D([], [], ls="", marker=marker, ms=9, mfc=PAPER, mec=INK, mew=1.4, label=name)
+        for name, marker in zip(references, markers, strict=True)
     ]
     figure.legend(
         handles=handles, loc="upper right", ncols=max(1, len(handles)), frameon=False, fontsize=9.5,
         bbox_to_anchor=(FRONT_PLOT[0] + FRONT_PLOT[2], 0.955), borderaxespad=0.0,
     )  # fmt: skip
-    _number_plans(figure, axes, front, [*references.values()])
+    _number_plans(figure, axes, points, len(front))
     return figure
 
 
-def _set_limits(axes: Axes, points: Sequence[FrontPoint]) -> None:
-    for values, set_limits in (
-        ([point.longest_route_s for point in points], axes.set_xlim),
-        ([point.earliest_s for point in points], axes.set_ylim),
-    ):
-        room = 0.08 * (max(values) - min(values)) + 5.0
-        set_limits(min(values) - room, max(values) + room)
-
-
-def _number_plans(figure: Figure, axes: Axes, front: Sequence[FrontPoint], others: Iterable[FrontPoint]) -> None:
-    """Write each plan's number beside its point, on no other point or number where there is room."""
+def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, float]], count: int) -> None:
+    """Write the numbers of the first so many beside their points, on no other point or number where there is room."""
     figure.draw_without_rendering()
     per_pt = figure.dpi / 72.0
-    dots = axes.transData.transform([(p.longest_route_s, p.earliest_s) for p in [*front, *others]])
+    dots = axes.transData.transform(points)
     half = 8.0 * per_pt
     taken = [(x - half, y - half, x + half, y + half) for x, y in dots]
-    for number, (point, (x, y)) in enumerate(zip(front, dots, strict=False), start=1):
+    for number, (point, (x, y)) in enumerate(zip(points[:count], dots, strict=False), start=1):
         wide, high = 4.5 * per_pt * len(str(number)), 6.0 * per_pt
         boxes = [
             (x + east * per_pt - wide, y + north * per_pt - high, x + east * per_pt + wide, y + north * per_pt + high)
@@ -119,7 +103,7 @@ def _number_plans(figure: Figure, axes: Axes, front: Sequence[FrontPoint], other
         chosen = free[0] if free else 0
         taken.append(boxes[chosen])
         axes.add_artist(Annotation(
-            str(number), xy=(point.longest_route_s, point.earliest_s), xytext=OFFSETS_PT[chosen],
+            str(number), xy=point, xytext=OFFSETS_PT[chosen],
             textcoords="offset points", ha="center", va="center", fontsize=10, color=INK,
             path_effects=make_white_edge(2.5),
             arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8},
