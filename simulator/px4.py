@@ -35,7 +35,7 @@ from simulator.mission_store import (
     place_of,
 )
 from simulator.physics import Home, Limits, Place
-from simulator.positioning import GPS_BIT
+from simulator.positioning import ALONE, GPS_BIT
 from simulator.px4_trajectory import HEIGHT_M, JERK, UP
 from simulator.store_px4 import Px4Store
 
@@ -125,7 +125,7 @@ class Px4(Autopilot):
         self._announced = (0, 0)
         """Index and mission id as last reported."""
         self._link_lost = False
-        self._failsafe = self._blind = False
+        self._failsafe = self._blind = self._lost_gps = False
         self._emergency = Mode.LAND
         """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
         self._emergency_ordered = False
@@ -301,6 +301,7 @@ class Px4(Autopilot):
         return super()._refuse_disarming()
 
     def _on_armed(self) -> None:
+        self._lost_gps = False
         if not self._arming_for_mission:
             self.voice.send_text(Severity.INFO, "Armed by external command")
 
@@ -315,7 +316,7 @@ class Px4(Autopilot):
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
-        self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = False
+        self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = self._lost_gps = False
         self._action_due = None
         self._charge_state = 1
         self.voice.muted = False
@@ -350,6 +351,7 @@ class Px4(Autopilot):
     # Failsafes.
 
     def _decide(self) -> None:
+        self._lost_gps |= self.frame.armed and self.positioning.without_s(self.now_s) > 0.0
         self._end_mission(self.mission.step(self.now_s))
         self._announce()
         self._announce_landed_state()
@@ -544,14 +546,17 @@ class Px4(Autopilot):
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
-                return telemetry.estimator_status(
-                    self.positioning.flags(self.now_s) if self.is_ready else 0, self.boot_ms
-                )
+                return telemetry.estimator_status(self._estimator_flags() if self.is_ready else 0, self.boot_ms)
             case "WIND_COV":
                 height_m = self.home.alt_m + self.frame.body.up_m
                 return telemetry.build_wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
             case _:
                 return None
+
+    def _estimator_flags(self) -> int:
+        """Return what its estimator says; after a flight in which GPS was lost it stands on the ground and reckons."""
+        stands = self._lost_gps and not self.frame.armed
+        return ALONE if stands else self.positioning.flags(self.now_s)
 
     def _build_sensor_masks(self) -> tuple[int, int, int]:
         if not self.is_ready:

@@ -6,6 +6,8 @@ import pytest
 
 from simulator.config import AutopilotKind
 from simulator.positioning import ABSOLUTE_S, AIDED, ALONE, DRIFT_M_S2, FAILSAFE_S, Positioning
+from tests.simulator.harness import Operator, land, takeoff, waypoint
+from tests.simulator.harness import numbered as in_order
 from tests.simulator.test_autopilot_people import flying, texts
 from tests.simulator.test_vehicle import KINDS
 
@@ -42,3 +44,27 @@ def test_a_vehicle_without_gps_says_so_and_lands(kind: AutopilotKind) -> None:
     if gps := flight.heard("GPS_RAW_INT"):
         assert gps[-1].fix_type == 1
     assert any("EKF Failsafe" in text or "switching to Descend" in text for text in texts(flight))
+
+
+@KINDS
+def test_px4_reckons_on_the_ground_after_a_flight_without_gps(kind: AutopilotKind) -> None:
+    name, number = ("ESTIMATOR_STATUS", 230) if kind is AutopilotKind.PX4 else ("EKF_STATUS_REPORT", 193)
+    flight, home = Operator(kind), [] if kind is AutopilotKind.PX4 else [waypoint(0.0, 0.0)]
+    flight.fly(in_order([*home, takeoff(10.0), land()], 0))
+    flight.run(8.0)
+    flight.vehicle.positioning.lose(flight.now_s, FAILSAFE_S + 1.0)
+    flight.run_until(lambda: not flight.vehicle.frame.armed)
+    flight.run(1.0)
+    assert flight.telemetry("GPS_RAW_INT", 24)["fix_type"] == flight.vehicle.FIX
+    assert flight.telemetry(name, number)["flags"] == (ALONE if kind is AutopilotKind.PX4 else AIDED)
+    flight.vehicle.reboot()
+    flight.run(20.0)
+    assert flight.telemetry(name, number)["flags"] == AIDED
+
+
+def test_px4_that_kept_its_gps_knows_where_it_stands() -> None:
+    flight = Operator(AutopilotKind.PX4)
+    flight.fly(in_order([takeoff(10.0), land()], 0))
+    flight.run_until(lambda: flight.vehicle.frame.armed and not flight.vehicle.frame.body.on_ground)
+    flight.run_until(lambda: not flight.vehicle.frame.armed)
+    assert flight.telemetry("ESTIMATOR_STATUS", 230)["flags"] == AIDED
