@@ -7,23 +7,11 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import ClassVar
 
-from simulator import telemetry
+from simulator import messages, telemetry
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
-from simulator.messages import (
-    Command,
-    Heartbeat,
-    LandedState,
-    MavCommand,
-    Outbound,
-    Peer,
-    Result,
-    SetMode,
-    Severity,
-    build_message,
-)
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
 from simulator.mission_store import (
     FenceShape,
@@ -96,8 +84,8 @@ class Px4(Autopilot):
     """One vehicle."""
 
     mission: Px4Mission
-    REFUSED: ClassVar = Result.TEMPORARILY_REJECTED
-    INVALID: ClassVar = Result.DENIED
+    REFUSED: ClassVar = messages.Result.TEMPORARILY_REJECTED
+    INVALID: ClassVar = messages.Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
     ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
     KILLED: ClassVar = "Preflight Fail: Kill switch engaged"
@@ -132,60 +120,60 @@ class Px4(Autopilot):
         self._action_due: tuple[float, Mode] | None = None
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
-        self._landed_state = LandedState.ON_GROUND
+        self._landed_state = messages.LandedState.ON_GROUND
         self._shapes: tuple[FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
         self.mission.left_fence_at = self._find_item_outside_fence
 
-    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
         return {
-            MavCommand.DO_SET_MODE: self._handle_set_mode_command,
-            MavCommand.MISSION_START: self._start_mission,
-            MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
-            MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
+            messages.MavCommand.DO_SET_MODE: self._handle_set_mode_command,
+            messages.MavCommand.MISSION_START: self._start_mission,
+            messages.MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
+            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
+            messages.MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
         }
 
     # Modes.
 
-    def set_mode(self, mode: int) -> Result:
+    def set_mode(self, mode: int) -> messages.Result:
         """Change the mode as the crew wants it. It ends the hold of a failsafe, whatever that had in mind."""
         if mode not in set(Mode):
             if mode >> 16 & 255 != MAIN_AUTO:
                 # Measured: a main mode that does not exist is accepted, and nothing happens.
-                return Result.ACCEPTED
-            self.voice.send_text(Severity.CRITICAL, "Unsupported auto mode")
-            return Result.TEMPORARILY_REJECTED
+                return messages.Result.ACCEPTED
+            self.voice.send_text(messages.Severity.CRITICAL, "Unsupported auto mode")
+            return messages.Result.TEMPORARILY_REJECTED
         self._action_due = None
         if mode == Mode.MISSION and self.frame.armed and not self._store.items:
-            self.voice.send_text(Severity.CRITICAL, "Switching to Mission is currently not available")
-            return Result.TEMPORARILY_REJECTED
+            self.voice.send_text(messages.Severity.CRITICAL, "Switching to Mission is currently not available")
+            return messages.Result.TEMPORARILY_REJECTED
         if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF}:
             self._mode_after_flight = Mode(mode)
         if mode != self.mode or (mode == Mode.MISSION and not self.mission.running):
             self._switch(Mode(mode))
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def build_mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> messages.Command:
         """Return the order of a mode as a ground station gives it."""
         mode = WORDS[word]
         params = (1.0, float(mode >> 16 & 255), float(mode >> 24), 0.0, 0.0, 0.0, 0.0)
-        return Command(MavCommand.DO_SET_MODE, params)
+        return messages.Command(messages.MavCommand.DO_SET_MODE, params)
 
-    def _handle_set_mode_command(self, command: Command) -> Result:
+    def _handle_set_mode_command(self, command: messages.Command) -> messages.Result:
         """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
-        self.acknowledge(command, Result.ACCEPTED)
+        self.acknowledge(command, messages.Result.ACCEPTED)
         return self.set_mode(encode_custom_mode(command.integer_param(1), command.integer_param(2)))
 
-    def _set_mode_message(self, message: SetMode) -> None:
+    def _set_mode_message(self, message: messages.SetMode) -> None:
         """Follow SET_MODE, which is acknowledged as if it were the command."""
         result = self.set_mode(message.custom_mode)
-        self.acknowledge(Command(MavCommand.DO_SET_MODE, (0.0,) * 7), result)
+        self.acknowledge(messages.Command(messages.MavCommand.DO_SET_MODE, (0.0,) * 7), result)
 
-    def _handle_return_command(self, command: Command) -> Result:  # noqa: ARG002 - it has nothing to say
-        self.voice.send_text(Severity.INFO, "Returning to launch")
+    def _handle_return_command(self, command: messages.Command) -> messages.Result:  # noqa: ARG002 - it has nothing to say
+        self.voice.send_text(messages.Severity.INFO, "Returning to launch")
         return self.set_mode(Mode.RETURN)
 
     def _switch(self, mode: Mode) -> None:
@@ -227,7 +215,7 @@ class Px4(Autopilot):
                 if self.mission.ended_at is not None and self.frame.armed:
                     self.frame.pilot.fly([Hover(self.mission.ended_at)])
             case MissionEnd.RETURN:
-                self.voice.send_text(Severity.INFO, "Returning to launch")
+                self.voice.send_text(messages.Severity.INFO, "Returning to launch")
                 self._switch(Mode.RETURN)
             case None:
                 return
@@ -236,7 +224,9 @@ class Px4(Autopilot):
         body = self.frame.body
         up_m = max(self._return_height_m(), body.up_m)
         alt_m = self.home.alt_m + up_m
-        self.voice.send_text(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
+        self.voice.send_text(
+            messages.Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)"
+        )
         speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
         to = find_return_destination(self._store.rally, self.home, body.place)
         pad = body.place if body.on_ground else to
@@ -255,11 +245,11 @@ class Px4(Autopilot):
         within_m = away_m / math.tan(math.radians(cone_deg)) if cone_deg < 90 else 0.0
         return min(height_m, max(within_m, self.params["RTL_DESCEND_ALT"]))
 
-    def _start_mission(self, command: Command) -> Result:
+    def _start_mission(self, command: messages.Command) -> messages.Result:
         """Follow MISSION_START: from item param1, and it arms."""
         if not self.mission.is_valid(self.now_s):
-            self.voice.send_text(Severity.CRITICAL, "Mission start denied! No valid mission")
-            return Result.DENIED
+            self.voice.send_text(messages.Severity.CRITICAL, "Mission start denied! No valid mission")
+            return messages.Result.DENIED
         first = command.params[0]
         if not math.isnan(first) and 0 <= first < len(self._store.items):
             self._end_mission(self.mission.set_current(int(first)))
@@ -268,12 +258,12 @@ class Px4(Autopilot):
         armed = self.arm()
         self._arming_for_mission = False
         if not armed:
-            return Result.TEMPORARILY_REJECTED
+            return messages.Result.TEMPORARILY_REJECTED
         if not was_armed:
-            self.voice.send_text(Severity.INFO, "Armed by mission start")
+            self.voice.send_text(messages.Severity.INFO, "Armed by mission start")
         if self.mode == Mode.MISSION and not self.mission.running:
             self._enter(Mode.MISSION)
-            return Result.ACCEPTED
+            return messages.Result.ACCEPTED
         return self.set_mode(Mode.MISSION)
 
     def _refuse_arming(self) -> str | None:
@@ -293,22 +283,22 @@ class Px4(Autopilot):
             self._enter(Mode(self.mode))
         return armed
 
-    def _refuse_interval(self, number: int) -> Result:  # noqa: ARG002 - it does not say which
-        return Result.FAILED
+    def _refuse_interval(self, number: int) -> messages.Result:  # noqa: ARG002 - it does not say which
+        return messages.Result.FAILED
 
-    def _refuse_disarming(self) -> Result:
-        self.voice.send_text(Severity.CRITICAL, "Disarming denied: not landed")
+    def _refuse_disarming(self) -> messages.Result:
+        self.voice.send_text(messages.Severity.CRITICAL, "Disarming denied: not landed")
         return super()._refuse_disarming()
 
     def _on_armed(self) -> None:
         self._lost_gps = False
         if not self._arming_for_mission:
-            self.voice.send_text(Severity.INFO, "Armed by external command")
+            self.voice.send_text(messages.Severity.INFO, "Armed by external command")
 
     def _on_disarmed(self) -> None:
         self.mission.apply_landing(self.now_s)
         self.voice.send_text(
-            Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing"
+            messages.Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing"
         )
         self._failsafe = self._blind = False
         self._action_due = None
@@ -330,7 +320,7 @@ class Px4(Autopilot):
         if step.fenced or step.swapped:
             left = self._find_item_outside_fence()
             if left is not None:
-                self.voice.send_text(Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
+                self.voice.send_text(messages.Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
         if step.fenced:
             self._end_mission(self.mission.apply_new_fence())
         if step.swapped:
@@ -340,10 +330,10 @@ class Px4(Autopilot):
 
     def _set_current(self, seq: int) -> bool:
         if self._store.is_busy:
-            self.voice.send_text(Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+            self.voice.send_text(messages.Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
             return False
         if not 0 <= seq < len(self._store.items):
-            self.voice.send_text(Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
+            self.voice.send_text(messages.Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
             return False
         self._end_mission(self.mission.set_current(seq))
         return True
@@ -373,21 +363,21 @@ class Px4(Autopilot):
         self._landed_state = now
         if now is before:
             return
-        if before is LandedState.ON_GROUND:
-            self.voice.send_text(Severity.INFO, "Takeoff detected")
-        elif now is LandedState.ON_GROUND:
-            self.voice.send_text(Severity.INFO, "Landing detected")
-        elif now is LandedState.LANDING and self.mode == Mode.RETURN:
-            self.voice.send_text(Severity.INFO, "RTL: land at destination")
+        if before is messages.LandedState.ON_GROUND:
+            self.voice.send_text(messages.Severity.INFO, "Takeoff detected")
+        elif now is messages.LandedState.ON_GROUND:
+            self.voice.send_text(messages.Severity.INFO, "Landing detected")
+        elif now is messages.LandedState.LANDING and self.mode == Mode.RETURN:
+            self.voice.send_text(messages.Severity.INFO, "RTL: land at destination")
 
-    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
         return heartbeat.ground_station
 
     def _on_gcs_heartbeat(self) -> None:
         if self._link_lost:
             self._link_lost = False
             self.voice.release_withheld()
-            self.voice.send_text(Severity.INFO, "GCS connection regained")
+            self.voice.send_text(messages.Severity.INFO, "GCS connection regained")
 
     def _load_fence(self) -> None:
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
@@ -395,9 +385,11 @@ class Px4(Autopilot):
         flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
         for shape in build_fence_shapes(self._store.fence, self.home):
             if not is_inside([shape], Place(0.0, 0.0, 0.0)):
-                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
+                self.voice.send_text(messages.Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
             elif flies and not is_inside([shape], self.frame.body.place):
-                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position")
+                self.voice.send_text(
+                    messages.Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position"
+                )
             else:
                 self._shapes = (*self._shapes, shape)
 
@@ -431,10 +423,10 @@ class Px4(Autopilot):
         if was_outside or not said:
             return
         self.frame.record_event("failsafe fence")
-        self.voice.send_text(Severity.CRITICAL, said)
+        self.voice.send_text(messages.Severity.CRITICAL, said)
         if action == 2:
             self._failsafe = True
-            self.voice.send_text(Severity.CRITICAL, "Failsafe activated")
+            self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated")
             self._switch(Mode.LOITER)
         elif action in {3, 5}:
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
@@ -455,7 +447,7 @@ class Px4(Autopilot):
     def _hold_then(self, mode: Mode | None) -> None:
         self._failsafe = True
         delay_s = self.params["COM_FAIL_ACT_T"]
-        self.voice.send_text(Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
+        self.voice.send_text(messages.Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
         self._switch(Mode.LOITER)
         self._action_due = None if mode is None else (self.now_s + self.params["COM_FAIL_ACT_T"], mode)
 
@@ -468,7 +460,7 @@ class Px4(Autopilot):
             return
         self._charge_state = state
         text = {2: "Low battery", 3: "Critical battery", 4: "Emergency battery level"}[state]
-        self.voice.send_text(Severity.CRITICAL if state > 2 else Severity.WARNING, text)
+        self.voice.send_text(messages.Severity.CRITICAL if state > 2 else messages.Severity.WARNING, text)
         if not self.frame.armed or self.frame.body.on_ground:
             return
         action = int(self.params["COM_LOW_BAT_ACT"])
@@ -491,15 +483,15 @@ class Px4(Autopilot):
 
     def _on_stick_input(self) -> None:
         if self.frame.armed and not self.frame.wrecked and self.mode >> 16 & 255 == MAIN_AUTO:
-            self.voice.send_text(Severity.INFO, "Pilot took over using sticks")
+            self.voice.send_text(messages.Severity.INFO, "Pilot took over using sticks")
             self.apply_pilot_takeover("POSCTL")
 
     def _on_breach(self) -> None:
-        self.voice.send_text(Severity.WARNING, "Geofence violation")
+        self.voice.send_text(messages.Severity.WARNING, "Geofence violation")
         if not self.frame.armed:
             return  # a failsafe acts in flight alone
         self._failsafe = True
-        self.voice.send_text(Severity.CRITICAL, "Failsafe activated: switching to Return")
+        self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated: switching to Return")
         self._switch(Mode.RETURN)
 
     def _on_emergency(self, mode: int) -> None:
@@ -509,7 +501,7 @@ class Px4(Autopilot):
     def _on_lost_estimate(self) -> None:
         self._failsafe = self._blind = True
         text = "Failsafe activated: Autopilot disengaged, switching to Descend"
-        self.voice.send_text(Severity.CRITICAL, text)
+        self.voice.send_text(messages.Severity.CRITICAL, text)
         self._action_due = None
         self._switch(Mode.LAND)
 
@@ -518,7 +510,7 @@ class Px4(Autopilot):
     def _current_ca(self) -> int:
         return round(self.frame.battery.current_a * 100) if self.vehicle.current_sensor else UNKNOWN_CURRENT_CA
 
-    def _build_own(self, name: str) -> Outbound | None:
+    def _build_own(self, name: str) -> messages.Outbound | None:
         battery = self.frame.battery
         match name:
             case "HEARTBEAT":
@@ -539,7 +531,7 @@ class Px4(Autopilot):
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
                 )  # fmt: skip
             case "MISSION_CURRENT":
-                return build_message(
+                return messages.build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
                     mission_state=int(self.mission.report_state(self.now_s, active=self.mode in MISSION_MODES)),
                     mission_mode=1 if self.mode in MISSION_MODES else 2,

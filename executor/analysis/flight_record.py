@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+import planner
 from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FaultRow, FlightReport, read_report
@@ -27,16 +28,6 @@ from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 from missions.areas import Area
 from missions.geo import FloatArray
 from missions.pricing import DEPOT_M
-from planner import (
-    Instance,
-    Route,
-    completion_times_s,
-    energy_use_pct,
-    is_reversed,
-    route_duration_s,
-    route_energy_pct,
-    segment_of,
-)
 
 Place = tuple[float, float]
 """Local east and north in metres."""
@@ -178,7 +169,7 @@ def build_launch_revision(content: PlanFile) -> PlanRevision:
 
 
 def build_planned_route(
-    content: PlanFile, instance: Instance, route: Route, *, began_s: float = 0.0, used_pct: float = 0.0
+    content: PlanFile, instance: planner.Instance, route: planner.Route, *, began_s: float = 0.0, used_pct: float = 0.0
 ) -> PlannedRoute:
     """Return one route of a plan file.
 
@@ -190,16 +181,16 @@ def build_planned_route(
         used_pct: What the vehicle had used by then.
     """
     vehicle = content.vehicles[route.vehicle]
-    segments = [content.segments[segment_of(visit)] for visit in route.visits]
+    segments = [content.segments[planner.segment_of(visit)] for visit in route.visits]
     way_m: list[Place] = [vehicle.start_m]
     for visit, segment in zip(route.visits, segments, strict=True):
         ends_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])
-        way_m += reversed(ends_m) if is_reversed(visit) else ends_m
+        way_m += reversed(ends_m) if planner.is_reversed(visit) else ends_m
     way_m.append(DEPOT_M)
     energy = [(0.0, 0.0)]
-    for done, end_s in enumerate(completion_times_s(instance, route), start=1):
-        energy.append((end_s, energy_use_pct(instance, route, done)))
-    energy.append((route_duration_s(instance, route), route_energy_pct(instance, route)))
+    for done, end_s in enumerate(planner.completion_times_s(instance, route), start=1):
+        energy.append((end_s, planner.energy_use_pct(instance, route, done)))
+    energy.append((planner.route_duration_s(instance, route), planner.route_energy_pct(instance, route)))
     return PlannedRoute(
         vehicle=vehicle.name,
         segments=tuple(segment.id for segment in segments),
@@ -209,7 +200,7 @@ def build_planned_route(
     )
 
 
-def _find_turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]]:
+def _find_turns_m(content: PlanFile, route: planner.Route) -> Iterator[tuple[Place, ...]]:
     """Yield the corners of every way between two inspections, and of those from the start and home."""
     if content.pricing is None or not content.areas:
         return
@@ -219,7 +210,7 @@ def _find_turns_m(content: PlanFile, route: Route) -> Iterator[tuple[Place, ...]
     tracks_m = content.pricing.tracks_m[:, :, :2]
     here_m = np.array(vehicle.start_m if vehicle.airborne else base_m)
     for visit in route.visits:
-        begin_m, end_m = tracks_m[segment_of(visit)][:: -1 if is_reversed(visit) else 1]
+        begin_m, end_m = tracks_m[planner.segment_of(visit)][:: -1 if planner.is_reversed(visit) else 1]
         yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, begin_m))
         here_m = end_m
     yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))

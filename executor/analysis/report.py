@@ -7,29 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from types import MappingProxyType
 
-from executor.analysis.documents import (
-    AbsenceRow,
-    AskedVehicle,
-    AskedVehicles,
-    CheckRow,
-    EarlierRow,
-    FaultRow,
-    FlightReport,
-    HeightsPart,
-    InspectionRow,
-    LastFix,
-    LastPosition,
-    LegRow,
-    NotCountedRow,
-    PadPart,
-    ParameterRow,
-    ReplanRow,
-    RouteRow,
-    SeenRow,
-    SortieRow,
-    UnreachableRow,
-    VehicleRow,
-)
+from executor.analysis import documents
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
 from executor.core.interface.ports import LinkCounts
@@ -44,7 +22,9 @@ from executor.images.index_rows import build_asset_rows
 from missions import Phase
 
 
-def build_route_rows(state: FleetState, factors: Mapping[str, float] = MappingProxyType({})) -> tuple[RouteRow, ...]:
+def build_route_rows(
+    state: FleetState, factors: Mapping[str, float] = MappingProxyType({})
+) -> tuple[documents.RouteRow, ...]:
     """Return what every vehicle flew of each of its missions; times are seconds since the launch.
 
     Args:
@@ -75,7 +55,9 @@ def error_pct(flown: float | None, planned: float) -> float | None:
     return None if flown is None or planned <= 0.0 else round(100.0 * flown / planned - 100.0, 2)
 
 
-def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float) -> RouteRow | None:
+def _build_route_row(
+    vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float
+) -> documents.RouteRow | None:
     """Return one mission's row; None if nobody heard when any of it began or ended."""
     heard = [number for number, leg in enumerate(legs) if leg.began is not None]
     ended = [number for number, leg in enumerate(legs) if leg.ended is not None]
@@ -88,7 +70,7 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
     planned_s = sum(leg.planned.duration_s for leg in legs)
     planned_pct = sum(leg.planned.energy_pct for leg in legs)
     flown_s, flown_pct = end.at_s - began.at_s, _draw_pct(began, end)
-    return RouteRow(
+    return documents.RouteRow(
         vehicle=vehicle,
         revision=revision,
         whole=legs[0].phase is Phase.TAKEOFF and legs[-1].phase is Phase.LAND,
@@ -104,9 +86,9 @@ def _build_route_row(vehicle: str, revision: int, legs: Sequence[FlownLeg], laun
     )
 
 
-def _build_leg_row(leg: FlownLeg) -> LegRow:
+def _build_leg_row(leg: FlownLeg) -> documents.LegRow:
     began, ended = leg.began, leg.ended
-    return LegRow.build_from(
+    return documents.LegRow.build_from(
         leg,
         phase=leg.phase.value,
         planned_s=leg.planned.duration_s,
@@ -133,15 +115,15 @@ class InjectedFault:
     """In the ground station's time."""
 
 
-NOTHING_SAID = AskedVehicles(vehicles=())
+NOTHING_SAID = documents.AskedVehicles(vehicles=())
 
 
 def build_vehicle_answers(
     context: Context,
     facts: Mapping[str, VehicleFacts],
     checks: Sequence[Check] = (),
-    earlier: tuple[EarlierRow, ...] = (),
-) -> AskedVehicles:
+    earlier: tuple[documents.EarlierRow, ...] = (),
+) -> documents.AskedVehicles:
     """Return the content of vehicles.json: who was asked before the flight, and what each one answered.
 
     Args:
@@ -150,16 +132,16 @@ def build_vehicle_answers(
         checks: The checklist.
         earlier: Flights whose rest is flown.
     """
-    return AskedVehicles(
+    return documents.AskedVehicles(
         vehicles=tuple(
-            AskedVehicle.build_from(
+            documents.AskedVehicle.build_from(
                 one,
                 sysid=context.vehicles[name].sysid,
                 type=firmware.describe_vehicle_type(one.heartbeat.vehicle_type),
                 autopilot=firmware.describe_autopilot(one.heartbeat.autopilot),
                 firmware=None if one.version is None else str(one.version),
                 link_timeout_s=context.vehicles[name].link_timeout_s,
-                pad=PadPart.build_from(context.setup.pad_of(name)),
+                pad=documents.PadPart.build_from(context.setup.pad_of(name)),
                 gps_fix=None if one.gps is None else one.gps.fix,
                 gps_accuracy_m=None if one.gps is None else one.gps.accuracy_m,
                 parameters=dict(sorted(one.parameters.items())),
@@ -167,7 +149,7 @@ def build_vehicle_answers(
             )
             for name, one in facts.items()
         ),
-        checks=tuple(map(CheckRow.build_from, checks)),
+        checks=tuple(map(documents.CheckRow.build_from, checks)),
         earlier=earlier,
     )
 
@@ -178,9 +160,9 @@ def build_report(
     ended_s: float,
     truths: Sequence[InjectedFault] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
-    said: AskedVehicles = NOTHING_SAID,
-    parameters: Sequence[ParameterRow] = (),
-) -> FlightReport:
+    said: documents.AskedVehicles = NOTHING_SAID,
+    parameters: Sequence[documents.ParameterRow] = (),
+) -> documents.FlightReport:
     """Return the content of report.json.
 
     Args:
@@ -197,7 +179,7 @@ def build_report(
     never = {one.segment for one in context.unreachable}
     asked = {row.name: row for row in said.vehicles}
     uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
-    return FlightReport(
+    return documents.FlightReport(
         format="faultline-report/1",
         segments_total=context.segments,
         segments_inspected=len(state.coverage.inspected),
@@ -205,7 +187,8 @@ def build_report(
         uncovered_names=tuple(map(context.segment_name, uncovered)),
         left_over=tuple(sorted(state.coverage.left_over - set(state.coverage.inspected))),
         unreachable=tuple(
-            UnreachableRow.build_from(one, name=context.segment_name(one.segment)) for one in context.unreachable
+            documents.UnreachableRow.build_from(one, name=context.segment_name(one.segment))
+            for one in context.unreachable
         ),
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
@@ -220,7 +203,8 @@ def build_report(
         parameters=tuple(parameters),
         heights=_build_heights(context, state),
         absences=tuple(
-            AbsenceRow.build_from(absence, until_s=absence.until_s - began_s) for absence in state.listening.absences
+            documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
+            for absence in state.listening.absences
         ),
         seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
@@ -231,7 +215,9 @@ def build_report(
             for segment in sorted(set(state.coverage.flown) & set(state.coverage.inspected))
         ),
         not_counted=tuple(
-            NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
+            documents.NotCountedRow(
+                vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason
+            )
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
@@ -241,7 +227,7 @@ def build_report(
     )
 
 
-def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
+def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[documents.SortieRow, ...]:
     """Return every sortie, in the order of their take-offs; none of a flight of one each."""
     turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
     if context.day is None and not any(turn.swaps for turn in turns.values()):
@@ -252,7 +238,7 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
         for number, one in enumerate(turn.sorties):
             then = set(turn.sorties[number + 1].before) if number + 1 < len(turn.sorties) else own
             rows.append(
-                SortieRow.build_from(
+                documents.SortieRow.build_from(
                     one,
                     vehicle=name,
                     began_s=one.began_s - began_s,
@@ -263,7 +249,7 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
     return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
-def _build_replan_row(record: ReplanRecord) -> ReplanRow:
+def _build_replan_row(record: ReplanRecord) -> documents.ReplanRow:
     gain, compared = record.gain, dict[str, object]()
     if gain is not None:
         compared = {
@@ -274,19 +260,19 @@ def _build_replan_row(record: ReplanRecord) -> ReplanRow:
             "carried_route_s": gain.carried_s,
             "over_budget": gain.short,
         }
-    return ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
+    return documents.ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
 
 
-def _build_heights(context: Context, state: FleetState) -> HeightsPart:
+def _build_heights(context: Context, state: FleetState) -> documents.HeightsPart:
     paths = [
         vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
     ]
-    return HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
+    return documents.HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
 
 
-def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:
+def _build_inspection_row(context: Context, state: FleetState, segment: int) -> documents.InspectionRow:
     flown = state.coverage.flown[segment]
-    return InspectionRow.build_from(
+    return documents.InspectionRow.build_from(
         flown,
         segment=segment,
         name=context.segment_name(segment),
@@ -297,23 +283,25 @@ def _build_inspection_row(context: Context, state: FleetState, segment: int) -> 
     )
 
 
-def _build_fault_rows(state: FleetState, began_s: float, truths: Sequence[InjectedFault]) -> tuple[FaultRow, ...]:
+def _build_fault_rows(
+    state: FleetState, began_s: float, truths: Sequence[InjectedFault]
+) -> tuple[documents.FaultRow, ...]:
     now = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
     return tuple(_build_fault_row(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *now))
 
 
-def _build_seen_rows(context: Context, state: FleetState) -> tuple[SeenRow, ...]:
+def _build_seen_rows(context: Context, state: FleetState) -> tuple[documents.SeenRow, ...]:
     at_m = state.coverage.inspected_at_m
     return tuple(
-        SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
+        documents.SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
         for row in build_asset_rows(context, state)
     )
 
 
-def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> FaultRow:
+def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> documents.FaultRow:
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
-    return FaultRow.build_from(
+    return documents.FaultRow.build_from(
         fault,
         vehicle=name,
         happened_s=max(before) - began_s if before else None,
@@ -333,11 +321,11 @@ def _build_vehicle_row(
     state: FleetState,
     vehicle: VehicleState,
     counts: LinkCounts | None,
-    asked: AskedVehicle | None,
+    asked: documents.AskedVehicle | None,
     began_s: float,
-) -> VehicleRow:
+) -> documents.VehicleRow:
     battery = vehicle.power.battery
-    return VehicleRow.build_from(
+    return documents.VehicleRow.build_from(
         asked,
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
@@ -353,15 +341,16 @@ def _build_vehicle_row(
     )
 
 
-def _build_last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
+def _build_last_position(context: Context, vehicle: VehicleState, began_s: float) -> documents.LastPosition | None:
     fix = vehicle.motion.fix
     at = None if fix is None else position_view(context, vehicle, fix.at_s)
     if fix is None or at is None:
         return None
     last = at.last_fix
-    return LastPosition.build_from(
+    return documents.LastPosition.build_from(
         at,
         alt_rel_m=at.relative_alt_m,
         at_s=fix.at_s - began_s,
-        last_fix=last and LastFix.build_from(last, alt_rel_m=last.relative_alt_m, at_s=fix.at_s - last.age_s - began_s),
+        last_fix=last
+        and documents.LastFix.build_from(last, alt_rel_m=last.relative_alt_m, at_s=fix.at_s - last.age_s - began_s),
     )

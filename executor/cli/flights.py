@@ -16,37 +16,9 @@ from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
 from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
+from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
-from executor.cli.options import (
-    FIRST_AUTOPILOT,
-    AfterOption,
-    AutopilotOption,
-    FaultOption,
-    FlownPlanOption,
-    JsonOption,
-    LearnedOption,
-    NetworkOption,
-    PlanCostOption,
-    PlanOptions,
-    QuietOption,
-    RunOption,
-    SeedOption,
-    SiteArgument,
-    StartsOption,
-    build_plan_request,
-    flatten_options,
-    number_option,
-)
-from executor.cli.plan_inputs import (
-    DAY_SECONDS,
-    ObjectiveOption,
-    check_can_write,
-    load_site_with_learned,
-    plan_and_report,
-    plan_day_and_report,
-    select_flown_plan,
-)
 from executor.core.formatting import command_line, format_count
 from executor.core.interface.commands import Level
 from executor.core.preflight.board_changes import KeptList, KeptParameter
@@ -60,16 +32,7 @@ from executor.flight.next_flight import describe_next_flight, plan_next_flight, 
 from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
-from executor.simulated.demo_site import (
-    OTHER_LOSS,
-    USUAL_LOSS,
-    USUAL_RADIUS_M,
-    USUAL_VEHICLES,
-    build_demo_site,
-    check_faults,
-    is_default_demo,
-    run_simulated_fleet,
-)
+from executor.simulated import demo_site
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
@@ -90,54 +53,56 @@ DEMO_SEARCHES = 2
 
 
 def demo(
-    network: NetworkOption = None,
+    network: options.NetworkOption = None,
     radius: Annotated[
-        float, number_option("Only segments within M metres of the depot.", 1, metavar="M")
-    ] = USUAL_RADIUS_M,
-    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = USUAL_VEHICLES,
+        float, options.number_option("Only segments within M metres of the depot.", 1, metavar="M")
+    ] = demo_site.USUAL_RADIUS_M,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = demo_site.USUAL_VEHICLES,
     speedup: Annotated[
-        float, number_option("Speed of the simulation, in multiples of real time.", 0.1, 100, metavar="X")
+        float, options.number_option("Speed of the simulation, in multiples of real time.", 0.1, 100, metavar="X")
     ] = 10.0,
-    seed: SeedOption = 1,
-    fault: FaultOption = None,
-    autopilot: AutopilotOption = FIRST_AUTOPILOT,
-    cost: PlanCostOption = None,
+    seed: options.SeedOption = 1,
+    fault: options.FaultOption = None,
+    autopilot: options.AutopilotOption = options.FIRST_AUTOPILOT,
+    cost: options.PlanCostOption = None,
     flat: Annotated[bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")] = False,
-    run: RunOption = None,
-    as_json: JsonOption = False,
+    run: options.RunOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = build_demo_site(
+    content = demo_site.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
-    usual = is_default_demo(network, radius, vehicles)
-    faults = fault if fault is not None else [USUAL_LOSS if usual else OTHER_LOSS]
+    usual = demo_site.is_default_demo(network, radius, vehicles)
+    faults = fault if fault is not None else [demo_site.USUAL_LOSS if usual else demo_site.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    check_faults(ground, faults)
+    demo_site.check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    wanted = replace(build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
-    plan = plan_and_report(ground, console, wanted)
+    plan = plan_inputs.plan_and_report(ground, console, wanted)
     directory = create_run_directory(run)
     order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(order)
-    with run_simulated_fleet(directory, faults, seed):
+    with demo_site.run_simulated_fleet(directory, faults, seed):
         flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
 def simulate(
-    site: SiteArgument,
+    site: options.SiteArgument,
     speedup: Annotated[
         float | None,
-        number_option("Speed in multiples of real time, instead of the site's.", 0.1, 100, metavar="X"),
+        options.number_option("Speed in multiples of real time, instead of the site's.", 0.1, 100, metavar="X"),
     ] = None,
-    fault: FaultOption = None,
-    seed: SeedOption = 1,
-    wind: Annotated[float, number_option("Factor on energy consumption, for wind.", 0.1, 5, metavar="FACTOR")] = 1.0,
+    fault: options.FaultOption = None,
+    seed: options.SeedOption = 1,
+    wind: Annotated[
+        float, options.number_option("Factor on energy consumption, for wind.", 0.1, 5, metavar="FACTOR")
+    ] = 1.0,
     truth: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the ground truth of the simulation there, one JSON object a line."),
@@ -157,7 +122,7 @@ def simulate(
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
     from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
 
-    check_can_write(truth)
+    plan_inputs.check_can_write(truth)
     if cards is not None:
         require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
@@ -169,7 +134,7 @@ def simulate(
     )  # fmt: skip
 
 
-@flatten_options
+@options.flatten_options
 def fly(
     asked: typer.Context,
     site: Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan beside --site.")],
@@ -177,14 +142,14 @@ def fly(
     of: Annotated[
         Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
     ] = None,
-    plan: FlownPlanOption = None,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    options: PlanOptions,
-    run: RunOption = None,
+    plan: options.FlownPlanOption = None,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    planning: options.PlanOptions,
+    run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
 
@@ -193,25 +158,27 @@ def fly(
     changed.
     """
     site, plan = _select_site_and_plan(site, of, plan)
-    wanted = options.build_request()
+    wanted = planning.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
-    day, routes = select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
+    day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
 
 
 def fly_day(
-    site: SiteArgument,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    objective: ObjectiveOption = Objective.FINISH,
-    seconds: Annotated[float, number_option("Time for the planning.", 0.1, metavar="S")] = DAY_SECONDS,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
-    run: RunOption = None,
+    site: options.SiteArgument,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    objective: plan_inputs.ObjectiveOption = Objective.FINISH,
+    seconds: Annotated[
+        float, options.number_option("Time for the planning.", 0.1, metavar="S")
+    ] = plan_inputs.DAY_SECONDS,
+    seed: options.SeedOption = DEFAULT.seed,
+    starts: options.StartsOption = 0,
+    run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan a working day of sorties from the bases of the site, and fly it.
 
@@ -222,7 +189,7 @@ def fly_day(
     made = _PreparedSite(site, learned, after, console)
     left = None if after is None else read_segments_left(after, made.ground)
     wanted = replace(DEFAULT, seconds=seconds, seed=seed, starts=starts, objective=objective)
-    planned = plan_day_and_report(made.ground, console, wanted, left)
+    planned = plan_inputs.plan_day_and_report(made.ground, console, wanted, left)
     console.show_progress("")
     for line in describe_day(planned):
         console.say(Level.INFO, line)
@@ -236,7 +203,7 @@ class _PreparedSite:
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         self._base, self._content = site.parent, read_site(site)
         check_backends(self._content)
-        self.ground = load_site_with_learned(self._content, self._base, learned, console)
+        self.ground = plan_inputs.load_site_with_learned(self._content, self._base, learned, console)
         self._mqtt = read_mqtt_settings(self._content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
         self._after = after
@@ -271,27 +238,27 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
     return of, first
 
 
-@flatten_options
+@options.flatten_options
 def preflight(
     asked: typer.Context,
-    site: SiteArgument,
+    site: options.SiteArgument,
     *,
-    plan: FlownPlanOption = None,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    options: PlanOptions,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    plan: options.FlownPlanOption = None,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    planning: options.PlanOptions,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.checklist_only import run_checklist_only
 
-    wanted = options.build_request()
+    wanted = planning.build_request()
     content = read_site(site)
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
-    ground = load_site_with_learned(content, site.parent, learned, console)
-    day, routes = select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
+    ground = plan_inputs.load_site_with_learned(content, site.parent, learned, console)
+    day, routes = plan_inputs.select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
     order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
     found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
@@ -307,8 +274,8 @@ def preflight(
 def resume(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the flight is resumed.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Resume a flight from its run directory after its ground station died; on another computer too."""
     from executor.flight import resume_flight as resuming
@@ -436,8 +403,8 @@ def _read_kept_ground(run: Path) -> GroundView | None:
 def restore(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before parameters are set.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
     from executor.flight import restore_vehicles as restoring

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+import missions
 from executor.adapters.templates import render_template
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
 from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
@@ -24,23 +25,6 @@ from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_tables import DepotTable, EnergyTable, InspectionTable, VehicleTable
-from missions import (
-    AUTOPILOTS,
-    SNAP_M,
-    MendingLimits,
-    Network,
-    NetworkError,
-    NetworkImport,
-    Pylon,
-    Remark,
-    RemarkTopic,
-    Selection,
-    build_network_document,
-    default_network_path,
-    import_network,
-    parse_where,
-    read_station_points,
-)
 from missions.files import json_text, write_whole
 from planner import PRESETS
 
@@ -75,7 +59,7 @@ class NetworkOptions:
     radius: Annotated[float | None, number_option("Only segments within M metres of the depot.", 1, metavar="M")] = None
     snap: Annotated[
         float, number_option("Join ends of lines that are nearer than M metres.", 0.01, 50, metavar="M")
-    ] = SNAP_M
+    ] = missions.SNAP_M
     max_span: Annotated[
         float | None, number_option("Divide longer spans, where there are no poles.", 5, 20_000, metavar="M")
     ] = None
@@ -90,18 +74,18 @@ class NetworkOptions:
         """
         return None if self.depot is None else parse_depot(self.depot)
 
-    def build_selection(self) -> Selection:
+    def build_selection(self) -> missions.Selection:
         """Return what is asked of the file.
 
         Raises:
             SiteError: the filter is none.
         """
         try:
-            terms = () if self.where is None else parse_where(self.where)
+            terms = () if self.where is None else missions.parse_where(self.where)
         except ValueError as error:
             raise SiteError(f"--where: {error}, got {self.where!r}") from error
-        limits = MendingLimits(self.snap, self.max_span)
-        return Selection(tuple(self.layer or ()), terms, self.crs, limits, self.encoding)
+        limits = missions.MendingLimits(self.snap, self.max_span)
+        return missions.Selection(tuple(self.layer or ()), terms, self.crs, limits, self.encoding)
 
 
 def parse_depot(text: str) -> tuple[float, float, float | None]:
@@ -124,7 +108,7 @@ def _read_depot_point(text: str) -> tuple[float, float, float | None]:
     name, _, point = text.partition("#")
     if not Path(name).is_file():
         raise _make_depot_error(text)
-    found = read_station_points(name)
+    found = missions.read_station_points(name)
     if point in found or (len(found) == 1 and not point):
         return found[point] if point else next(iter(found.values()))
     known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"
@@ -175,11 +159,11 @@ def network(
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
     place, radius_m = options.place, options.radius
-    understood = import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
+    understood = missions.import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
     if output is not None:
-        text = json.dumps(build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
+        text = json.dumps(missions.build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
         write_named_file(output, lambda: write_whole(output, f"{text}\n".encode()))
     if picture is not None:
         from executor.analysis.pictures import draw_network_figure, save_figure
@@ -191,7 +175,7 @@ def network(
         _show(understood)
 
 
-def build_line_rows(understood: NetworkImport) -> list[LineRow]:
+def build_line_rows(understood: missions.NetworkImport) -> list[LineRow]:
     """Return the lines of a network in the order of its file; spans without a line's name are one."""
     network = understood.network
     spans: dict[str, list[int]] = {}
@@ -206,16 +190,16 @@ def build_line_rows(understood: NetworkImport) -> list[LineRow]:
     return rows
 
 
-def _build_line_row(name: str, lengths_m: Sequence[float], poles: Sequence[Pylon]) -> LineRow:
+def _build_line_row(name: str, lengths_m: Sequence[float], poles: Sequence[missions.Pylon]) -> LineRow:
     return LineRow(name, len(lengths_m), sum(lengths_m), min(lengths_m), max(lengths_m), len(poles),
         _count_known(poles, "elevation_m"), _count_known(poles, "height_m"))  # fmt: skip
 
 
-def _count_known(poles: Iterable[Pylon], key: str) -> int:
+def _count_known(poles: Iterable[missions.Pylon], key: str) -> int:
     return sum(getattr(pole, key) is not None for pole in poles)
 
 
-def _build_document(understood: NetworkImport) -> dict[str, object]:
+def _build_document(understood: missions.NetworkImport) -> dict[str, object]:
     network = understood.network
     lat_deg, lon_deg, alt_m = network.depot
     return {
@@ -233,11 +217,11 @@ def _build_document(understood: NetworkImport) -> dict[str, object]:
     }
 
 
-def _show(understood: NetworkImport) -> None:
+def _show(understood: missions.NetworkImport) -> None:
     network, console = understood.network, Console(highlight=False, soft_wrap=True)
     rows = build_line_rows(understood)
     console.print(Text(formatting.escape_controls(f"{network.source}: {understood.format}, {understood.crs}")))
-    first = [one for one in understood.found if one.matter in {RemarkTopic.WHOLE, RemarkTopic.FILTER}]
+    first = [one for one in understood.found if one.matter in {missions.RemarkTopic.WHOLE, missions.RemarkTopic.FILTER}]
     for line in _describe_findings(first):
         print(formatting.escape_controls(line))
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
@@ -267,8 +251,8 @@ def _build_cells(row: LineRow) -> tuple[Text, ...]:
     return tuple(Text(cell) for cell in cells)
 
 
-def _describe_findings(found: Sequence[Remark]) -> Iterator[str]:
-    by_matter: dict[str, list[Remark]] = {}
+def _describe_findings(found: Sequence[missions.Remark]) -> Iterator[str]:
+    by_matter: dict[str, list[missions.Remark]] = {}
     for finding in found:
         by_matter.setdefault(finding.matter.value, []).append(finding)
     for matter, own in by_matter.items():
@@ -312,7 +296,7 @@ def render_site_template(wish: SiteTemplate) -> str:
     ]
     return render_template(
         "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=vehicles, drones=PRESETS,
-        autopilots=[dialect.name for dialect in AUTOPILOTS], row=_render_row, noted=_append_comment,
+        autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
     )  # fmt: skip
 
 
@@ -362,7 +346,7 @@ def init(
         file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
     table = None if place is None else _build_depot_table(place)
     choice = {key: getattr(options, key) for key in ("layer", "where", "crs", "encoding")}
-    choice |= {"snap_m": None if options.snap == SNAP_M else options.snap, "max_span_m": options.max_span}
+    choice |= {"snap_m": None if options.snap == missions.SNAP_M else options.snap, "max_span_m": options.max_span}
     text = render_site_template(SiteTemplate(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
     if output is None:
         print(text, end="")
@@ -372,12 +356,12 @@ def init(
 
 
 def _read_network(
-    file: str, chosen: Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
-) -> Network:
-    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+    file: str, chosen: missions.Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
+) -> missions.Network:
+    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
     try:
-        return import_network(path, chosen, depot=depot, radius_m=radius_m).network
-    except NetworkError as error:
+        return missions.import_network(path, chosen, depot=depot, radius_m=radius_m).network
+    except missions.NetworkError as error:
         if depot is None and ": depot: " in str(error):
             raise SiteError(f"{error}; --depot LAT,LON,ALT says where it is") from error
         raise

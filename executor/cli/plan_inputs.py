@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+import missions
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.learned_document import describe_learned, read_learned
@@ -18,33 +19,12 @@ from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_opt
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_flight import read_segments_left
-from executor.site import day_plans, site_model, site_planning
+from executor.site import day_plans, plan_summary, site_model, site_planning
 from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
-from executor.site.plan_summary import (
-    compute_base_needs,
-    compute_planned_heights,
-    compute_rule_packs,
-    describe_day,
-    describe_loss_windows,
-    describe_spares,
-    find_enough_spares,
-    find_left_over,
-)
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
-from missions import (
-    DayPlanFile,
-    PlanFile,
-    build_plan_document,
-    check_day_plan,
-    check_plan,
-    is_day_plan,
-    read_day_plan,
-    read_plan,
-    write_plan,
-)
 from missions.files import json_text
 from planner import Progress
 from planner.sorties import (
@@ -103,7 +83,7 @@ def select_flown_plan(
     *,
     plan: Path | None,
     after: Path | None = None,
-) -> tuple[DayPlanFile | None, PlanFile]:
+) -> tuple[missions.DayPlanFile | None, missions.PlanFile]:
     """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
 
     Args:
@@ -124,9 +104,9 @@ def select_flown_plan(
     for name in PLANNING:
         if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
-    day = read_day_plan(plan) if is_day_plan(plan) else None
+    day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
     if day is None:
-        content = read_plan(plan)
+        content = missions.read_plan(plan)
         site_planning.check_plan_fits(content, ground, str(plan))
     else:
         content = day_plans.build_first_sorties_plan(day, ground)
@@ -142,7 +122,7 @@ def is_option_given(asked: typer.Context, name: str) -> bool:
 
 def plan_and_report(
     ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
-) -> PlanFile:
+) -> missions.PlanFile:
     """Plan a site, or some of its segments, and say how it goes.
 
     Raises:
@@ -154,7 +134,7 @@ def plan_and_report(
     progressed = announce_plan(ground, console, wanted, len(task.segment_ids))
     content = site_planning.plan_site(ground, wanted, progressed, task)
     console.show_progress("")
-    for line in check_plan(content, search_window=False):
+    for line in missions.check_plan(content, search_window=False):
         raise SiteError(f"the plan of --solver {wanted.solver.value} is invalid: {line}")
     return content
 
@@ -305,25 +285,25 @@ def plan_day(
         content = plan_day_and_report(ground, console, wanted, left)
         spares = _evaluate_spares(content, console, asked, fly, wanted.seed, shares)
     console.show_progress("")
-    heights = compute_planned_heights(ground, name_sortie_rounds(content))
+    heights = plan_summary.compute_planned_heights(ground, name_sortie_rounds(content))
     if output is not None:
-        write_named_file(output, lambda: write_plan(output, content))
+        write_named_file(output, lambda: missions.write_plan(output, content))
     if picture is not None:
         from executor.analysis.pictures import draw_gantt_figure, save_figure
 
         write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
     if as_json:
-        document = build_plan_document(content)
+        document = missions.build_plan_document(content)
         # What plans of days called these before there was one format.
         document |= {"objective": content.objective.value, "sorties": document["routes"]}
         more = build_day_document(content, spares, shares, mtbf_h)
         print(json_text({**document, **more, **heights.to_json()}))
     else:
-        for line in (*describe_day(content), *heights.lines):
+        for line in (*plan_summary.describe_day(content), *heights.lines):
             print(line)
         if spares:
             print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
-            for line in describe_spares(content, spares, shares):
+            for line in plan_summary.describe_spares(content, spares, shares):
                 print(line)
     if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
@@ -331,7 +311,7 @@ def plan_day(
 
 def plan_day_and_report(
     ground: SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
-) -> DayPlanFile:
+) -> missions.DayPlanFile:
     """Plan the days of a site, or of some of its segments, and say how it goes.
 
     Raises:
@@ -345,12 +325,12 @@ def plan_day_and_report(
         told(progress if wanted.objective is Objective.SWAPS else replace(progress, value=progress.value / 3600))
 
     content = solve_day(content, wanted, list_spares(ground), progressed)
-    for line in check_day_plan(content):
+    for line in missions.check_day_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
     return add_loss_windows(content, console, wanted.seed)
 
 
-def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) -> DayPlanFile:
+def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, seed: int) -> missions.DayPlanFile:
     """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
     if content.plan.uncovered or not content.evaluation.count:
         return content
@@ -361,20 +341,22 @@ def add_loss_windows(content: DayPlanFile, console: TerminalConsole, seed: int) 
     return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
 
 
-def print_loss_windows(content: DayPlanFile, seed: int, *, as_json: bool) -> None:
+def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:
     """Search anew for the time from which on each vehicle of days may be lost, and print it."""
     console = TerminalConsole(quiet=as_json, yes=True)
     found = add_loss_windows(replace(content, windows=()), console, seed)
     console.show_progress("")
     if as_json:
-        print(json_text({"windows": build_plan_document(found)["windows"]}))
+        print(json_text({"windows": missions.build_plan_document(found)["windows"]}))
         return
-    for line in list(describe_loss_windows(found)) or ["no window: segments are left over, or nothing is flown"]:
+    for line in list(plan_summary.describe_loss_windows(found)) or [
+        "no window: segments are left over, or nothing is flown"
+    ]:
         print(line)
 
 
 def _evaluate_spares(
-    content: DayPlanFile,
+    content: missions.DayPlanFile,
     console: TerminalConsole,
     asked: DayOptions,
     fly: CampaignRunner,
@@ -402,19 +384,19 @@ def _evaluate_spares(
 
 
 def build_day_document(
-    content: DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
+    content: missions.DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
     """Return what `--json` says beside the day plan itself."""
     document: dict[str, object] = {
-        "needs": [asdict(one) for one in compute_base_needs(content)],
-        "left_over": [asdict(one) for one in find_left_over(content)],
+        "needs": [asdict(one) for one in plan_summary.compute_base_needs(content)],
+        "left_over": [asdict(one) for one in plan_summary.find_left_over(content)],
     }
     if mtbf_h is None:
         return document
     fleet = sum(1 for own in content.plan.sorties if own)
     document["mtbf_h"] = mtbf_h
     document["rule_packs"] = {
-        place.name: compute_rule_packs(content, number) for number, place in enumerate(content.bases)
+        place.name: plan_summary.compute_rule_packs(content, number) for number, place in enumerate(content.bases)
     }
     document["fleets"] = [
         {
@@ -424,7 +406,7 @@ def build_day_document(
         }
         for one in spares
     ]  # fmt: skip
-    enough = [(share, find_enough_spares(spares, share)) for share in shares]
+    enough = [(share, plan_summary.find_enough_spares(spares, share)) for share in shares]
     document["needed"] = [
         {
             "probability": share,

@@ -14,18 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.images.exif import (
-    DETAILS,
-    EXPOSURE,
-    GPS,
-    MAKE,
-    MODEL,
-    OFFSET,
-    ORIGINAL,
-    SERIAL,
-    SUBSECOND,
-    build_gps_tags,
-)
+from executor.images import exif
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import Network, dialect_for
@@ -75,19 +64,19 @@ class SimulatedCards:
         for ends in self._project_spans(shot):
             draw.line([tuple(end) for end in ends.tolist()], fill=WIRE, width=2)
         draw.text((4, 4), f"{vehicle} {shot.number}", fill=WIRE)
-        exif = image.getexif()
-        for tag, value in ((MAKE, "faultline"), (MODEL, shot.camera)):
-            exif[tag] = value
+        tags = image.getexif()
+        for tag, value in ((exif.MAKE, "faultline"), (exif.MODEL, shot.camera)):
+            tags[tag] = value
         taken = datetime.fromtimestamp(self.unix_s + shot.t_s + self.ahead_s.get(vehicle, 0.0), UTC)
         details = {
-            ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", SUBSECOND: f"{taken.microsecond // 1000:03d}",
-            EXPOSURE: EXPOSURE_S, SERIAL: "0001",
+            exif.ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", exif.SUBSECOND: f"{taken.microsecond // 1000:03d}",
+            exif.EXPOSURE: EXPOSURE_S, exif.SERIAL: "0001",
         }  # fmt: skip
-        exif.get_ifd(DETAILS).update(details | ({OFFSET: "+00:00"} if self.zoned else {}))
+        tags.get_ifd(exif.DETAILS).update(details | ({exif.OFFSET: "+00:00"} if self.zoned else {}))
         if self.places:
-            exif.get_ifd(GPS).update(build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
+            tags.get_ifd(exif.GPS).update(exif.build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
         path = folder / format_picture_name(shot.number)
-        image.save(path, "JPEG", quality=60, exif=exif)
+        image.save(path, "JPEG", quality=60, exif=tags)
         return path
 
     def _project_spans(self, shot: CapturedImage) -> list[FloatArray]:

@@ -18,62 +18,37 @@ from pydantic import Field, ValidationError, model_validator
 
 from executor.core.telemetry.autopilot_component import AUTOPILOT
 from executor.errors import SiteError
-from executor.site.flight_tables import (
-    BaseTable,
-    DayTable,
-    FaultsTable,
-    FenceTable,
-    FlightTable,
-    LinkTable,
-    MqttTable,
-    SigningTable,
-    WebTable,
-)
-from executor.site.site_tables import (
-    AreaTable,
-    CameraTable,
-    DepotTable,
-    EnergyTable,
-    InspectionTable,
-    LearnedTable,
-    LookTable,
-    MapTable,
-    NetworkTable,
-    PlaceTable,
-    SiteTable,
-    TerrainTable,
-    VehicleTable,
-)
+from executor.site import flight_tables, site_tables
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
 """Where every key stands."""
 
 
-class Site(SiteTable):
+class Site(site_tables.SiteTable):
     """The whole file."""
 
-    depot: DepotTable | None = None
-    network: NetworkTable
-    terrain: TerrainTable | None = None
-    inspection: InspectionTable = InspectionTable()
-    energy: EnergyTable = EnergyTable()
-    area: tuple[AreaTable, ...] = ()
-    place: tuple[PlaceTable, ...] = ()
-    vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
-    flight: FlightTable = FlightTable()
-    faults: FaultsTable = FaultsTable()
-    fence: FenceTable | None = None
-    signing: SigningTable | None = None
-    link: LinkTable = LinkTable()
-    mqtt: MqttTable | None = None
-    web: WebTable = WebTable()
-    map: MapTable | None = None
-    learned: LearnedTable | None = None
-    camera: tuple[CameraTable, ...] = ()
-    look: tuple[LookTable, ...] = ()
-    day: DayTable | None = None
-    base: tuple[BaseTable, ...] = ()
+    depot: site_tables.DepotTable | None = None
+    network: site_tables.NetworkTable
+    terrain: site_tables.TerrainTable | None = None
+    inspection: site_tables.InspectionTable = site_tables.InspectionTable()
+    energy: site_tables.EnergyTable = site_tables.EnergyTable()
+    area: tuple[site_tables.AreaTable, ...] = ()
+    place: tuple[site_tables.PlaceTable, ...] = ()
+    vehicle: Annotated[tuple[site_tables.VehicleTable, ...], Field(min_length=1)]
+    flight: flight_tables.FlightTable = flight_tables.FlightTable()
+    faults: flight_tables.FaultsTable = flight_tables.FaultsTable()
+    fence: flight_tables.FenceTable | None = None
+    signing: flight_tables.SigningTable | None = None
+    link: flight_tables.LinkTable = flight_tables.LinkTable()
+    mqtt: flight_tables.MqttTable | None = None
+    web: flight_tables.WebTable = flight_tables.WebTable()
+    map: site_tables.MapTable | None = None
+    learned: site_tables.LearnedTable | None = None
+    camera: tuple[site_tables.CameraTable, ...] = ()
+    look: tuple[site_tables.LookTable, ...] = ()
+    day: flight_tables.DayTable | None = None
+    base: tuple[flight_tables.BaseTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -159,7 +134,7 @@ class Site(SiteTable):
 
     def _check_day(self) -> Iterator[str]:
         vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
-        day = self.day or DayTable()
+        day = self.day or flight_tables.DayTable()
         for index, road in enumerate(day.road):
             yield from _check_known(f"day.road[{index}].between", road.between, bases)
         for index, quiet in enumerate(day.quiet):
@@ -182,7 +157,7 @@ class Site(SiteTable):
                 )
 
     def _check_connections(self) -> Iterator[str]:
-        first: dict[str, VehicleTable] = {}
+        first: dict[str, site_tables.VehicleTable] = {}
         for index, vehicle in enumerate(self.vehicle):
             other = first.setdefault(vehicle.link.exclusive_resource, vehicle)
             if other.link != vehicle.link:

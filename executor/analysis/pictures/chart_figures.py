@@ -17,18 +17,8 @@ from matplotlib.patches import Patch
 from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
 
+from executor.analysis.pictures import style
 from executor.analysis.pictures.battery_figure import spread_heights
-from executor.analysis.pictures.style import (
-    COLOURS,
-    FAINT,
-    INK,
-    LOSS,
-    PAPER,
-    WIDTH_IN,
-    make_figure,
-    make_white_edge,
-    style_of,
-)
 from executor.site.campaigns import describe_policy
 from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
@@ -48,7 +38,7 @@ OFFSETS_PT = ((0, 13), (13, 6), (13, -7), (0, -14), (-13, 6), (-13, -7), (0, 26)
 
 def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFile]) -> Figure:
     """Return earliest loss over longest route, coloured by energy; numbered from 1 in the order given."""
-    figure = make_figure(
+    figure = style.make_figure(
         FRONT_HEIGHT_IN, "Plans that no other one beats in all three",
         "left: sooner done; below: losses may come earlier; dark: less energy",
     )  # fmt: skip
@@ -68,14 +58,14 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
         compared = number - len(front)
         look = ("o", 10, 0.8, 3) if compared < 0 else (markers[compared], 13, 1.6, 2)
         marker, size_pt, edge_pt, above = look
-        axes.plot(*point, ls="", marker=marker, ms=size_pt, mfc=shade(scale(energy_pct)), mec=INK, mew=edge_pt,
+        axes.plot(*point, ls="", marker=marker, ms=size_pt, mfc=shade(scale(energy_pct)), mec=style.INK, mew=edge_pt,
                   zorder=above)  # fmt: skip
     axes.set_xlabel("longest route (s)")
     axes.set_ylabel("earliest time at which the fleet can absorb any one loss (s)")
     colours = figure.colorbar(ScalarMappable(scale, shade), cax=bar)
     colours.set_label("energy of all routes (% of a battery)")
     handles = [
-        Line2D([], [], ls="", marker=marker, ms=9, mfc=PAPER, mec=INK, mew=1.4, label=name)
+        Line2D([], [], ls="", marker=marker, ms=9, mfc=style.PAPER, mec=style.INK, mew=1.4, label=name)
         for name, marker in zip(references, markers, strict=True)
     ]
     figure.legend(
@@ -104,9 +94,9 @@ def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, floa
         taken.append(boxes[chosen])
         axes.add_artist(Annotation(
             str(number), xy=point, xytext=OFFSETS_PT[chosen],
-            textcoords="offset points", ha="center", va="center", fontsize=10, color=INK,
-            path_effects=make_white_edge(2.5),
-            arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": FAINT, "linewidth": 0.8},
+            textcoords="offset points", ha="center", va="center", fontsize=10, color=style.INK,
+            path_effects=style.make_white_edge(2.5),
+            arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8},
             zorder=6,
         ))  # fmt: skip
 
@@ -131,7 +121,7 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
             beside the curves.
     """
     below = f"curves: {swept[0].flights} flights a point; bands: 95 % confidence"
-    figure = make_figure(RISK_HEIGHT_IN, "Chance that everything is inspected", below)
+    figure = style.make_figure(RISK_HEIGHT_IN, "Chance that everything is inspected", below)
     axes = figure.add_axes(RISK_PLOT)
     hours = [risk.mtbf_h for risk in swept]
     axes.set_xscale("log")
@@ -144,9 +134,9 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
-    axes.axvline(given.mtbf_h, color=FAINT, lw=1.2, zorder=1)
+    axes.axvline(given.mtbf_h, color=style.FAINT, lw=1.2, zorder=1)
     for replans in range(len(given.finished)):
-        look = style_of(replans)
+        look = style.style_of(replans)
         curve = [risk.finished[replans] for risk in swept]
         axes.fill_between(
             hours, [100 * one.low for one in curve], [100 * one.high for one in curve],
@@ -154,18 +144,18 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
         )  # fmt: skip
         axes.plot(
             hours, [100 * one.estimate for one in curve], color=look.colour, lw=2.0, marker=look.marker, ms=6.5,
-            mec=PAPER, mew=0.8, ls="-" if replans == 0 else look.dashes, zorder=3 + replans, clip_on=False,
+            mec=style.PAPER, mew=0.8, ls="-" if replans == 0 else look.dashes, zorder=3 + replans, clip_on=False,
         )  # fmt: skip
         axes.plot(
             given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
-            mec=INK, mew=1.4, ls="", zorder=10,
+            mec=style.INK, mew=1.4, ls="", zorder=10,
         )  # fmt: skip
     _label_curves(figure, swept[-1], given)
     axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
     axes.set_ylabel("everything inspected (% of flights)")
     axes.annotate(
         f"asked for: {given.mtbf_h:g} h", xy=(given.mtbf_h, 0.0), xycoords=("data", "axes fraction"), xytext=(6.0, 6.0),
-        textcoords="offset points", fontsize=9.5, color=INK, path_effects=make_white_edge(2.0),
+        textcoords="offset points", fontsize=9.5, color=style.INK, path_effects=style.make_white_edge(2.0),
     )  # fmt: skip
     return figure
 
@@ -178,13 +168,13 @@ def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> No
     heights = spread_heights([(end - low) / (high - low) for end, _ in ends], CURVE_LABEL_STEP)
     above = max(0.0, heights[-1] - 1.0)
     for (end, replans), height in zip(ends, heights, strict=True):
-        chance, look = given.finished[replans], style_of(replans)
+        chance, look = given.finished[replans], style.style_of(replans)
         axes.annotate(
             f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
             f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
             xy=(1.0, end), xycoords=("axes fraction", "data"),
             xytext=(1.035, height - above), textcoords="axes fraction",
-            fontsize=9, color=INK, va="center", annotation_clip=False,
+            fontsize=9, color=style.INK, va="center", annotation_clip=False,
             arrowprops={
                 "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,
                 "shrinkB": 4,
@@ -216,7 +206,7 @@ def draw_gantt_figure(content: DayPlanFile) -> Figure:
     count, hours = content.evaluation.count, content.evaluation.flight_s / HOUR_S
     more = f", the first {MOST_DAYS} of {len(flown)} days" if len(flown) > MOST_DAYS else ""
     title = f"{count} sorties, {hours:.1f} h in the air, {len(flown)} days{more}"
-    figure = make_figure(total_in, title)
+    figure = style.make_figure(total_in, title)
     for place, day in enumerate(shown):
         top_in = total_in - HEAD_IN - place * (panel_in + GAP_IN)
         axes = figure.add_axes((0.09, (top_in - panel_in) / total_in, 0.89, panel_in / total_in))
@@ -241,11 +231,13 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
             if begin <= one.start_s < end:
                 lasts_s = content.evaluation.lasts_s[row][number]
                 axes.broken_barh(
-                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=PAPER, lw=0.8
+                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=style.PAPER, lw=0.8
                 )
                 if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
                     words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
-                    axes.text(one.start_s + lasts_s / 2, row, words, fontsize=8, color=PAPER, ha="center", va="center")
+                    axes.text(
+                        one.start_s + lasts_s / 2, row, words, fontsize=8, color=style.PAPER, ha="center", va="center"
+                    )
     axes.set_xlim(begin, end)
     axes.set_ylim(len(content.vehicles) - 0.5, -0.5)
     axes.set_yticks(range(len(content.vehicles)), [own.name for own in content.vehicles], fontsize=9)
@@ -253,9 +245,9 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_clock(value)))
     axes.grid(axis="x", color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
-    axes.set_title(f"day {day + 1}: segments of each sortie", loc="left", fontsize=10, color=INK)
+    axes.set_title(f"day {day + 1}: segments of each sortie", loc="left", fontsize=10, color=style.INK)
     for spine in axes.spines.values():
-        spine.set_color(FAINT)
+        spine.set_color(style.FAINT)
 
 
 def format_clock(seconds: float) -> str:
@@ -269,7 +261,7 @@ def format_clock(seconds: float) -> str:
 
 
 def _colour_of(base: int) -> str:
-    return COLOURS[base % len(COLOURS)]
+    return style.COLOURS[base % len(style.COLOURS)]
 
 
 STEP_M = 5.0
@@ -354,7 +346,7 @@ def draw_profile_figure(profiles: Sequence[HeightProfile]) -> Figure:
     """Return one panel for each flight, with the same heights, metres above sea level over kilometres flown."""
     shown = profiles[:MOST_PANELS]
     height_in = PANEL_IN * max(1, len(shown)) + LEGEND_IN
-    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
+    figure = Figure(figsize=(style.WIDTH_IN, height_in), facecolor=style.PAPER)
     low_m = min((float(np.nanmin(one.ground_m)) for one in shown), default=0.0)
     high_m = max((max(float(one.flown_m.max()), one.return_m) for one in shown), default=1.0)
     for number, one in enumerate(shown):
@@ -364,21 +356,22 @@ def draw_profile_figure(profiles: Sequence[HeightProfile]) -> Figure:
         axes.set_ylim(low_m - 10.0, high_m + 0.08 * (high_m - low_m) + 5.0)
     handles = [
         Patch(fc=GROUND, label="ground of the raster"), Patch(fc=UNSURE, label="cells around, and its uncertainty"),
-        Line2D([], [], color=INK, lw=0.9, ls=":", label="what every leg keeps over them"),
-        Line2D([], [], color=INK, lw=2.8, label="inspection"), Line2D([], [], color=INK, lw=1.2, label="transit"),
-        Line2D([], [], color=INK, lw=1.0, ls="--", label="RTL, level"),
-        Line2D([], [], color=LOSS, marker="v", ls="", label="lowest over the ground"),
+        Line2D([], [], color=style.INK, lw=0.9, ls=":", label="what every leg keeps over them"),
+        Line2D([], [], color=style.INK, lw=2.8, label="inspection"),
+        Line2D([], [], color=style.INK, lw=1.2, label="transit"),
+        Line2D([], [], color=style.INK, lw=1.0, ls="--", label="RTL, level"),
+        Line2D([], [], color=style.LOSS, marker="v", ls="", label="lowest over the ground"),
     ]  # fmt: skip
     figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=9)
     return figure
 
 
 def _draw_profile(axes: Axes, one: HeightProfile, layer: int) -> None:
-    colour, along_km = style_of(layer).colour, one.along_m / 1000.0
+    colour, along_km = style.style_of(layer).colour, one.along_m / 1000.0
     bottom_m = float(np.nanmin(one.ground_m)) - 1000.0
     axes.fill_between(along_km, bottom_m, one.most_m, color=UNSURE, lw=0)
     axes.fill_between(along_km, bottom_m, one.ground_m, color=GROUND, lw=0)
-    axes.plot(along_km, one.least_m, color=INK, lw=0.9, ls=":")
+    axes.plot(along_km, one.least_m, color=style.INK, lw=0.9, ls=":")
     axes.plot(along_km, one.flown_m, color=colour, lw=1.2)
     inspected_m = np.where(one.inspecting > 0, one.flown_m, np.nan)
     axes.plot(along_km, inspected_m, color=colour, lw=2.8, solid_capstyle="butt")
@@ -386,10 +379,10 @@ def _draw_profile(axes: Axes, one: HeightProfile, layer: int) -> None:
     axes.axhline(one.return_m, color=colour, lw=1.0, ls="--")
     at_m, up_m, over_m = one.lowest_point
     if not np.isnan(over_m):
-        axes.plot(at_m / 1000.0, up_m, ls="", marker="v", ms=7, color=LOSS, zorder=4)
+        axes.plot(at_m / 1000.0, up_m, ls="", marker="v", ms=7, color=style.LOSS, zorder=4)
         axes.annotate(
             f"{over_m:.0f} m", (at_m / 1000.0, up_m), xytext=(0, 8), textcoords="offset points", ha="center",
-            color=LOSS, fontsize=9, path_effects=make_white_edge(2.0),
+            color=style.LOSS, fontsize=9, path_effects=style.make_white_edge(2.0),
         )  # fmt: skip
     axes.set_xlim(0.0, max(float(along_km[-1]), 0.01))
     axes.set_title(one.vehicle, loc="left", fontsize=10, color=colour)

@@ -14,30 +14,8 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from executor.analysis.flight_record import (
-    GAP_S,
-    FlightRecord,
-    Place,
-    PlannedRoute,
-    SegmentRecord,
-    VehicleRecord,
-    build_launch_revision,
-    find_abandoned_segments,
-    find_last_row,
-)
-from executor.analysis.pictures.map_sheet import (
-    LabelPlacer,
-    MapSheet,
-    build_area_handles,
-    draw_areas,
-    draw_below,
-    draw_ground,
-    draw_legend,
-    find_farthest,
-    make_sheet,
-    sample_line_m,
-    to_place,
-)
+from executor.analysis import flight_record
+from executor.analysis.pictures import map_sheet
 from executor.analysis.pictures.style import (
     COLOURS,
     FAINT,
@@ -80,25 +58,25 @@ AGAIN = _RouteStyle(1.5, 1.0, dashed=True)
 def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
     """Return the map of a plan, over the ground if that is known."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
-    routes = build_launch_revision(content).routes
+    routes = flight_record.build_launch_revision(content).routes
     handles = [
         *_build_vehicle_handles(styles),
         *_build_first_handles(),
         *_build_ground_handles(pads=False),
-        *build_area_handles(content.areas),
+        *map_sheet.build_area_handles(content.areas),
     ]
     places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
-    sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
-    sheet = draw_below(sheet, ground, np.concatenate(places))
-    draw_areas(sheet.panels[0], content.areas)
+    sheet = map_sheet.make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
+    sheet = map_sheet.draw_below(sheet, ground, np.concatenate(places))
+    map_sheet.draw_areas(sheet.panels[0], content.areas)
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
-    draw_legend(sheet, handles)
+    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
-def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure:
+def draw_flight_figure(record: flight_record.FlightRecord, ground: GroundView | None = None) -> Figure:
     """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
     ends = np.array(_get_segment_ends(record.segments)).reshape(-1, 2, 2)
@@ -109,17 +87,17 @@ def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -
         *_build_flown_handles(record),
         *_build_ground_handles(pads=True),
     ]
-    handles += build_area_handles(record.areas)
+    handles += map_sheet.build_area_handles(record.areas)
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
-    sheet = make_sheet(shown, _compose_title(record), names, len(handles))
-    sheet = draw_below(sheet, ground, shown)
+    sheet = map_sheet.make_sheet(shown, _compose_title(record), names, len(handles))
+    sheet = map_sheet.draw_below(sheet, ground, shown)
     for axes in sheet.panels:
-        draw_areas(axes, record.areas)
+        map_sheet.draw_areas(axes, record.areas)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
-    draw_legend(sheet, handles)
+    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
@@ -130,7 +108,7 @@ def _describe_choice(content: PlanFile) -> str:
     return f"{content.cost_name} {content.cost_value:.2f}"
 
 
-def _compose_title(record: FlightRecord) -> str:
+def _compose_title(record: flight_record.FlightRecord) -> str:
     """Return in a line what became of the flight."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     text = f"{total - missing} of {total} segments inspected"
@@ -139,14 +117,14 @@ def _compose_title(record: FlightRecord) -> str:
 
 
 def _draw_first(
-    sheet: MapSheet,
+    sheet: map_sheet.MapSheet,
     axes: Axes,
     ends_m: FloatArray,
-    routes: Sequence[PlannedRoute],
+    routes: Sequence[flight_record.PlannedRoute],
     styles: Mapping[str, VehicleStyle],
-    pads_m: Sequence[Place],
+    pads_m: Sequence[flight_record.Place],
 ) -> None:
-    draw_ground(axes, ends_m, pads_m)
+    map_sheet.draw_ground(axes, ends_m, pads_m)
     for route in routes:
         _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
     middles = {route.vehicle: _compute_middles_m(_split_inspected_lines_m(route)) for route in routes}
@@ -155,15 +133,15 @@ def _draw_first(
 
 
 def _draw_flown(
-    sheet: MapSheet,
+    sheet: map_sheet.MapSheet,
     axes: Axes,
-    record: FlightRecord,
+    record: flight_record.FlightRecord,
     styles: Mapping[str, VehicleStyle],
     ends_m: FloatArray,
-    pads_m: Sequence[Place],
+    pads_m: Sequence[flight_record.Place],
 ) -> None:
-    draw_ground(axes, ends_m, pads_m)
-    for left in find_abandoned_segments(record):
+    map_sheet.draw_ground(axes, ends_m, pads_m)
+    for left in flight_record.find_abandoned_segments(record):
         _draw_reassigned(axes, left.segment)
     for vehicle in record.vehicles:
         _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
@@ -174,7 +152,7 @@ def _draw_flown(
         axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
     placer = _make_placer(sheet, ends_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles))
     _label_events(axes, sheet, placer, record, styles)
-    inspected: dict[str, list[SegmentRecord]] = {}
+    inspected: dict[str, list[flight_record.SegmentRecord]] = {}
     for segment in record.segments:
         if segment.inspected_by is not None:
             inspected.setdefault(segment.inspected_by, []).append(segment)
@@ -182,7 +160,7 @@ def _draw_flown(
     _label_vehicles(axes, sheet, placer, middles, styles)
 
 
-def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
+def _draw_route(axes: Axes, route: flight_record.PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
     way = np.array(route.way_m)
     # From the start on, every other leg is an inspection; the rest is transit.
     for first, width_pt in ((0, look.transit_pt), (1, look.inspecting_pt)):
@@ -198,27 +176,31 @@ def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _Rou
                   solid_capstyle="round")  # fmt: skip
 
 
-def _draw_track(axes: Axes, vehicle: VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
+def _draw_track(axes: Axes, vehicle: flight_record.VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
     track = vehicle.track
     if len(track) == 0:
         return
-    gaps = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
+    gaps = np.flatnonzero(np.diff(track[:, 0]) > flight_record.GAP_S) + 1
     shown = np.insert(track[:, 1:3], gaps, np.nan, axis=0)
     effects = make_white_edge(5.4) if edged else []
     axes.plot(shown[:, 0], shown[:, 1], color=style.colour, lw=3.4, alpha=0.5, zorder=3, solid_capstyle="round",
               path_effects=effects)  # fmt: skip
 
 
-def _draw_reassigned(axes: Axes, segment: SegmentRecord) -> None:
+def _draw_reassigned(axes: Axes, segment: flight_record.SegmentRecord) -> None:
     effects = make_dark_edge(LEFT_PT)
     axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=PAPER, lw=LEFT_PT, zorder=2, path_effects=effects)
 
 
 def _label_events(
-    axes: Axes, sheet: MapSheet, placer: LabelPlacer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
+    axes: Axes,
+    sheet: map_sheet.MapSheet,
+    placer: map_sheet.LabelPlacer,
+    record: flight_record.FlightRecord,
+    styles: Mapping[str, VehicleStyle],
 ) -> None:
     for vehicle, fault in record.losses:
-        row = find_last_row(vehicle, fault.detected_s)
+        row = flight_record.find_last_row(vehicle, fault.detected_s)
         if row is not None:
             place_m = vehicle.track[row, 1:3]
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
@@ -233,17 +215,17 @@ def _label_events(
         _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(group)), words, LOSS)
 
 
-def _group_handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]]]:
-    found: dict[tuple[str, str], list[SegmentRecord]] = {}
-    for left in find_abandoned_segments(record):
+def _group_handovers(record: flight_record.FlightRecord) -> list[tuple[str, str, list[flight_record.SegmentRecord]]]:
+    found: dict[tuple[str, str], list[flight_record.SegmentRecord]] = {}
+    for left in flight_record.find_abandoned_segments(record):
         if left.segment.inspected_by is not None:
             found.setdefault((left.left_by, left.segment.inspected_by), []).append(left.segment)
     return [(left_by, by, segments) for (left_by, by), segments in found.items()]
 
 
-def group_connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecord]]:
+def group_connected(segments: Iterable[flight_record.SegmentRecord]) -> list[list[flight_record.SegmentRecord]]:
     """Return the segments in groups that hang together, each in the order given."""
-    groups: list[tuple[set[Place], list[SegmentRecord]]] = []
+    groups: list[tuple[set[flight_record.Place], list[flight_record.SegmentRecord]]] = []
     for segment in segments:
         ends = {(round(end[0], 1), round(end[1], 1)) for end in (segment.a_m, segment.b_m)}
         touched = [group for group in groups if group[0] & ends]
@@ -254,7 +236,7 @@ def group_connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecor
 
 
 def _draw_callout(
-    axes: Axes, sheet: MapSheet, placer: LabelPlacer, anchors_m: FloatArray, words: str, colour: str
+    axes: Axes, sheet: map_sheet.MapSheet, placer: map_sheet.LabelPlacer, anchors_m: FloatArray, words: str, colour: str
 ) -> None:
     lines = words.split("\n")
     size_m = (
@@ -278,36 +260,43 @@ def _draw_callout(
 
 def _label_vehicles(
     axes: Axes,
-    sheet: MapSheet,
-    placer: LabelPlacer,
+    sheet: map_sheet.MapSheet,
+    placer: map_sheet.LabelPlacer,
     middles: Mapping[str, FloatArray],
     styles: Mapping[str, VehicleStyle],
 ) -> None:
     """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
     for name, places in middles.items():
         others = [other for key, other in middles.items() if key != name]
-        best = find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
+        best = map_sheet.find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
         _draw_callout(axes, sheet, placer, places[best : best + 1], name, styles[name].colour)
 
 
-def _make_placer(sheet: MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> LabelPlacer:
+def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> map_sheet.LabelPlacer:
     """Return a placer that keeps off the segments and off (n, 2) ways."""
     step_m = 0.05 * sheet.m_per_in
-    drawn = [sample_line_m(to_place(a_m), to_place(b_m), step_m) for a_m, b_m in ends_m]
+    drawn = [map_sheet.sample_line_m(map_sheet.to_place(a_m), map_sheet.to_place(b_m), step_m) for a_m, b_m in ends_m]
     for way in ways_m:
-        drawn += [sample_line_m(to_place(here), to_place(there), step_m) for here, there in itertools.pairwise(way)]
-    return LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
+        drawn += [
+            map_sheet.sample_line_m(map_sheet.to_place(here), map_sheet.to_place(there), step_m)
+            for here, there in itertools.pairwise(way)
+        ]
+    return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
 
 
-def _split_inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
+def _split_inspected_lines_m(
+    route: flight_record.PlannedRoute,
+) -> list[tuple[flight_record.Place, flight_record.Place]]:
     return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
 
 
-def _get_segment_ends(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
+def _get_segment_ends(
+    segments: Iterable[flight_record.SegmentRecord],
+) -> list[tuple[flight_record.Place, flight_record.Place]]:
     return [(segment.a_m, segment.b_m) for segment in segments]
 
 
-def _compute_middles_m(ends_m: Iterable[tuple[Place, Place]]) -> FloatArray:
+def _compute_middles_m(ends_m: Iterable[tuple[flight_record.Place, flight_record.Place]]) -> FloatArray:
     return np.array([np.mean(pair, axis=0) for pair in ends_m]).reshape(-1, 2)
 
 
@@ -322,13 +311,13 @@ def _build_first_handles() -> list[Artist]:
     ]
 
 
-def _build_flown_handles(record: FlightRecord) -> list[Artist]:
+def _build_flown_handles(record: flight_record.FlightRecord) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=INK, lw=3.4, alpha=0.4, label="flown")]
     if len(record.revisions) > 1:
         handles.append(Line2D([], [], color=INK, lw=AGAIN.inspecting_pt, ls=style_of(0).dashes, label="re-planned"))
     if record.losses:
         handles.append(Line2D([], [], ls="", marker="X", ms=11, mfc=LOSS, mec=PAPER, label="lost"))
-    if find_abandoned_segments(record):
+    if flight_record.find_abandoned_segments(record):
         handles.append(
             Line2D([], [], color=PAPER, lw=6.0, label="left by a lost vehicle", path_effects=make_dark_edge(6.0))
         )
@@ -377,7 +366,7 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
     if understood.has_depot:
         shown_m = np.concatenate((shown_m, np.zeros((1, 2))))
     title = f"{len(network.segments)} spans, {network.lengths_m.sum() / 1000:.1f} km, {len(network.pylons)} poles"
-    sheet = make_sheet(shown_m, title, ["Network"], len(handles))
+    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], len(handles))
     axes = sheet.panels[0]
     shades = [colours.get(line, FAINT) for line in lines]
     axes.add_collection(LineCollection(list(network.ends_m), colors=shades, linewidths=2.0, zorder=2), autolim=False)
@@ -390,7 +379,7 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
             axes.annotate(_shorten_name(pylon.id), (east_m, north_m), xytext=(4, 4),
             textcoords="offset points", fontsize=7,
                           color=INK, path_effects=make_white_edge(2.0), zorder=5)  # fmt: skip
-    draw_legend(sheet, handles)
+    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
