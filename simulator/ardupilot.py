@@ -398,9 +398,10 @@ class ArduPilot(Autopilot):
                 base = (
                     1 | 16 | 64 | (8 if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE} else 0)
                 )
-                return telemetry.build_heartbeat(
-                    autopilot=MAV_AUTOPILOT_ARDUPILOT, base_mode=base | (128 if self.frame.armed else 0),
-                    custom_mode=int(self.mode), system_status=self._determine_system_status(),
+                return messages.build_message(
+                    "HEARTBEAT", type=2, autopilot=MAV_AUTOPILOT_ARDUPILOT,
+                    base_mode=base | (128 if self.frame.armed else 0),
+                    custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
                 return telemetry.build_sys_status(
@@ -416,7 +417,12 @@ class ArduPilot(Autopilot):
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
-                return telemetry.build_ekf_status(self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT)
+                # The variances of a good estimate.
+                return messages.build_message(
+                    "EKF_STATUS_REPORT", flags=self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT,
+                    velocity_variance=0.005, pos_horiz_variance=0.005, pos_vert_variance=0.001, compass_variance=0.01,
+                    terrain_alt_variance=0.0,
+                )  # fmt: skip
             case "MISSION_CURRENT":
                 # The count leaves home out, so it is the last item's number.
                 return messages.build_message(
@@ -424,8 +430,14 @@ class ArduPilot(Autopilot):
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
             case "WIND":
-                return telemetry.build_wind(self.vehicle.wind_m_s)
+                # Where the air comes from: its degrees go from -180 to 180.
+                east, north = self.vehicle.wind_m_s
+                from_deg = math.degrees(math.atan2(-east, -north))
+                return messages.build_message("WIND", direction=from_deg, speed=math.hypot(east, north), speed_z=0.0)
             case "FENCE_STATUS":
-                return telemetry.build_fence_status(self.boot_ms, self._breaches, breached=self._breached)
+                return messages.build_message(
+                    "FENCE_STATUS", breach_status=int(self._breached), breach_count=self._breaches,
+                    breach_type=3 if self._breached else 0, breach_time=self.boot_ms, breach_mitigation=0,
+                )  # fmt: skip
             case _:
                 return None

@@ -125,6 +125,7 @@ class Autopilot(ABC):
     def _make_common_builders(self) -> Mapping[str, Callable[[], messages.Outbound]]:
         """Return what makes the telemetry that both dialects fill alike, by the message's name."""
         home, body = self.home, self.frame.body
+        lat, lon = home.lat_lon_e7(0.0, 0.0)
         return {
             "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
@@ -133,17 +134,31 @@ class Autopilot(ABC):
             "AUTOPILOT_VERSION": lambda: telemetry.build_autopilot_version(
                 capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
             ),
-            "LOCAL_POSITION_NED": lambda: telemetry.build_local_position(body, self.boot_ms),
-            "ATTITUDE": lambda: telemetry.build_attitude(body, self.boot_ms),
-            "VFR_HUD": lambda: telemetry.build_vfr_hud(home, body, motors=self.frame.motors_on),
-            "HOME_POSITION": lambda: telemetry.build_home_position(home, self.boot_ms),
+            "LOCAL_POSITION_NED": lambda: messages.build_message(
+                "LOCAL_POSITION_NED", time_boot_ms=self.boot_ms, x=body.north_m, y=body.east_m, z=-body.up_m,
+                vx=body.v_north_m_s, vy=body.v_east_m_s, vz=-body.v_up_m_s,
+            ),
+            "ATTITUDE": lambda: messages.build_message(
+                "ATTITUDE", time_boot_ms=self.boot_ms, roll=body.roll_rad, pitch=body.pitch_rad, yaw=body.yaw_rad,
+                rollspeed=0.0, pitchspeed=0.0, yawspeed=body.yaw_rate_rad_s,
+            ),
+            "VFR_HUD": lambda: messages.build_message(
+                "VFR_HUD", airspeed=body.ground_speed_m_s, groundspeed=body.ground_speed_m_s,
+                heading=telemetry.heading_cdeg(body) // 100, throttle=38 if self.frame.motors_on else 0,
+                alt=home.alt_m + body.up_m, climb=body.v_up_m_s,
+            ),
+            "HOME_POSITION": lambda: messages.build_message(
+                "HOME_POSITION", latitude=lat, longitude=lon, altitude=round(home.alt_m * 1000), x=0.0, y=0.0, z=0.0,
+                q=telemetry.NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0,
+                time_usec=self.boot_ms * 1000,
+            ),
             # Without a satellite clock the time of day is unknown, and unknown is 0.
             "SYSTEM_TIME": lambda: messages.build_message("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
             "TIMESYNC": lambda: messages.build_message("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
             "EXTENDED_SYS_STATE": lambda: messages.build_message(
                 "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
             ),
-        }
+        }  # fmt: skip
 
     # What goes in.
 

@@ -101,14 +101,20 @@ def is_relative(item: MissionItem) -> bool:
     return item.frame in {Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT}
 
 
-def build_mission_ack(
-    partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_MISSION, opaque_id: int = 0
-) -> Outbound:
-    """Return a MISSION_ACK."""
-    return build_message(
+def acknowledge(
+    partner: Peer,
+    result: MissionResult,
+    kind: int = MISSION_TYPE_MISSION,
+    texts: tuple[tuple[int, str], ...] = (),
+    *,
+    opaque_id: int = 0,
+) -> StoreStep:
+    """Return a step that answers with MISSION_ACK, and says so much to everybody."""
+    ack = build_message(
         "MISSION_ACK", target_system=partner.sysid, target_component=partner.compid, type=int(result),
-        mission_type=mission_type, opaque_id=opaque_id,
+        mission_type=kind, opaque_id=opaque_id,
     )  # fmt: skip
+    return StoreStep((ack,), texts)
 
 
 def build_mission_count(

@@ -514,9 +514,9 @@ class Px4(Autopilot):
         battery = self.frame.battery
         match name:
             case "HEARTBEAT":
-                return telemetry.build_heartbeat(
-                    autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29, custom_mode=int(self.mode),
-                    system_status=self._determine_system_status(),
+                return messages.build_message(
+                    "HEARTBEAT", type=2, autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29,
+                    custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
                 return telemetry.build_sys_status(
@@ -538,10 +538,18 @@ class Px4(Autopilot):
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
-                return telemetry.estimator_status(self._estimator_flags() if self.is_ready else 0, self.boot_ms)
+                return messages.build_message(
+                    "ESTIMATOR_STATUS", time_usec=self.boot_ms * 1000, vel_ratio=0.05, pos_horiz_ratio=0.05,
+                    pos_vert_ratio=0.05, mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5,
+                    pos_vert_accuracy=0.5, flags=self._estimator_flags() if self.is_ready else 0,
+                )  # fmt: skip
             case "WIND_COV":
-                height_m = self.home.alt_m + self.frame.body.up_m
-                return telemetry.build_wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
+                east, north = self.vehicle.wind_m_s
+                return messages.build_message(
+                    "WIND_COV", time_usec=self.boot_ms * 1000, wind_x=north, wind_y=east, wind_z=0.0, var_horiz=0.3,
+                    var_vert=0.0, wind_alt=self.home.alt_m + self.frame.body.up_m, horiz_accuracy=0.5,
+                    vert_accuracy=0.0,
+                )  # fmt: skip
             case _:
                 return None
 

@@ -31,7 +31,7 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
-    build_mission_ack,
+    acknowledge,
     build_mission_count,
     build_mission_item,
     build_mission_request,
@@ -177,7 +177,7 @@ class ArduPilotList:
         return StoreStep((build_mission_request("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
 
     def _build_ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
-        return StoreStep((build_mission_ack(sender, result, self.kind),), texts)
+        return acknowledge(sender, result, self.kind, texts)
 
 
 def is_complete_list(items: Sequence[MissionItem]) -> bool:
@@ -255,7 +255,7 @@ class ArduPilotStore(ArduPilotList):
             return super().handle(message, sender, now_s, locked=locked)
         beside = self._lists.get(message.mission_type)
         if beside is None:
-            return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+            return acknowledge(sender, MissionResult.UNSUPPORTED, message.mission_type)
         beside.fault = self.fault
         return beside.handle(message, sender, now_s, locked=False)
 

@@ -16,7 +16,7 @@ from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
-    build_mission_ack,
+    acknowledge,
     build_mission_count,
     build_mission_item,
     build_mission_request,
@@ -111,7 +111,7 @@ class Px4Store:
         if isinstance(message, messages.MissionAckReceived):
             return self._end(message, sender)
         if message.mission_type not in MOST:
-            return StoreStep((build_mission_ack(sender, messages.MissionResult.UNSUPPORTED, message.mission_type),))
+            return acknowledge(sender, messages.MissionResult.UNSUPPORTED, message.mission_type)
         match message:
             case messages.MissionCount():
                 return self._begin(message, sender, now_s)
@@ -149,15 +149,15 @@ class Px4Store:
         return self._empty_list(sender, kind)
 
     def _empty_list(self, sender: messages.Peer, kind: int) -> StoreStep:
-        accepted = (build_mission_ack(sender, messages.MissionResult.ACCEPTED, kind),)
+        accepted = acknowledge(sender, messages.MissionResult.ACCEPTED, kind)
         if kind != messages.MISSION_TYPE_MISSION:
             self._beside[kind] = ()
-            return StoreStep(accepted, fenced=kind == FENCE)
+            return replace(accepted, fenced=kind == FENCE)
         self._replace(())
-        return StoreStep(accepted, cleared=True)
+        return replace(accepted, cleared=True)
 
     def _begin(self, message: messages.MissionCount, sender: messages.Peer, now_s: float) -> StoreStep:
-        refused = StoreStep((build_mission_ack(sender, messages.MissionResult.ERROR, message.mission_type),))
+        refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
         if self.fault is UploadFault.REFUSE:
             return refused
         if self._download is not None:
@@ -169,7 +169,7 @@ class Px4Store:
         self._partner = sender
         self._upload = None
         if message.count > MOST[message.mission_type]:
-            return StoreStep((build_mission_ack(sender, messages.MissionResult.NO_SPACE, message.mission_type),))
+            return acknowledge(sender, messages.MissionResult.NO_SPACE, message.mission_type)
         if message.count == 0:
             return self._empty_list(sender, message.mission_type)
         self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s, kind=message.mission_type)
@@ -193,13 +193,10 @@ class Px4Store:
             refusal = messages.MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
-            return StoreStep(
-                (build_mission_ack(sender, refusal, upload.kind),),
-                _build_critical_text("IGN MISSION_ITEM: Invalid item"),
-            )
+            return acknowledge(sender, refusal, upload.kind, _build_critical_text("IGN MISSION_ITEM: Invalid item"))
         if message.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX} and message.params[0] < 3:
             self._upload = None  # too few corners
-            return StoreStep((build_mission_ack(sender, messages.MissionResult.ERROR, upload.kind),))
+            return acknowledge(sender, messages.MissionResult.ERROR, upload.kind)
         upload.items.append(to_item(message))
         upload.next += 1
         if upload.next == upload.count:
@@ -209,14 +206,14 @@ class Px4Store:
         return StoreStep((self._ask(upload, now_s),))
 
     def _handle_late_item(self, message: messages.ItemReceived, sender: messages.Peer) -> StoreStep:
-        refused = StoreStep((build_mission_ack(sender, messages.MissionResult.ERROR, message.mission_type),))
+        refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
         if self._download is not None:
             return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: Busy"))
         if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
             if message.mission_type != messages.MISSION_TYPE_MISSION:
-                return StoreStep((build_mission_ack(sender, messages.MissionResult.ACCEPTED, message.mission_type),))
+                return acknowledge(sender, messages.MissionResult.ACCEPTED, message.mission_type)
             # The final ACK was lost: it is said again.
-            return StoreStep((build_mission_ack(sender, messages.MissionResult.ACCEPTED, opaque_id=self._mission_id),))
+            return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self._mission_id)
         return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
@@ -224,18 +221,16 @@ class Px4Store:
         self._last_count, self._last_kind = upload.count, upload.kind
         if upload.kind != messages.MISSION_TYPE_MISSION:
             self._beside[upload.kind] = tuple(upload.items)
-            return StoreStep(
-                (build_mission_ack(upload.partner, messages.MissionResult.ACCEPTED, upload.kind),),
-                fenced=upload.kind == FENCE,
-            )
+            accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
+            return replace(accepted, fenced=upload.kind == FENCE)
         crc = compute_mission_checksum(upload.items)
-        reply = build_mission_ack(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
+        reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self._mission_id:
             # The same content is not looked at again, not even for its ``current``.
-            return StoreStep((reply,))
+            return reply
         flagged = [item.seq for item in upload.items if item.current]
         self._replace(tuple(upload.items))
-        return StoreStep((reply,), swapped=True, current=flagged[0] if flagged else None)
+        return replace(reply, swapped=True, current=flagged[0] if flagged else None)
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
         self._items = items
@@ -276,8 +271,8 @@ class Px4Store:
         expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
         if not expected or message.mission_type != download.kind:
             self._download = None
-            refusal = (build_mission_ack(sender, messages.MissionResult.ERROR, message.mission_type),)
-            return StoreStep(refusal, _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected"))
+            text = _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected")
+            return acknowledge(sender, messages.MissionResult.ERROR, message.mission_type, text)
         download.next = message.seq + 1
         item = _to_message_form(self._items_of(download.kind)[message.seq], integer=message.integer)
         return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=download.kind),))

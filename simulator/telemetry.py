@@ -112,7 +112,8 @@ UNUSED_CELLS = (UINT16_MAX,) * 9
 NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
 
 
-def _heading_cdeg(body: Body) -> int:
+def heading_cdeg(body: Body) -> int:
+    """Return where its nose points, in hundredths of a degree."""
     return round(math.degrees(body.yaw_rad) * 100) % 36000
 
 
@@ -126,23 +127,7 @@ def build_global_position(home: Home, body: Body, boot_ms: int, off: tuple[float
     return build_message(
         "GLOBAL_POSITION_INT", time_boot_ms=boot_ms, lat=lat, lon=lon, alt=round((home.alt_m + body.up_m) * 1000),
         relative_alt=round(body.up_m * 1000), vx=_to_centi(body.v_north_m_s),
-        vy=_to_centi(body.v_east_m_s + off[1]), vz=_to_centi(-body.v_up_m_s), hdg=_heading_cdeg(body),
-    )  # fmt: skip
-
-
-def build_local_position(body: Body, boot_ms: int) -> Outbound:
-    """Return LOCAL_POSITION_NED about the pad."""
-    return build_message(
-        "LOCAL_POSITION_NED", time_boot_ms=boot_ms, x=body.north_m, y=body.east_m, z=-body.up_m, vx=body.v_north_m_s,
-        vy=body.v_east_m_s, vz=-body.v_up_m_s,
-    )  # fmt: skip
-
-
-def build_attitude(body: Body, boot_ms: int) -> Outbound:
-    """Return ATTITUDE."""
-    return build_message(
-        "ATTITUDE", time_boot_ms=boot_ms, roll=body.roll_rad, pitch=body.pitch_rad, yaw=body.yaw_rad, rollspeed=0.0,
-        pitchspeed=0.0, yawspeed=body.yaw_rate_rad_s,
+        vy=_to_centi(body.v_east_m_s + off[1]), vz=_to_centi(-body.v_up_m_s), hdg=heading_cdeg(body),
     )  # fmt: skip
 
 
@@ -155,24 +140,6 @@ def build_gps_raw(home: Home, body: Body, boot_ms: int, *, fix: int) -> Outbound
         "GPS_RAW_INT", time_usec=boot_ms * 1000, fix_type=fix, lat=lat, lon=lon, alt=alt_mm, eph=121, epv=200,
         vel=_to_centi(body.ground_speed_m_s), cog=course, satellites_visible=10, alt_ellipsoid=alt_mm, h_acc=300,
         v_acc=300, vel_acc=0, hdg_acc=0, yaw=0,
-    )  # fmt: skip
-
-
-def build_vfr_hud(home: Home, body: Body, *, motors: bool) -> Outbound:
-    """Return VFR_HUD."""
-    return build_message(
-        "VFR_HUD", airspeed=body.ground_speed_m_s, groundspeed=body.ground_speed_m_s,
-        heading=_heading_cdeg(body) // 100, throttle=38 if motors else 0, alt=home.alt_m + body.up_m,
-        climb=body.v_up_m_s,
-    )  # fmt: skip
-
-
-def build_home_position(home: Home, boot_ms: int) -> Outbound:
-    """Return HOME_POSITION."""
-    lat, lon = home.lat_lon_e7(0.0, 0.0)
-    return build_message(
-        "HOME_POSITION", latitude=lat, longitude=lon, altitude=round(home.alt_m * 1000), x=0.0, y=0.0, z=0.0,
-        q=NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0, time_usec=boot_ms * 1000,
     )  # fmt: skip
 
 
@@ -214,54 +181,6 @@ def build_sys_status(
         onboard_control_sensors_health=sensors[2], load=0, voltage_battery=round(voltage_v * 1000),
         current_battery=current_ca, battery_remaining=remaining_pct, drop_rate_comm=0, errors_comm=0, errors_count1=0,
         errors_count2=0, errors_count3=0, errors_count4=0,
-    )  # fmt: skip
-
-
-def build_ekf_status(flags: int) -> Outbound:
-    """Return EKF_STATUS_REPORT with the variances of a good estimate."""
-    return build_message(
-        "EKF_STATUS_REPORT", flags=flags, velocity_variance=0.005, pos_horiz_variance=0.005, pos_vert_variance=0.001,
-        compass_variance=0.01, terrain_alt_variance=0.0,
-    )  # fmt: skip
-
-
-def estimator_status(flags: int, boot_ms: int) -> Outbound:
-    """Return ESTIMATOR_STATUS of a good estimate."""
-    return build_message(
-        "ESTIMATOR_STATUS", time_usec=boot_ms * 1000, vel_ratio=0.05, pos_horiz_ratio=0.05, pos_vert_ratio=0.05,
-        mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5, pos_vert_accuracy=0.5, flags=flags,
-    )  # fmt: skip
-
-
-def build_fence_status(boot_ms: int, breaches: int, *, breached: bool) -> Outbound:
-    """Return FENCE_STATUS of a circle fence."""
-    return build_message(
-        "FENCE_STATUS", breach_status=int(breached), breach_count=breaches, breach_type=3 if breached else 0,
-        breach_time=boot_ms, breach_mitigation=0,
-    )  # fmt: skip
-
-
-def build_wind(wind_m_s: tuple[float, float]) -> Outbound:
-    """Return WIND, for air that moves (east, north): ArduPilot's degrees go from -180 to 180."""
-    east, north = wind_m_s
-    return build_message(
-        "WIND", direction=math.degrees(math.atan2(-east, -north)), speed=math.hypot(east, north), speed_z=0.0
-    )
-
-
-def build_wind_cov(wind_m_s: tuple[float, float], boot_ms: int, alt_m: float) -> Outbound:
-    """Return WIND_COV, for air that moves (east, north)."""
-    return build_message(
-        "WIND_COV", time_usec=boot_ms * 1000, wind_x=wind_m_s[1], wind_y=wind_m_s[0], wind_z=0.0, var_horiz=0.3,
-        var_vert=0.0, wind_alt=alt_m, horiz_accuracy=0.5, vert_accuracy=0.0,
-    )  # fmt: skip
-
-
-def build_heartbeat(*, autopilot: int, base_mode: int, custom_mode: int, system_status: int) -> Outbound:
-    """Return HEARTBEAT of a quadrotor."""
-    return build_message(
-        "HEARTBEAT", type=2, autopilot=autopilot, base_mode=base_mode, custom_mode=custom_mode,
-        system_status=system_status, mavlink_version=3,
     )  # fmt: skip
 
 

@@ -221,16 +221,8 @@ def list_uncovered_ids(content: PlanFile) -> tuple[int, ...]:
     return tuple(content.segments[index].id for index in content.plan.uncovered)
 
 
-@dataclass(frozen=True, slots=True)
-class AbandonedSegment:
-    """A segment that a lost vehicle left."""
-
-    segment: SegmentRecord
-    left_by: str
-
-
-def find_abandoned_segments(record: FlightRecord) -> tuple[AbandonedSegment, ...]:
-    """Return what was planned for vehicles that were lost before they inspected it; `inspected_by` says who did.
+def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, str]]:
+    """Return what was planned for vehicles that were lost before they inspected it, and for whom.
 
     A segment that two vehicles left, one after the other, is there once, as the last one's.
     """
@@ -240,7 +232,7 @@ def find_abandoned_segments(record: FlightRecord) -> tuple[AbandonedSegment, ...
         for segment, planned_for in _map_planned_vehicles(record.revisions, fault.detected_s).items():
             if planned_for == vehicle.name and segments[segment].inspected_by != vehicle.name:
                 left[segment] = vehicle.name
-    return tuple(AbandonedSegment(segments[number], name) for number, name in sorted(left.items()))
+    return [(segments[number], name) for number, name in sorted(left.items())]
 
 
 def _map_planned_vehicles(revisions: Iterable[PlanRevision], until_s: float) -> dict[int, str]:

@@ -37,7 +37,9 @@ def write_report_page(record: FlightRecord, report: FlightReport, path: Path) ->
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    write_page(path, render_report_page(record, report, _read_pictures(path.parent)))
+    beside = {words: path.parent / name for name, words in PICTURES.items()}
+    pictures = {words: file.read_bytes() for words, file in beside.items() if file.exists()}
+    write_page(path, render_report_page(record, report, pictures))
 
 
 def render_report_page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
@@ -119,16 +121,13 @@ def _describe_speeds(report: FlightReport) -> list[str]:
 
 
 def _get_named_values(names: Mapping[str, str], row: Document, columns: Iterable[str]) -> list[object]:
-    return [_replace_with_names(names, column, getattr(row, column)) for column in columns]
+    """Return the values of some columns, segments by the names of their assets."""
 
+    def named(value: object) -> object:
+        return [names.get(str(one), one) for one in value] if isinstance(value, tuple) else names.get(str(value), value)
 
-def _replace_with_names(names: Mapping[str, str], column: str, value: object) -> object:
-    """Return a value with segments by the names of their assets."""
-    if column not in {"segment", "segments", "uncovered"}:
-        return value
-    if isinstance(value, tuple):
-        return [names.get(str(one), one) for one in value]
-    return names.get(str(value), value)
+    values = ((column, getattr(row, column)) for column in columns)
+    return [named(value) if column in {"segment", "segments", "uncovered"} else value for column, value in values]
 
 
 def _add_distance_column(rows: Iterable[InspectionRow | SeenRow]) -> dict[str, str]:
@@ -145,7 +144,3 @@ def _format_time(t_s: float | None) -> str | None:
 def _format_duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
-
-
-def _read_pictures(folder: Path) -> dict[str, bytes]:
-    return {words: (folder / name).read_bytes() for name, words in PICTURES.items() if (folder / name).exists()}

@@ -112,7 +112,7 @@ def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]
     if placed:
         lines.append(f"{placed} files had no position; position written")
     lines += _list_some(
-        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_name_asset(row.asset)})" for row in found.missing]
+        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({row.asset or 'of no span'})" for row in found.missing]
     )
     lines += _list_some("doubled", [f"{copy} is {first}" for first, copy in found.doubled])
     lines += _list_some("of no picture of this flight", [str(path) for path in found.strange])
@@ -123,10 +123,6 @@ def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]
     )
     lines += _list_some("not seen", [f"{row.asset}: {row.missing or row.state}" for row in found.unseen])
     return lines
-
-
-def _name_asset(asset: str) -> str:
-    return asset or "of no span"
 
 
 def _list_some(what: str, names: Sequence[str]) -> list[str]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import fields
 from fnmatch import fnmatchcase
 from types import MappingProxyType
 
 from executor.errors import SiteError
 from executor.site.site_file import Site
-from executor.site.site_tables import CameraTable, LookTable
+from executor.site.site_tables import LookTable
 from missions import SafetyError
 from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
 from missions.network import Network
@@ -32,19 +33,9 @@ def build_pylon_wishes(site: Site, network: Network) -> list[ViewpointRequest]:
         _check_heights(site, index, table)
         sides = [table.bearings_deg] + ([tuple(-one for one in table.bearings_deg[::-1])] if table.both_sides else [])
         bearings_deg = tuple(one for side in sides for one in side)
+        asked = table.model_dump(include={one.name for one in fields(ViewpointRequest)})
         known = [
-            ViewpointRequest(
-                pylon=number,
-                camera=table.camera,
-                bearings_deg=bearings_deg,
-                distance_m=table.distance_m,
-                hover_s=table.hover_s,
-                pitch_deg=table.pitch_deg,
-                aim_deg=table.aim_deg,
-                heights_m=table.heights_m,
-                target_m=table.target_m,
-                roi=table.roi,
-            )
+            ViewpointRequest(**{**asked, "pylon": number, "bearings_deg": bearings_deg})
             for number, pylon in enumerate(network.pylons)
             if any(fnmatchcase(pylon.id, pattern) for pattern in table.pylons)
         ]
@@ -82,7 +73,7 @@ def build_looks(
     """
     if not site.look:
         return NO_LOOKS
-    cameras = {table.name: _build_camera(table) for table in site.camera}
+    cameras = {table.name: Camera(**table.model_dump(exclude={"vehicles"})) for table in site.camera}
     names = [vehicle.name for vehicle in site.vehicle]
     carriers = {
         name: frozenset(table.name for table in site.camera if not table.vehicles or name in table.vehicles)
@@ -93,7 +84,12 @@ def build_looks(
         if table.of == "pylons":
             continue
         look = _build_look(site, index, table, cameras[table.camera])
-        wanted = [segment for segment in _select_segments(network, table) if segment not in pylons]
+        wanted = [
+            one.id
+            for one in network.segments
+            if one.id not in pylons
+            and any(fnmatchcase(network.segment_name(one.id), pattern) for pattern in table.segments)
+        ]
         if not wanted:
             raise SiteError(f"look[{index}].segments: expected names of spans, nothing is called {table.segments[0]!r}")
         for segment in wanted:
@@ -101,18 +97,6 @@ def build_looks(
     looks = CameraTasks(cameras, carriers, {segment: tuple(own) for segment, own in sorted(spans.items())}, pylons)
     _check_looks(looks, names, network)
     return looks
-
-
-def _build_camera(table: CameraTable) -> Camera:
-    return Camera(
-        table.name, table.id, table.focal_mm, table.sensor_mm, table.image_px, table.least_interval_s, table.gimbal
-    )
-
-
-def _select_segments(network: Network, table: LookTable) -> Iterator[int]:
-    for segment in network.segments:
-        if any(fnmatchcase(network.segment_name(segment.id), pattern) for pattern in table.segments):
-            yield segment.id
 
 
 def _build_look(site: Site, index: int, table: LookTable, camera: Camera) -> SpanCameraTask:

@@ -186,14 +186,10 @@ def build_site_model(
     setup = replace(setup, looks=build_looks(site, network, pylons))
     if found.areas or alternates:
         setup = apply_areas(setup, found.areas, alternates)
-    remarks = (*worth_a_look, *found.remarks, *_summarise_higher_viewpoints(higher))
+    # One line for all viewpoints that are flown higher than asked.
+    raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
+    remarks = (*worth_a_look, *found.remarks, *raised)
     return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
-
-
-def _summarise_higher_viewpoints(higher: Sequence[str]) -> Iterator[str]:
-    """Yield one line for all viewpoints that are flown higher than asked."""
-    if higher:
-        yield f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -277,7 +273,7 @@ def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
     return tuple(
         Vehicle(
             one.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(one.name), ground.drone, one),
-            consumption_factor_of(ground, one.name),
+            ground.learned[one.name].consumption.factor if one.name in ground.learned else 1.0,
         )
         for one in ground.site.vehicle
     )  # fmt: skip
@@ -299,11 +295,6 @@ def select_reachable(
             f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
         )
     return tuple(sorted(wanted - {one.segment for one in never})), never
-
-
-def consumption_factor_of(ground: SiteModel, name: str) -> float:
-    """Return what a vehicle uses relative to the energy model, as far as it is known."""
-    return ground.learned[name].consumption.factor if name in ground.learned else 1.0
 
 
 def build_flight_setup(ground: SiteModel, pads: Sequence[missions.Pad] | None = None) -> missions.FlightSetup:
@@ -350,6 +341,7 @@ def build_pricing(
     from_layer = {
         segment: extra_time_s(look, slowest, slow_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
     }
+    dialects = {missions.dialect_for(vehicle.autopilot) for vehicle in ground.site.vehicle}
     barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
     return missions.Pricing(
         setup.tracks_up_m,
@@ -357,7 +349,9 @@ def build_pricing(
         models,
         pads_m,
         column_radius_m(setup.layers.layer_m),
-        loss_reaction_s(ground.site)
+        # After a loss everybody flies on as planned for so long: the slowest way to find one is a silent link.
+        max(link_timeout_s(ground.site, dialect) for dialect in dialects)
+        + horizon_s(ground.site)
         + max((line_clear_time_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
         kept_out=setup.kept_out,
         relief=setup.layers.relief,
@@ -366,13 +360,6 @@ def build_pricing(
         in_layer_s=from_layer,
         deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
         steps_m=setup.steps_m,
-    )
-
-
-def loss_reaction_s(site: Site) -> float:
-    """Return how long after a loss everybody flies on as planned: the slowest way to find a loss is a silent link."""
-    return max(link_timeout_s(site, missions.dialect_for(vehicle.autopilot)) for vehicle in site.vehicle) + horizon_s(
-        site
     )
 
 

@@ -20,6 +20,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, Null
 from executor.analysis.pictures import style
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.site.campaigns import describe_policy
+from executor.site.plan_summary import format_day_time
 from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
 from missions.safety import legs_m
@@ -101,10 +102,6 @@ def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, floa
         ))  # fmt: skip
 
 
-def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
-
-
 RISK_HEIGHT_IN = 6.6
 RISK_PLOT = (0.065, 0.11, 0.665, 0.78)
 """Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
@@ -182,6 +179,10 @@ def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> No
         )  # fmt: skip
 
 
+def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
 HOUR_S = 3600.0
 DAY_S = 24 * HOUR_S
 ROW_IN = 0.3
@@ -242,22 +243,12 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
     axes.set_ylim(len(content.vehicles) - 0.5, -0.5)
     axes.set_yticks(range(len(content.vehicles)), [own.name for own in content.vehicles], fontsize=9)
     axes.xaxis.set_major_locator(MultipleLocator(HOUR_S))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_clock(value)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_day_time(value)[-5:]))
     axes.grid(axis="x", color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     axes.set_title(f"day {day + 1}: segments of each sortie", loc="left", fontsize=10, color=style.INK)
     for spine in axes.spines.values():
         spine.set_color(style.FAINT)
-
-
-def format_clock(seconds: float) -> str:
-    """Return the time of the day.
-
-    >>> clock(86_400 + 30_630.0)
-    '08:30'
-    """
-    minutes = int(seconds % DAY_S // 60)
-    return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
 def _colour_of(base: int) -> str:

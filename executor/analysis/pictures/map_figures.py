@@ -127,7 +127,10 @@ def _draw_first(
     map_sheet.draw_ground(axes, ends_m, pads_m)
     for route in routes:
         _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
-    middles = {route.vehicle: _compute_middles_m(_split_inspected_lines_m(route)) for route in routes}
+    middles = {
+        route.vehicle: _compute_middles_m(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
+        for route in routes
+    }
     placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
     _label_vehicles(axes, sheet, placer, middles, styles)
 
@@ -141,8 +144,9 @@ def _draw_flown(
     pads_m: Sequence[flight_record.Place],
 ) -> None:
     map_sheet.draw_ground(axes, ends_m, pads_m)
-    for left in flight_record.find_abandoned_segments(record):
-        _draw_reassigned(axes, left.segment)
+    for segment, _ in flight_record.find_abandoned_segments(record):
+        ends = zip(segment.a_m, segment.b_m, strict=True)
+        axes.plot(*ends, color=PAPER, lw=LEFT_PT, zorder=2, path_effects=make_dark_edge(LEFT_PT))
     for vehicle in record.vehicles:
         _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
     for revision in record.revisions[1:]:
@@ -187,11 +191,6 @@ def _draw_track(axes: Axes, vehicle: flight_record.VehicleRecord, style: Vehicle
               path_effects=effects)  # fmt: skip
 
 
-def _draw_reassigned(axes: Axes, segment: flight_record.SegmentRecord) -> None:
-    effects = make_dark_edge(LEFT_PT)
-    axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=PAPER, lw=LEFT_PT, zorder=2, path_effects=effects)
-
-
 def _label_events(
     axes: Axes,
     sheet: map_sheet.MapSheet,
@@ -217,9 +216,9 @@ def _label_events(
 
 def _group_handovers(record: flight_record.FlightRecord) -> list[tuple[str, str, list[flight_record.SegmentRecord]]]:
     found: dict[tuple[str, str], list[flight_record.SegmentRecord]] = {}
-    for left in flight_record.find_abandoned_segments(record):
-        if left.segment.inspected_by is not None:
-            found.setdefault((left.left_by, left.segment.inspected_by), []).append(left.segment)
+    for segment, left_by in flight_record.find_abandoned_segments(record):
+        if segment.inspected_by is not None:
+            found.setdefault((left_by, segment.inspected_by), []).append(segment)
     return [(left_by, by, segments) for (left_by, by), segments in found.items()]
 
 
@@ -282,12 +281,6 @@ def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable
             for here, there in itertools.pairwise(way)
         ]
     return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
-
-
-def _split_inspected_lines_m(
-    route: flight_record.PlannedRoute,
-) -> list[tuple[flight_record.Place, flight_record.Place]]:
-    return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
 
 
 def _get_segment_ends(

@@ -92,7 +92,7 @@ def test_a_route_that_never_came_on_board_is_none(tmp_path: Path) -> None:
 def test_what_the_lost_vehicle_left(tmp_path: Path) -> None:
     write_run(tmp_path)
     left = find_abandoned_segments(read_run(tmp_path))
-    assert [(one.segment.id, one.left_by, one.segment.inspected_by) for one in left] == [
+    assert [(segment.id, left_by, segment.inspected_by) for segment, left_by in left] == [
         (1, "uav2", "uav3"), (2, "uav2", "uav1"),
     ]  # fmt: skip
 
