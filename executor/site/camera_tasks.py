@@ -32,10 +32,10 @@ def build_pylon_wishes(site: Site, network: Network) -> list[ViewpointRequest]:
             continue
         _check_heights(site, index, table)
         sides = [table.bearings_deg] + ([tuple(-one for one in table.bearings_deg[::-1])] if table.both_sides else [])
-        bearings_deg = tuple(one for side in sides for one in side)
         asked = table.model_dump(include={one.name for one in fields(ViewpointRequest)})
+        asked["bearings_deg"] = tuple(one for side in sides for one in side)
         known = [
-            ViewpointRequest(**{**asked, "pylon": number, "bearings_deg": bearings_deg})
+            ViewpointRequest(pylon=number, **asked)
             for number, pylon in enumerate(network.pylons)
             if any(fnmatchcase(pylon.id, pattern) for pattern in table.pylons)
         ]

@@ -341,7 +341,7 @@ def build_pricing(
     from_layer = {
         segment: extra_time_s(look, slowest, slow_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
     }
-    dialects = {missions.dialect_for(vehicle.autopilot) for vehicle in ground.site.vehicle}
+    dialects = [missions.dialect_for(vehicle.autopilot) for vehicle in ground.site.vehicle]
     barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
     return missions.Pricing(
         setup.tracks_up_m,

@@ -127,10 +127,8 @@ def _draw_first(
     map_sheet.draw_ground(axes, ends_m, pads_m)
     for route in routes:
         _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
-    middles = {
-        route.vehicle: _compute_middles_m(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
-        for route in routes
-    }
+    inspected = {route.vehicle: zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True) for route in routes}
+    middles = {name: _compute_middles_m(lines) for name, lines in inspected.items()}
     placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
     _label_vehicles(axes, sheet, placer, middles, styles)
 
