@@ -288,7 +288,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/checklist.py",
         "executor/flight/checklist_only.py",
     ),
-    "tests/executor/site/test_campaigns_risk.py": ("executor/cli/risk.py",),
     "tests/missions/autopilots/test_dialect.py": ("missions/autopilots/registry.py",),
     "tests/missions/test_encode.py": (
         "missions/autopilots/ardupilot.py",

@@ -35,7 +35,7 @@ COMMANDS: Mapping[str, str] = {
     "window": "executor.cli.plans:window",
     "replan": "executor.cli.plans:replan",
     "export": "executor.cli.exports:export",
-    "risk": "executor.cli.risk:risk",
+    "risk": "executor.cli.plans:risk",
     "simulate": "executor.cli.flights:simulate",
     "fly": "executor.cli.flights:fly",
     "preflight": "executor.cli.flights:preflight",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -159,7 +158,7 @@ def _export_run(run: Path, output: Path, to: FormatName) -> None:
 
 
 def _write(output: Path, name: str, text: str) -> None:
-    write_named_file(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    write_named_file(output, lambda folder: folder.mkdir(parents=True, exist_ok=True))
     path = output / name
-    write_named_file(path, partial(write_whole, path, text.encode()))
+    write_named_file(path, lambda file: write_whole(file, text.encode()))
     print(path)

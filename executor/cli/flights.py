@@ -374,21 +374,14 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
     from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
-    from executor.analysis.pictures.chart_figures import build_profiles
     from executor.flight.run_start import read_run_start
 
     save_figure(draw_flight_figure(record, _read_kept_ground(run)), RunDirectory(run).map)
     save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = read_run_start(run)
-        setup, routes = (
-            begun.context.setup,
-            site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan),
-        )
-        save_figure(
-            draw_profile_figure(build_profiles(setup, site_model.build_paths(setup, routes).values())),
-            RunDirectory(run).profile,
-        )
+        routes = site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan)
+        save_figure(draw_profile_figure(begun.context.setup, routes), RunDirectory(run).profile)
 
 
 def _read_kept_ground(run: Path) -> GroundView | None:

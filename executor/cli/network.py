@@ -19,7 +19,7 @@ from rich.text import Text
 import missions
 from executor.adapters.templates import render_template
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
-from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
+from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
@@ -162,13 +162,10 @@ def network(
     path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
     place, radius_m = options.place, options.radius
     understood = missions.import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
-    if output is not None:
-        text = json.dumps(missions.build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
-        write_named_file(output, lambda: write_whole(output, f"{text}\n".encode()))
-    if picture is not None:
-        from executor.analysis.pictures import draw_network_figure, save_figure
-
-        write_named_file(picture, lambda: save_figure(draw_network_figure(understood), picture))
+    document = missions.build_network_document(understood)
+    text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
+    write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))
+    draw_named_file(picture, lambda pictures: pictures.draw_network_figure(understood))
     if as_json:
         print(json_text(_build_document(understood)))
     else:
@@ -351,7 +348,7 @@ def init(
     if output is None:
         print(text, end="")
         return
-    write_named_file(output, lambda: write_whole(output, text.encode()))
+    write_named_file(output, lambda path: write_whole(path, text.encode()))
     print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
 
 

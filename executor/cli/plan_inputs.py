@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -170,16 +171,35 @@ def announce_planning(
     return progressed
 
 
-def write_named_file(path: Path, write: Callable[[], object]) -> None:
-    """Write a file that the user named.
+def write_named_file(path: Path | None, write: Callable[[Path], object]) -> None:
+    """Write a file that the user named, if one was named.
 
     Raises:
         SiteError: it cannot be written.
     """
     try:
-        write()
+        if path is not None:
+            write(path)
     except OSError as error:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def draw_named_file(path: Path | None, draw: Callable[[Any], Any]) -> None:
+    """Draw a picture that the user named, if one was named; `draw` gets the module of pictures, loaded only then.
+
+    Raises:
+        SiteError: it cannot be written.
+    """
+    if path is not None:
+        from executor.analysis import pictures
+
+        write_named_file(path, partial(pictures.save_figure, draw(pictures)))
+
+
+def print_result(document: Callable[[], object], lines: Iterable[str], *, as_json: bool) -> None:
+    """Print what a command found: its document, or its lines for people."""
+    for line in [json_text(document())] if as_json else lines:
+        print(line)
 
 
 def check_can_draw(option: str, path: Path | None) -> None:
@@ -286,25 +306,17 @@ def plan_day(
         spares = _evaluate_spares(content, console, asked, fly, wanted.seed, shares)
     console.show_progress("")
     heights = plan_summary.compute_planned_heights(ground, name_sortie_rounds(content))
-    if output is not None:
-        write_named_file(output, lambda: missions.write_plan(output, content))
-    if picture is not None:
-        from executor.analysis.pictures import draw_gantt_figure, save_figure
+    write_named_file(output, lambda path: missions.write_plan(path, content))
+    draw_named_file(picture, lambda pictures: pictures.draw_gantt_figure(content))
+    lines = [*plan_summary.describe_day(content), *heights.lines]
+    if spares:
+        lines.append(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
+        lines += plan_summary.describe_spares(content, spares, shares)
 
-        write_named_file(picture, lambda: save_figure(draw_gantt_figure(content), picture))
-    if as_json:
-        document = missions.build_plan_document(content)
-        # What plans of days called these before there was one format.
-        document |= {"objective": content.objective.value, "sorties": document["routes"]}
-        more = build_day_document(content, spares, shares, mtbf_h)
-        print(json_text({**document, **more, **heights.to_json()}))
-    else:
-        for line in (*plan_summary.describe_day(content), *heights.lines):
-            print(line)
-        if spares:
-            print(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
-            for line in plan_summary.describe_spares(content, spares, shares):
-                print(line)
+    def document() -> dict[str, object]:
+        return build_day_document(content, spares, shares, mtbf_h) | heights.to_json()
+
+    print_result(document, lines, as_json=as_json)
     if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
@@ -346,13 +358,12 @@ def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: boo
     console = TerminalConsole(quiet=as_json, yes=True)
     found = add_loss_windows(replace(content, windows=()), console, seed)
     console.show_progress("")
-    if as_json:
-        print(json_text({"windows": missions.build_plan_document(found)["windows"]}))
-        return
-    for line in list(plan_summary.describe_loss_windows(found)) or [
-        "no window: segments are left over, or nothing is flown"
-    ]:
-        print(line)
+    lines = list(plan_summary.describe_loss_windows(found))
+    print_result(
+        lambda: {"windows": missions.build_plan_document(found)["windows"]},
+        lines or ["no window: segments are left over, or nothing is flown"],
+        as_json=as_json,
+    )
 
 
 def _evaluate_spares(
@@ -386,11 +397,12 @@ def _evaluate_spares(
 def build_day_document(
     content: missions.DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
-    """Return what `--json` says beside the day plan itself."""
-    document: dict[str, object] = {
-        "needs": [asdict(one) for one in plan_summary.compute_base_needs(content)],
-        "left_over": [asdict(one) for one in plan_summary.find_left_over(content)],
-    }
+    """Return what `--json` says of days: the plan of them, and what it asks for."""
+    document = missions.build_plan_document(content)
+    # What plans of days called these before there was one format.
+    document |= {"objective": content.objective.value, "sorties": document["routes"]}
+    document["needs"] = [asdict(one) for one in plan_summary.compute_base_needs(content)]
+    document["left_over"] = [asdict(one) for one in plan_summary.find_left_over(content)]
     if mtbf_h is None:
         return document
     fleet = sum(1 for own in content.plan.sorties if own)

@@ -111,7 +111,7 @@ def _update_packs(done: Sequence[_ReplayedLog], path: Path, site: Site | None) -
         tables = () if own is None else own.vehicle
         labels = {table.sysid: table.pack for table in tables if table.pack is not None}
         known = merge_packs([one.replay], known, labels)
-    write_named_file(path, lambda: known.write(path))
+    write_named_file(path, known.write)
     return known
 
 
@@ -240,12 +240,12 @@ def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
     from executor.replay.replay_page import write_replay_page
     from executor.replay.timeline import draw_replay
 
-    write_named_file(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+    write_named_file(folder, lambda path: path.mkdir(parents=True, exist_ok=True))
     for one in done:
-        name = one.replay.path.resolve().name
-        picture, page = folder / f"{name}.png", folder / f"{name}.html"
-        write_named_file(folder, partial(draw_replay, one.replay, one.truth, picture))
-        write_named_file(folder, partial(write_replay_page, one.replay, one.truth, picture, page))
+        picture = folder / f"{one.replay.path.resolve().name}.png"
+        page = folder / f"{one.replay.path.resolve().name}.html"
+        write_named_file(picture, partial(draw_replay, one.replay, one.truth))
+        write_named_file(page, partial(write_replay_page, one.replay, one.truth, picture))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
@@ -259,8 +259,7 @@ def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_
     system, found, others = learn_from_logs([path for path in paths if not path.is_dir()])
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
     content = format_learned_toml(found, drone, base)
-    if output is not None:
-        write_named_file(output, lambda: write_whole(output, content.encode()))
+    write_named_file(output, lambda path: write_whole(path, content.encode()))
     if as_json:
         print(json_text({"system": system, "left_out": others, **build_learned_table(found)}))
     elif output is None:

@@ -21,6 +21,7 @@ from executor.analysis.pictures import style
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.site.campaigns import describe_policy
 from executor.site.plan_summary import format_day_time
+from executor.site.site_model import build_paths
 from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
 from missions.safety import legs_m
@@ -333,9 +334,14 @@ MOST_PANELS = 12
 """More vehicles than these are not drawn: the picture would be metres long."""
 
 
-def draw_profile_figure(profiles: Sequence[HeightProfile]) -> Figure:
-    """Return one panel for each flight, with the same heights, metres above sea level over kilometres flown."""
-    shown = profiles[:MOST_PANELS]
+def draw_profile_figure(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Figure:
+    """Return one panel for each flight, with the same heights, metres above sea level over kilometres flown.
+
+    Args:
+        setup: Heights and pads.
+        routes: Visits of the network, by the vehicle's name.
+    """
+    shown = build_profiles(setup, build_paths(setup, routes).values())[:MOST_PANELS]
     height_in = PANEL_IN * max(1, len(shown)) + LEGEND_IN
     figure = Figure(figsize=(style.WIDTH_IN, height_in), facecolor=style.PAPER)
     low_m = min((float(np.nanmin(one.ground_m)) for one in shown), default=0.0)

@@ -163,7 +163,8 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
 
 def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:
     setup = site_model.build_flight_setup(ground)
-    paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
+    routes = site_model.name_routes(ground, plan.build_task(), plan.plan)
+    paths = list(site_model.build_paths(setup, routes).values())
     drawn = build_profiles(setup, paths)
     assert [one.vehicle for one in drawn] == [path.vehicle for path in paths]
     for one in drawn:
@@ -172,7 +173,7 @@ def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, t
         assert one.lowest_point[2] > 23.0
         assert one.return_m >= one.flown_m.max() - 0.01
         assert len(one.waypoints_m) > 4
-    save_figure(draw_profile_figure(drawn), tmp_path / "profile.png")
+    save_figure(draw_profile_figure(setup, routes), tmp_path / "profile.png")
     assert (tmp_path / "profile.png").read_bytes().startswith(b"\x89PNG")
 
 
