@@ -113,9 +113,8 @@ def _describe_speeds(report: FlightReport) -> list[str]:
         return []
     text = (
         f"segments were flown at {format_value(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
-        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), "
-        f"at most {format_value(max(highest))} m/s and at most "
-        f"{format_value(max(row.deviation_max_m for row in rows))} m beside the track"
+        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), at most {format_value(max(highest))} m/s "
+        f"and at most {format_value(max(row.deviation_max_m for row in rows))} m beside the track"
     )
     return [text]
 

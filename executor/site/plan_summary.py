@@ -309,8 +309,7 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
         return
     yield (
         f"finished on {format_day_time(found.finish_s)}: {found.count} sorties, {found.flight_s / 3600:.1f} h in the "
-        f"air, by "
-        f"{sum(1 for own in content.plan.sorties if own)} vehicles"
+        f"air, by {sum(1 for own in content.plan.sorties if own)} vehicles"
     )
 
 
@@ -325,9 +324,8 @@ def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
             yield f"{name} may be lost at any time: the others finish by {end}"
         else:
             yield (
-                f"{name} may be lost from {format_day_time(one.from_s)} on; for its sortie {one.breaks + 1}, and "
-                f"those before it, "
-                f"no re-plan was found that finishes by {end}"
+                f"{name} may be lost from {format_day_time(one.from_s)} on; for its sortie {one.breaks + 1}, and those "
+                f"before it, no re-plan was found that finishes by {end}"
             )
 
 

@@ -65,23 +65,20 @@ def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
         if not placed:
             remarks.append(
                 f"areas: none of {_name_source(table, index)} is within {NEAR_M / 1000:g} km of the lines; are "
-                f"latitude and "
-                "longitude swapped?"
+                "latitude and longitude swapped?"
             )
         near += placed
     tolerance_m = next((one for one in EASED_M if _count_corners(near, one) <= MOST_CORNERS), None)
     if tolerance_m is None:
         raise AreaError(
             f"area: expected at most {MOST_CORNERS} corners within {NEAR_M / 1000:g} km of the lines, found "
-            f"{_count_corners(near, 0.0)}, and {_count_corners(near, EASED_M[-1])} when simplified by "
-            f"{EASED_M[-1]:g} m; where, "
-            "layer, or a cut of the file choose which are needed"
+            f"{_count_corners(near, 0.0)}, and {_count_corners(near, EASED_M[-1])} when simplified by {EASED_M[-1]:g} "
+            "m; where, layer, or a cut of the file choose which are needed"
         )
     if tolerance_m > 0:
         remarks.append(
             f"areas: {_count_corners(near, 0.0)} corners are simplified to {_count_corners(near, tolerance_m)}; "
-            f"flights keep "
-            f"{tolerance_m:g} m more from them"
+            f"flights keep {tolerance_m:g} m more from them"
         )
     return SiteAreas(tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks))
 
