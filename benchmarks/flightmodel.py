@@ -55,7 +55,7 @@ def model_site(autopilot: str) -> ModelledSite:
         "faults": {"link_timeout_s": 10.0},
     }
     ground = site_model.load_site_model(check_site(content, "the model"), Path())
-    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    setup, task = ground.setup, site_model.build_first_task(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
     context = site_model.build_context(ground, setup, task)

@@ -267,7 +267,7 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     return {pad.vehicle: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads}
 
 

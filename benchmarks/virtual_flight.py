@@ -39,7 +39,7 @@ from executor.runtime.flight_loop import Flight
 from executor.runtime.vehicle_preflight import load_lists
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
-from executor.site import day_plans, site_model
+from executor.site import day_plans
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
@@ -183,7 +183,7 @@ class VirtualRun(MemoryFlight):
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers = onlookers
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
-        setup = site_model.build_flight_setup(ground)
+        setup = ground.setup
         radios = {}
         for config in simulated.vehicles:
             rule = dialect_for(config.autopilot.value).return_parameters

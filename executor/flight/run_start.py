@@ -47,7 +47,7 @@ def read_run_start(run: Path) -> RunStart:
     check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
-    setup = site_model.build_flight_setup(ground, pads)
+    setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}

@@ -141,7 +141,7 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
     """
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe

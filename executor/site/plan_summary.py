@@ -14,7 +14,7 @@ from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, PlanFile, SafetyError, check_ceiling
+from missions import DayPlanFile, PlanFile, check_ceiling
 from missions.area_check import check_areas
 from missions.geo import FloatArray
 from planner import segment_of
@@ -181,8 +181,7 @@ class PlannedHeights:
 
     words: str
     warnings: tuple[str, ...]
-    document: Mapping[str, object] | None
-    """None where no pads could be chosen."""
+    document: Mapping[str, object]
 
     @property
     def lines(self) -> list[str]:
@@ -204,10 +203,7 @@ def compute_planned_heights(ground: SiteModel, rounds: Sequence[Mapping[str, tup
     Raises:
         SiteError: its flights come too near to the ground or to a line, or into an area.
     """
-    try:
-        setup = site_model.build_flight_setup(ground)
-    except SafetyError as error:
-        return PlannedHeights(f"not checked: {error}", ground.worth_a_look, None)
+    setup = ground.setup
     flown = [(routes, list(site_model.build_paths(setup, routes).values())) for routes in rounds]
     paths = [path for _, own in flown for path in own]
     for text in check_areas(setup, paths):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -27,7 +27,7 @@ from missions.areas import Unreachable
 from missions.inspection_height import build_first_paths, find_low_segments
 from missions.pace import AS_MODELLED
 from missions.pads import column_radius_m
-from missions.plan_file import PlanFence, PlanTerrain
+from missions.plan_file import PlanTerrain
 from missions.pole_heights import add_ground_heights, add_structure_heights
 from missions.reachability import apply_areas
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
@@ -132,12 +132,6 @@ def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
     )
 
 
-def plan_fence(site: Site) -> PlanFence | None:
-    """Return what plan files say of the fences that vehicles are given; None where they are given none."""
-    table = site.fence
-    return None if table is None or not table.enabled else PlanFence(table.margin_m, table.rally)
-
-
 def build_selection(site: Site) -> missions.Selection:
     """Return what a site wants of its network's file."""
     table = site.network
@@ -174,7 +168,8 @@ def build_site_model(
     table, drone = site.inspection, drone_of(site)
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    inspection = inspection_of(site, network)
+    said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
+    inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
@@ -203,12 +198,6 @@ def _check_speeds(site: Site, drone: Drone) -> None:
                 f"inspection.{key}: expected at most {max(0.0, most_m_s - wind_m_s):.1f} m/s, what the battery of a "
                 f"{drone.name} can give{against}, got {asked_m_s:g}"
             )
-
-
-def inspection_of(site: Site, network: missions.Network) -> missions.Inspection:
-    """Return how a network is to be flown."""
-    said = site.inspection.model_dump(include={one.name for one in fields(missions.Inspection)})
-    return missions.Inspection(**said, flat=network.flat)
 
 
 def drone_of(site: Site) -> Drone:
@@ -295,15 +284,6 @@ def select_reachable(
             f"area: expected a segment that can be reached, found none of {len(never)}: {name} {never[0].why}"
         )
     return tuple(sorted(wanted - {one.segment for one in never})), never
-
-
-def build_flight_setup(ground: SiteModel, pads: Sequence[missions.Pad] | None = None) -> missions.FlightSetup:
-    """Return heights and pads; pads are chosen around depot and bases unless the vehicles' places are known.
-
-    Raises:
-        MissionsError: the pads leave no room.
-    """
-    return ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
 
 
 def build_pricing(
@@ -421,14 +401,6 @@ def adjust_task_to_layers(ground: SiteModel, task: missions.Task, plan: Plan) ->
     return replace(task, instance=missions.build_priced_instance(pricing, task.instance.vehicles), pricing=pricing)
 
 
-def fencing_of(site: Site) -> FenceRules | None:
-    """Return what a site says of fences; None if it says nothing."""
-    table = site.fence
-    if table is None:
-        return None
-    return FenceRules(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
-
-
 def build_context(
     ground: SiteModel,
     setup: missions.FlightSetup,
@@ -487,6 +459,6 @@ def build_context(
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
-        fencing=fencing_of(site),
+        fencing=None if site.fence is None else FenceRules(**site.fence.model_dump()),
         camera_home=site.faults.camera == "home",
     )

@@ -149,7 +149,7 @@ async def flown(folder: Path, seed: int) -> Outcome:
     write_plan(
         plan, site_planning.plan_site(ground, site_planning.PlanRequest(Cost.MINMAX, 0.3, seed, all_vehicles=True))
     )
-    setup, run = site_model.build_flight_setup(ground), folder / "run"
+    setup, run = ground.setup, folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
     async with _in_the_air(ground, faults, seed, witness):

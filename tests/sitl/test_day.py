@@ -61,7 +61,7 @@ def test_lost_on_the_second_sortie(autopilot: Autopilot, tmp_path: Path) -> None
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
     site.write_text(tomli_w.dumps(tables))
     ground = site_model.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
     assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]

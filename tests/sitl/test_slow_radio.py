@@ -67,7 +67,7 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
     if autopilot.binary is None:
         pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
     ground = ground_of(tmp_path, autopilot)
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     pads = {pad.vehicle: pad for pad in setup.pads}
     wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
     order = FlightRequest(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())

@@ -53,7 +53,7 @@ def test_a_worn_pack_shortens_the_budget_and_raises_the_reserve_of_its_vehicle_a
     written(tmp_path, ENTRY, {**ENTRY, "label": "B1", "most_ah": 2.0}, {**ENTRY, "label": None, "most_ah": 1.0})
     ground = ground_with(tmp_path, pack="A7")
     task = site_model.build_first_task(ground)
-    context = site_model.build_context(ground, site_model.build_flight_setup(ground), task)
+    context = site_model.build_context(ground, ground.setup, task)
     assert [one.budget_pct for one in task.instance.vehicles] == pytest.approx([55.0, 75.0])
     first, second = (context.vehicles[name] for name in ("uav1", "uav2"))
     assert (first.budget_pct, first.reserve_pct, first.empty_pct) == pytest.approx((55.0, 45.0, 30.0))
@@ -66,9 +66,7 @@ def test_a_worn_pack_shortens_the_budget_and_raises_the_reserve_of_its_vehicle_a
 def test_a_pack_that_is_put_in_later_is_known_by_its_label(tmp_path: Path) -> None:
     written(tmp_path, ENTRY, {**ENTRY, "label": "B1", "most_ah": 4.0})
     ground = ground_with(tmp_path, pack="A7")
-    context = site_model.build_context(
-        ground, site_model.build_flight_setup(ground), site_model.build_first_task(ground)
-    )
+    context = site_model.build_context(ground, ground.setup, site_model.build_first_task(ground))
     for setup in context.vehicles.values():
         found = {label: setup.with_pack(label) for label in ("A7", "B1", "", "C3")}
         budgets = {label: (one.budget_pct, one.reserve_pct) for label, one in found.items()}
@@ -136,5 +134,5 @@ def test_a_flight_keeps_what_it_reckoned_with(tmp_path: Path) -> None:
     (tmp_path / "packs.json").unlink()
     again = site_model.load_site_model(read_site(run / "site.toml"), run)
     assert again.packs == ground.packs
-    context = site_model.build_context(again, site_model.build_flight_setup(again), site_model.build_first_task(again))
+    context = site_model.build_context(again, again.setup, site_model.build_first_task(again))
     assert context.vehicles["uav1"].budget_pct == pytest.approx(55.0)

@@ -101,7 +101,7 @@ def plan(ground: SiteModel) -> PlanFile:
 
 
 def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, plan: PlanFile, folder: Path) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     paths = site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values()
     assert setup.terrain is not None
     assert setup.terrain.kept_m == 18.0 + 5.0
@@ -162,7 +162,7 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
 
 
 def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     routes = site_model.name_routes(ground, plan.build_task(), plan.plan)
     paths = list(site_model.build_paths(setup, routes).values())
     drawn = build_profiles(setup, paths)
@@ -178,7 +178,7 @@ def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, t
 
 
 def test_a_flight_that_is_too_low_stops(ground: SiteModel, plan: PlanFile) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
     assert all(check.severity is not Severity.STOP for check in mission_checks.check_flight_heights(setup, paths))
 
