@@ -17,8 +17,7 @@ from planner.energy import CLIMB_SHARE_PER_M_S, Drone, pct_per_s, power_w, top_s
 from simulator.config import SimVehicle
 from simulator.guidance import Climb, Goal, GoalFollower, Hover, Land, Leg, SpoolUp, find_stopping_place
 from simulator.messages import LandedState
-from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place
-from simulator.positioning import PositionDrift
+from simulator.physics import HARD_LANDING_M_S, Body, Limits, Place, PositionDrift
 
 CHARGE_PCT = (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 REST_CELL_V = (3.27, 3.61, 3.69, 3.71, 3.73, 3.77, 3.80, 3.84, 3.87, 3.95, 4.02, 4.11, 4.20)

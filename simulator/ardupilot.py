@@ -15,8 +15,7 @@ from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.guidance import ThrottleDescent, find_stopping_place
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
-from simulator.physics import Home, Limits
-from simulator.positioning import GPS_BIT
+from simulator.physics import GPS_BIT, Home, Limits
 from simulator.store_ardupilot import ArduPilotStore
 
 MAV_AUTOPILOT_ARDUPILOT = 3

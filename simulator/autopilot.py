@@ -19,8 +19,7 @@ from simulator.mission_ardupilot import ArduPilotMission
 from simulator.mission_px4 import Px4Mission
 from simulator.mission_store import StoreStep, mission_length_m
 from simulator.params import ParamTable, defaults_for
-from simulator.physics import Home, Place
-from simulator.positioning import Positioning
+from simulator.physics import Home, Place, Positioning
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.store_px4 import Px4Store
 from simulator.telemetry import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
@@ -303,11 +302,7 @@ class Autopilot(ABC):
 
     def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
         """Acknowledge a command to who gave it."""
-        to = self._partner
-        self.voice.send([
-            messages.build_message("COMMAND_ACK", command=command.number, result=int(result), progress=0,
-                result_param2=0, target_system=to.sysid, target_component=to.compid)
-        ])  # fmt: skip
+        self.voice.send([messages.build_command_ack(command.number, result, self._partner)])
 
     # What the dialects do differently.
 

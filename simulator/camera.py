@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 from missions.items import Command as Item
 from simulator.config import AutopilotKind, SimCamera, SimVehicle
-from simulator.messages import Command, FieldValue, Outbound, Result, build_message
+from simulator.messages import Command, FieldValue, Outbound, Peer, Result, build_command_ack, build_message
 from simulator.physics import Body, Home, Place
 
 GIMBAL = 154
@@ -78,7 +78,7 @@ class Gimbal:
         """Return where it looks; the gimbal says it."""
         return build_message(
             "GIMBAL_DEVICE_ATTITUDE_STATUS", target_system=0, target_component=0, time_boot_ms=boot_ms,
-            flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion_from_euler(0.0, self.pitch_deg, self.yaw_deg),
+            flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion_from_euler(self.pitch_deg, self.yaw_deg),
             angular_velocity_x=math.nan, angular_velocity_y=math.nan, angular_velocity_z=math.nan, failure_flags=0,
             delta_yaw=math.nan, delta_yaw_velocity=math.nan, gimbal_device_id=0,
         )  # fmt: skip
@@ -120,18 +120,21 @@ _RANGES = {
 }
 
 
-def quaternion_from_euler(roll_deg: float, pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
-    """Return an attitude as MAVLink has it: w, x, y, z."""
-    (cr, sr), (cp, sp), (cy, sy) = (
-        (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2))
-        for angle in (roll_deg, pitch_deg, yaw_deg)
+def quaternion_from_euler(pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
+    """Return the attitude of what does not roll as MAVLink has it: w, x, y, z."""
+    (cp, sp), (cy, sy) = (
+        (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)) for angle in (pitch_deg, yaw_deg)
     )
-    w, x = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-    return w, x, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    return cp * cy, -sp * sy, sp * cy, cp * sy
 
 
 FIRST_COMPONENT = 7
 CAMERA_TYPE, NO_AUTOPILOT = 30, 8
+HEARTBEAT = build_message(
+    "HEARTBEAT", type=CAMERA_TYPE, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4,
+    mavlink_version=3,
+)  # fmt: skip
+EVERYBODY = Peer(0, 0)
 CARD_MIB, PICTURE_MIB = 32_000.0, 8.0
 INFORMATION, SETTINGS, STORAGE, STATUS, CAPTURED = 259, 260, 261, 262, 263
 CAPTURES = 1 | 2 | 8
@@ -139,6 +142,8 @@ CAPTURES = 1 | 2 | 8
 FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
 REQUEST_MESSAGE = 512
 NEVER_S = math.inf
+LOOKS_DEG = -90.0
+"""The pitch of a camera without a gimbal."""
 OF_CAMERAS = frozenset({
     Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
 })  # fmt: skip
@@ -277,14 +282,16 @@ class Payload:
         """Answer what one of its components is asked."""
         if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
             known = command.integer_param(0) == DEVICE_INFORMATION
-            self._said.append(ComponentMessage(GIMBAL, _build_ack(command.number, _to_result(done=known))))
+            self._said.append(
+                ComponentMessage(GIMBAL, build_command_ack(command.number, _to_result(done=known), EVERYBODY))
+            )
             self._said += [ComponentMessage(GIMBAL, self.gimbal.build_device_message(self._boot_ms))] if known else []
         for unit in self.units:
             if unit.config.id != component or unit.silent:
                 continue
             message = self._build_requested_message(unit, command) if command.number == REQUEST_MESSAGE else None
             done = message is not None or self.execute_item(command.number, command.params)
-            self._queue_message(unit, _build_ack(command.number, _to_result(done=done)))
+            self._queue_message(unit, build_command_ack(command.number, _to_result(done=done), EVERYBODY))
             if message is not None:
                 self._queue_message(unit, message)
 
@@ -333,7 +340,7 @@ class Payload:
                 self._take_picture(unit)
             if unit.speaks and not unit.silent and now_s >= unit.beat_s:
                 unit.beat_s = now_s + 1.0
-                self._queue_message(unit, _build_heartbeat(CAMERA_TYPE))
+                self._queue_message(unit, HEARTBEAT)
                 self._queue_message(unit, self._build_capture_status(unit))
 
     def _turn_to(self, region: Place) -> None:
@@ -374,7 +381,7 @@ class Payload:
         """Let the autopilot trigger all that it triggers."""
         number, self._triggers = self._triggers, self._triggers + 1
         usec = round((self.now_s - self.boot_s) * 1e6)
-        taken = [(unit, self._take_picture(unit)) for unit in self.units if unit.config.triggered]
+        taken = [(unit, self._take_picture(unit)) for unit in self.units]
         if self.vehicle.autopilot is AutopilotKind.PX4:
             self._said.append(ComponentMessage(None, build_message("CAMERA_TRIGGER", time_usec=usec, seq=number)))
             return
@@ -412,7 +419,7 @@ class Payload:
             message = build_message(
                 "CAMERA_IMAGE_CAPTURED", time_boot_ms=self._boot_ms, time_utc=0, camera_id=0, lat=lat, lon=lon,
                 alt=round((self.home.alt_m + self.body.up_m) * 1e3), relative_alt=round(self.body.up_m * 1e3),
-                q=quaternion_from_euler(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
+                q=quaternion_from_euler(pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
                 file_url=b"" if unit.full else format_picture_name(number + 1).encode(),
             )  # fmt: skip
             if not unit.full:
@@ -426,7 +433,7 @@ class Payload:
         yaw_deg = math.degrees(self.body.yaw_rad)
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
-        return unit.config.pitch_deg, yaw_deg % 360
+        return LOOKS_DEG, yaw_deg % 360
 
     def _queue_gimbal_messages(self, gimbal: Gimbal) -> None:
         self._said.append(ComponentMessage(GIMBAL, gimbal.build_attitude_message(self._boot_ms)))
@@ -487,16 +494,3 @@ def _to_padded_bytes(text: str, length: int) -> list[int]:
 
 def _to_result(*, done: bool) -> Result:
     return Result.ACCEPTED if done else Result.UNSUPPORTED
-
-
-def _build_ack(number: int, result: Result) -> Outbound:
-    return build_message(
-        "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=0,
-        target_component=0,
-    )  # fmt: skip
-
-
-def _build_heartbeat(kind: int) -> Outbound:
-    return build_message(
-        "HEARTBEAT", type=kind, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )

@@ -380,10 +380,6 @@ class SimCamera:
     id: int = 0
     """From 7 on it is a component that speaks for itself; below it is wired to the autopilot."""
     gimbal: bool = False
-    pitch_deg: float = -90.0
-    """Where it looks without a gimbal."""
-    triggered: bool = True
-    """Whether the autopilot's trigger reaches it."""
 
 
 @dataclass(frozen=True, slots=True)

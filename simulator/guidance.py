@@ -11,8 +11,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from simulator.physics import Body, Limits, Place, Velocity
-from simulator.positioning import PositionDrift
+from simulator.physics import Body, Limits, Place, PositionDrift, Velocity
 from simulator.px4_trajectory import Px4Leg, Px4Trajectory, braking_speed_m_s, moving_share
 from simulator.scurves import DelayedCurve, compute_target
 

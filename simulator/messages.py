@@ -297,6 +297,14 @@ def build_message(name: str, **fields: FieldValue) -> Outbound:
     return Outbound(name, fields)
 
 
+def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
+    """Return a COMMAND_ACK."""
+    return build_message(
+        "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=to.sysid,
+        target_component=to.compid,
+    )  # fmt: skip
+
+
 def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
     """Yield the text in as many STATUSTEXT as it takes.
 

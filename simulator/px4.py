@@ -22,8 +22,7 @@ from simulator.mission_store import (
     is_inside,
     place_of,
 )
-from simulator.physics import Home, Limits, Place
-from simulator.positioning import ALONE, GPS_BIT
+from simulator.physics import ALONE, GPS_BIT, Home, Limits, Place
 from simulator.px4_trajectory import HEIGHT_M, JERK, UP
 from simulator.store_px4 import Px4Store
 

@@ -14,8 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simulator.physics import Body, Place, Velocity
-from simulator.positioning import PositionDrift
+from simulator.physics import Body, Place, PositionDrift, Velocity
 
 NOTHING = 1e-7
 

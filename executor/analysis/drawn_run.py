@@ -161,18 +161,14 @@ def _build_flown_ways(record: FlightRecord, frame: LocalFrame, vehicle: VehicleR
             )
             times = tuple(_format_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())
             pieces[bool(adrift[rows[0]])].append(MapLinePiece(positions, times))
-    if pieces[False]:
-        segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
-        yield MapLine(
-            MapFeatureKind.FLOWN, f"{vehicle.name} flown", tuple(pieces[False]), Reference.SEA, vehicle.name,
-            {"segments": segments},
-        )  # fmt: skip
-    if pieces[True]:
-        yield MapLine(
-            MapFeatureKind.FLOWN, f"{vehicle.name} reckoned without GPS", tuple(pieces[True]), Reference.SEA,
-            vehicle.name,
-            {"known": "reckoned"},
-        )  # fmt: skip
+    segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
+    told: dict[bool, tuple[str, dict[str, Fact]]] = {
+        False: ("flown", {"segments": segments}), True: ("reckoned without GPS", {"known": "reckoned"}),
+    }  # fmt: skip
+    for is_adrift, (words, facts) in told.items():
+        if own := tuple(pieces[is_adrift]):
+            name = f"{vehicle.name} {words}"
+            yield MapLine(MapFeatureKind.FLOWN, name, own, Reference.SEA, vehicle.name, facts)
 
 
 def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -263,36 +263,27 @@ COMMENT_AT = 40
 FIRST_PORT = 14551
 
 
-@dataclass(frozen=True, slots=True)
-class SiteTemplate:
-    """What a site file is to begin with."""
+def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
+    """Return the text of a site file.
 
-    file: str
-    """The network, as seen from the site file's folder; or 'default'."""
-    has_heights: bool
-    """Whether the network knows the heights of its pylons."""
-    depot: DepotTable | None
-    """Where the vehicles stand; None where the network's file says it."""
-    radius_m: float | None
-    vehicles: int
-    autopilot: str
-    choice: Mapping[str, object] = field(default_factory=dict)
-    """What else is said of the network's file, by its keys; None for what is not."""
-
-
-def render_site_template(wish: SiteTemplate) -> str:
-    """Return the text of a site file."""
-    vehicles = [
+    Args:
+        vehicles: How many.
+        autopilot: Of all of them.
+        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
+            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
+            and `choice`, what else is said of the network's file, by its keys, None for what is not.
+    """
+    fleet = [
         VehicleTable(
             name=f"uav{number}",
             connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
             sysid=number,
-            autopilot=wish.autopilot,
+            autopilot=autopilot,
         )
-        for number in range(1, wish.vehicles + 1)
+        for number in range(1, vehicles + 1)
     ]
     return render_template(
-        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=vehicles, drones=PRESETS,
+        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=fleet, drones=PRESETS,
         autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
     )  # fmt: skip
 
@@ -344,7 +335,9 @@ def init(
     table = None if place is None else _build_depot_table(place)
     choice = {key: getattr(options, key) for key in ("layer", "where", "crs", "encoding")}
     choice |= {"snap_m": None if options.snap == missions.SNAP_M else options.snap, "max_span_m": options.max_span}
-    text = render_site_template(SiteTemplate(file, known.has_heights, table, radius, vehicles, autopilot.value, choice))
+    text = render_site_template(
+        vehicles, autopilot.value, file=file, has_heights=known.has_heights, depot=table, radius_m=radius, choice=choice
+    )
     if output is None:
         print(text, end="")
         return

@@ -132,7 +132,7 @@ def plan_and_report(
     """
     task = site_model.build_first_task(ground, segments)
     wanted = wanted.adapt_to_task(task)
-    progressed = announce_plan(ground, console, wanted, len(task.segment_ids))
+    progressed = announce_planning(console, wanted, (len(task.segment_ids), len(ground.names)))
     content = site_planning.plan_site(ground, wanted, progressed, task)
     console.show_progress("")
     for line in missions.check_plan(content, search_window=False):
@@ -140,28 +140,21 @@ def plan_and_report(
     return content
 
 
-def announce_plan(
-    ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: int
-) -> Callable[[Progress], None]:
-    """Say what is planned for one flight, and return how to say how far it is."""
-    name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
-    return announce_planning(console, (segments, len(ground.names)), name, unit, wanted.length)
-
-
 def announce_planning(
-    console: TerminalConsole, sizes: tuple[int, int], name: str, unit: str, length: str, where: str = ""
+    console: TerminalConsole, wanted: PlanRequest, sizes: tuple[int, int], chosen_by: str = "", where: str = ""
 ) -> Callable[[Progress], None]:
     """Say what is planned, and return how to say how far it is.
 
     Args:
         console: Where.
+        wanted: How it is planned.
         sizes: How many segments, and how many vehicles.
-        name: What the plan is chosen by.
-        unit: What its value is called.
-        length: How long it is searched.
+        chosen_by: What the plan is chosen by, if not by its cost.
         where: From where and when.
     """
-    console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {length})")
+    name = chosen_by or ("window" if wanted.cost is None else wanted.cost.value)
+    unit = "earliest s" if name == "window" else name
+    console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {wanted.length})")
 
     def progressed(progress: Progress) -> None:
         console.show_progress(
@@ -331,7 +324,7 @@ def plan_day_and_report(
     """
     content, name = build_day_problem(ground, segments), wanted.objective.value
     what = f"from {len(content.bases)} bases on {len(content.days)} days at most "
-    told = announce_planning(console, (len(content.segments), len(content.vehicles)), name, name, wanted.length, what)
+    told = announce_planning(console, wanted, (len(content.segments), len(content.vehicles)), name, what)
 
     def progressed(progress: Progress) -> None:
         told(progress if wanted.objective is Objective.SWAPS else replace(progress, value=progress.value / 3600))

@@ -178,7 +178,9 @@ def _plan_front(
     as_json: bool,
 ) -> None:
     plans = site_planning.plan_front(
-        ground, wanted, plan_inputs.announce_plan(ground, console, wanted, len(ground.network.segments))
+        ground,
+        wanted,
+        plan_inputs.announce_planning(console, wanted, (len(ground.network.segments), len(ground.names))),
     )
     console.show_progress("")
     heights = [_compute_heights(ground, content) for content in plans]

@@ -44,8 +44,6 @@ class SimulatedCards:
     """By how much the clocks of a vehicle's cameras are ahead, by its name."""
     places: bool = True
     """Whether the cameras know where they are."""
-    zoned: bool = False
-    """Whether they say their time zone."""
 
     def write(self, vehicle: str, shot: CapturedImage) -> Path:
         """Write one picture.
@@ -72,7 +70,7 @@ class SimulatedCards:
             exif.ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", exif.SUBSECOND: f"{taken.microsecond // 1000:03d}",
             exif.EXPOSURE: EXPOSURE_S, exif.SERIAL: "0001",
         }  # fmt: skip
-        tags.get_ifd(exif.DETAILS).update(details | ({exif.OFFSET: "+00:00"} if self.zoned else {}))
+        tags.get_ifd(exif.DETAILS).update(details)
         if self.places:
             tags.get_ifd(exif.GPS).update(exif.build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
         path = folder / format_picture_name(shot.number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,17 +122,28 @@ def _collect_limits(record: FlightRecord) -> Mapping[str, float]:
 
     A reserve is drawn for the emptiest of the batteries that share it: 'used' counts from what was there at the launch.
     """
-    limits: dict[str, float] = {}
-    names: dict[str, list[str]] = {}
+    rows = []
     for vehicle in record.vehicles:
         full_pct = float(vehicle.battery[0, 1]) if len(vehicle.battery) else 100.0
-        for words, limit in (
-            (f"budget, {vehicle.budget_pct:g} % used", vehicle.budget_pct),
-            (f"reserve, {vehicle.reserve_pct:g} % left", full_pct - vehicle.reserve_pct),
-        ):
-            limits[words] = min(limit, limits.get(words, limit))
-            names.setdefault(words, []).append(vehicle.name)
-    everybody = len(record.vehicles)
+        rows += [
+            (f"budget, {vehicle.budget_pct:g} % used", vehicle.budget_pct, vehicle.name),
+            (f"reserve, {vehicle.reserve_pct:g} % left", full_pct - vehicle.reserve_pct, vehicle.name),
+        ]
+    return _group_limits(rows, len(record.vehicles))
+
+
+def _group_limits(rows: Iterable[tuple[str, float, str]], everybody: int) -> dict[str, float]:
+    """Return the least limit by what is to be written on its line, with whose it is unless it is everybody's.
+
+    Args:
+        rows: Words, a limit, and the name of its vehicle.
+        everybody: How many vehicles there are.
+    """
+    limits: dict[str, float] = {}
+    names: dict[str, list[str]] = {}
+    for words, limit, name in rows:
+        limits[words] = min(limit, limits.get(words, limit))
+        names.setdefault(words, []).append(name)
     return {
         words if len(names[words]) == everybody else f"{words} ({', '.join(names[words])})": limit
         for words, limit in limits.items()
@@ -327,7 +338,8 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
     anew = [_compute_replanned_progress(content, repair) for repair in repairs]
     drawn = planned + [flown for lines in anew for _, flown in lines]
     end_s = 1.01 * max(1.0, *(float(flown.time_s[-1]) for flown in drawn))
-    limits = _collect_budgets(content)
+    budgets = [(f"budget, {one.budget_pct:g} %", one.budget_pct, one.name) for one in content.vehicles]
+    limits = _group_limits(budgets, len(content.vehicles))
     moments = stack_time_marks(
         [
             (found.earliest_s, f"window begins, {found.earliest_s:.0f} s", LOSS),
@@ -385,18 +397,6 @@ def _draw_lines(
             axes.plot(flown.time_s, flown.used_pct, color=colour, lw=1.5, ls=dashes, zorder=4)
             axes.plot(flown.time_s[-1:], flown.used_pct[-1:], ls="", marker=style_of(lost).marker, ms=5.5, mfc=colour,
                       mec=PAPER, mew=0.6, zorder=5)  # fmt: skip
-
-
-def _collect_budgets(content: PlanFile) -> dict[str, float]:
-    """Return the budgets by what is to be written on their lines."""
-    names: dict[float, list[str]] = {}
-    for vehicle in content.vehicles:
-        names.setdefault(vehicle.budget_pct, []).append(vehicle.name)
-    everybody = len(content.vehicles)
-    return {
-        f"budget, {budget:g} %" + ("" if len(who) == everybody else f" ({', '.join(who)})"): budget
-        for budget, who in names.items()
-    }
 
 
 def _collect_window_ends(

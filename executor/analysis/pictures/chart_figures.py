@@ -25,6 +25,7 @@ from executor.site.site_model import build_paths
 from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
 from missions.safety import legs_m
+from missions.terrain import Terrain
 from planner import RiskEstimate
 
 FRONT_HEIGHT_IN = 7.2
@@ -294,13 +295,13 @@ class HeightProfile:
 
 def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[HeightProfile]:
     """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
-    return [_build_profile(setup, path) for path in paths if path.waypoints and setup.terrain is not None]
+    if setup.terrain is None:
+        return []
+    return [_build_profile(setup, setup.terrain, path) for path in paths if path.waypoints]
 
 
-def _build_profile(setup: FlightSetup, path: FlightPath) -> HeightProfile:
-    terrain, pad = setup.terrain, setup.pad_of(path.vehicle)
-    if terrain is None:
-        raise ValueError("expected ground that a raster knows")
+def _build_profile(setup: FlightSetup, terrain: Terrain, path: FlightPath) -> HeightProfile:
+    pad = setup.pad_of(path.vehicle)
     pieces, phases, so_far_m, along, stops = [], [], 0.0, [], []
     legs = legs_m(path, setup.frame, setup.frame.up_m(pad.alt_m))
     for leg, point in zip(legs, path.waypoints, strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from simulator.config import AutopilotKind
-from simulator.positioning import ABSOLUTE_S, AIDED, ALONE, DRIFT_M_S2, FAILSAFE_S, Positioning
+from simulator.physics import ABSOLUTE_S, AIDED, ALONE, DRIFT_M_S2, FAILSAFE_S, Positioning
 from tests.simulator.harness import Operator, land, takeoff, waypoint
 from tests.simulator.harness import numbered as in_order
 from tests.simulator.test_autopilot_people import flying, texts
