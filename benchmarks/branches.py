@@ -22,7 +22,7 @@ from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtua
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 from simulator.config import parse_fault
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 AHEAD_S = 0.5
 """Before the fault: it then comes in its own time."""

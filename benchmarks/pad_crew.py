@@ -9,7 +9,7 @@ from executor.core.ground import turnaround
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.runtime.flight_loop import Flight
 from simulator.config import parse_fault
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 BESIDE_S = 10.0
 """Until somebody stands beside a vehicle that has landed."""

@@ -40,7 +40,7 @@ from missions.geo import LocalFrame
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, solve
 from simulator.camera import CapturedImage
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 VEHICLES = (2, 4)
 RADII_M = (320.0, 400.0, 500.0)

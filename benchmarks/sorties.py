@@ -34,7 +34,7 @@ from executor.site.site_planning import PlanRequest
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
 from simulator.config import SimVehicle
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 LONGEST_S = 36_000.0
 """Of a search whose iterations end it."""

@@ -44,8 +44,8 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
+from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 
 LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""

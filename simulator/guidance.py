@@ -11,9 +11,15 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
+from simulator.leg_trajectories import (
+    DelayedCurve,
+    Px4Leg,
+    Px4Trajectory,
+    braking_speed_m_s,
+    compute_target,
+    moving_share,
+)
 from simulator.physics import Body, Limits, Place, PositionDrift, Velocity
-from simulator.px4_trajectory import Px4Leg, Px4Trajectory, braking_speed_m_s, moving_share
-from simulator.scurves import DelayedCurve, compute_target
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""

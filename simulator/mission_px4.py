@@ -9,11 +9,11 @@ from enum import Enum
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
 from simulator.guidance import Goal, Land, Leg
+from simulator.leg_trajectories import Px4Leg
 from simulator.messages import MissionState, Severity, build_message
 from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
-from simulator.px4_trajectory import Px4Leg
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
 from simulator.telemetry import VehicleOutbox
 

@@ -12,6 +12,7 @@ from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
+from simulator.leg_trajectories import HEIGHT_M, JERK, UP
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
 from simulator.mission_store import (
     FenceShape,
@@ -23,7 +24,6 @@ from simulator.mission_store import (
     place_of,
 )
 from simulator.physics import ALONE, GPS_BIT, Home, Limits, Place
-from simulator.px4_trajectory import HEIGHT_M, JERK, UP
 from simulator.store_px4 import Px4Store
 
 MAIN_AUTO = 4

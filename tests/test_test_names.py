@@ -273,12 +273,12 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/stream_requests.py",),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
     "tests/simulator/test_leg_times.py": (
-        "simulator/scurves.py",
-        "simulator/px4_trajectory.py",
+        "simulator/leg_trajectories.py",
+        "simulator/leg_trajectories.py",
     ),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
-    "tests/simulator/test_vehicle.py": (
+    "tests/simulator/test_fleet_vehicle.py": (
         "simulator/messages.py",
         "simulator/telemetry.py",
     ),

@@ -21,9 +21,8 @@ from missions import Network, dialect_for
 from missions.geo import FloatArray
 from simulator.camera import CapturedImage, format_picture_name
 from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle, parse_fault
-from simulator.fleet import run_fleet
+from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.truth import Truth, TruthWriter
-from simulator.vehicle import SimulatedVehicle
 
 SIZE_PX = (160, 120)
 VIEW_DEG = 70.0

@@ -19,7 +19,7 @@ from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
 

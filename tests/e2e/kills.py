@@ -25,8 +25,7 @@ from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from missions import Pad, write_plan
 from planner import Cost
-from simulator.fleet import run_fleet
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle, run_fleet
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import passes, segments_of
 

@@ -9,7 +9,7 @@ from simulator.physics import ABSOLUTE_S, AIDED, ALONE, DRIFT_M_S2, FAILSAFE_S, 
 from tests.simulator.harness import Operator, land, takeoff, waypoint
 from tests.simulator.harness import numbered as in_order
 from tests.simulator.test_autopilot_people import flying, texts
-from tests.simulator.test_vehicle import KINDS
+from tests.simulator.test_fleet_vehicle import KINDS
 
 
 def test_it_drifts_from_the_moment_of_the_loss_on() -> None:

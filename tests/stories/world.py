@@ -34,8 +34,8 @@ from executor.site import site_model
 from missions import Network, dialect_for, encode
 from planner import PRESETS
 from simulator.config import AutopilotKind, SimVehicle, parse_fault
+from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east

@@ -20,7 +20,7 @@ from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
 from missions import PlanFile
 from missions.area_check import check_areas
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.short_line import write_line
 from tests.missions.builders import FRAME
 

@@ -20,7 +20,7 @@ from executor.site.site_model import SiteModel
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import segment_of
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.missions.builders import FRAME
 
 LAYER_M = 5.0

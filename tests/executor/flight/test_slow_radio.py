@@ -27,8 +27,8 @@ from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
 from missions import dialect_for
 from simulator.config import AutopilotKind, SimVehicle
+from simulator.fleet import Channel, LinkCondition, SimulatedVehicle
 from simulator.params import defaults_for
-from simulator.vehicle import Channel, LinkCondition, SimulatedVehicle
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
 STEP_S = 0.05

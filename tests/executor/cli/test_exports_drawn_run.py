@@ -12,7 +12,7 @@ import pytest
 import shapely
 from lxml import etree
 
-from executor.analysis.drawn_run import build_drawn_run
+from executor.cli.exports import build_drawn_run
 from executor.errors import LogError
 from missions.exports import MapFeatureKind, format_geojson, format_gpx, format_kml
 from tests.executor.flights import LAUNCH_S, write_run

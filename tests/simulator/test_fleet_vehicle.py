@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from simulator.autopilot import BOOT_S
 from simulator.config import AutopilotKind, parse_fault
+from simulator.fleet import SimulatedVehicle
 from simulator.messages import ItemReceived
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 from tests.simulator.harness import is_happening, numbered, on_wire, rtl, sim_vehicle, speed, takeoff, waypoint
 
 ROUTE = (takeoff(20.0), speed(5.0), waypoint(100, 0, 20.0), waypoint(100, 100, 20.0), rtl())

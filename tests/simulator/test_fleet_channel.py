@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.vehicle import QUEUE_BYTES, Channel, LinkCondition
+from simulator.fleet import QUEUE_BYTES, Channel, LinkCondition
 
 COUNT = 2000
 
