@@ -17,7 +17,7 @@ from executor.core.context import Context
 from executor.core.interface.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import FaultKind, build_onboard_mission
-from executor.simulated.demo_site import LISTENING, build_vehicle_tables
+from executor.simulated.simulated_fleet import LISTENING, build_vehicle_tables
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import build_flight_path, dialect_for

@@ -25,7 +25,7 @@ from benchmarks.store import Json
 from benchmarks.virtual_day import DayScenario, VirtualDay
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
+from executor.simulated.simulated_fleet import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site

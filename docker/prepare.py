@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 import tomli_w
 
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import SIMULATED_CEILING_M, USUAL_VEHICLES
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, USUAL_VEHICLES
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import MissionsError

@@ -12,7 +12,6 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import cast
 
-from simulator.airframe import Event
 from simulator.ardupilot import ArduPilot
 from simulator.autopilot import STEP_S, Autopilot
 from simulator.camera import GIMBAL, CapturedImage
@@ -164,14 +163,10 @@ class SimulatedVehicle:
         self._collect()
         return self._down.take_due(self._now_s)
 
-    def drain_events(self) -> list[Event]:
-        """Take away what really happened."""
-        return self.autopilot.frame.drain_events()
-
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
         """Take away what really happened, where on the globe, and when by a machine's clock."""
         truths = []
-        for event in self.drain_events():
+        for event in self.autopilot.frame.drain_events():
             lat_e7, lon_e7 = self.autopilot.home.lat_lon_e7(event.place.east_m, event.place.north_m)
             truths.append(
                 Truth(

@@ -19,7 +19,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/benchmarks/virtual/test_areas.py": ("missions/area_check.py",),
     "tests/executor/cli/test_areas.py": (
-        "executor/site/site_places.py",
         "executor/site/site_tables.py",
         "missions/outlines.py",
         "missions/reachability.py",
@@ -164,7 +163,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/images/asset_pages.py",
         "executor/images/index_rows.py",
         "executor/images/index_files.py",
-        "executor/simulated/simulated_fleet.py",
     ),
     "tests/missions/test_camera_items.py": ("missions/cameras.py",),
     "tests/missions/readers/test_whole.py": ("missions/readers/shape_parts.py",),

@@ -14,7 +14,6 @@ import typer
 
 import missions
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FaultRow
 from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord, find_last_row, read_run
 from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
@@ -191,22 +190,17 @@ def _build_loss_places(record: FlightRecord, setup: missions.FlightSetup) -> Ite
         at_s, east_m, north_m, _ = vehicle.track[row].tolist()
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(east_m, north_m)
         place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[row]))
+        facts: dict[str, exports.Fact] = {
+            "event": "fault",
+            "fault": fault.kind.value,
+            "reason": fault.reason,
+            "happened": None if fault.happened_s is None else _format_time(record, fault.happened_s),
+            "position_age_s": round(fault.detected_s - at_s, 1),
+        }
         yield exports.MapPoint(
             exports.MapFeatureKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, exports.Reference.SEA,
-            vehicle.name, _format_time(record, fault.detected_s),
-            _describe_fault(record, fault, fault.detected_s - at_s),
+            vehicle.name, _format_time(record, fault.detected_s), facts,
         )  # fmt: skip
-
-
-def _describe_fault(record: FlightRecord, fault: FaultRow, age_s: float) -> dict[str, exports.Fact]:
-    happened = None if fault.happened_s is None else _format_time(record, fault.happened_s)
-    return {
-        "event": "fault",
-        "fault": fault.kind.value,
-        "reason": fault.reason,
-        "happened": happened,
-        "position_age_s": round(age_s, 1),
-    }
 
 
 DRAWN: Mapping[FormatName, Callable[[exports.MapFeatures], str]] = {
@@ -249,15 +243,18 @@ def export(
         _export_run(what, output, FormatName.KML if to is None else to)
         return
     content = missions.read_plan(what)
-    setup = _build_setup(content, what, site)
+    setup, paths = _build_paths(content, what, site)
     to = to or FormatName.QGC
     if to in DRAWN:
         _write(output, f"{what.stem}.{to.value}", DRAWN[to](exports.build_plan_features(content, setup, what.stem)))
     else:
-        _export_missions(content, setup, output, to, autopilot)
+        _export_missions(content, setup, paths, output, to, autopilot)
 
 
-def _build_setup(content: missions.PlanFile, source: Path, site: Path | None) -> missions.FlightSetup:
+def _build_paths(
+    content: missions.PlanFile, source: Path, site: Path | None
+) -> tuple[missions.FlightSetup, Mapping[str, missions.FlightPath]]:
+    """Return heights and pads, and every vehicle's path, if they are high enough."""
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
     terrain = None
@@ -269,20 +266,20 @@ def _build_setup(content: missions.PlanFile, source: Path, site: Path | None) ->
         terrain = ground.terrain
     setup = setup_of_plan(content, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in find_low_places(setup, list(site_model.build_paths(setup, routes).values())):
+    paths = site_model.build_paths(setup, routes)
+    for line in find_low_places(setup, list(paths.values())):
         raise SiteError(f"{source}: heights: {line}")
-    return setup
+    return setup, paths
 
 
 def _export_missions(
     content: missions.PlanFile,
     setup: missions.FlightSetup,
+    paths: Mapping[str, missions.FlightPath],
     output: Path,
     to: FormatName,
     autopilot: AutopilotName | None,
 ) -> None:
-    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    paths = site_model.build_paths(setup, routes)
     texts = {}
     for name, path in paths.items():
         own = missions.dialect_for(_autopilot_of(content, name, autopilot))

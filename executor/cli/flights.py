@@ -32,7 +32,7 @@ from executor.flight.next_flight import describe_next_flight, plan_next_flight, 
 from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
-from executor.simulated import demo_site
+from executor.simulated import simulated_fleet
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
@@ -56,8 +56,8 @@ def demo(
     network: options.NetworkOption = None,
     radius: Annotated[
         float, options.number_option("Only segments within M metres of the depot.", 1, metavar="M")
-    ] = demo_site.USUAL_RADIUS_M,
-    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = demo_site.USUAL_VEHICLES,
+    ] = simulated_fleet.USUAL_RADIUS_M,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = simulated_fleet.USUAL_VEHICLES,
     speedup: Annotated[
         float, options.number_option("Speed of the simulation, in multiples of real time.", 0.1, 100, metavar="X")
     ] = 10.0,
@@ -70,14 +70,14 @@ def demo(
     as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = demo_site.build_demo_site(
+    content = simulated_fleet.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
-    usual = demo_site.is_default_demo(network, radius, vehicles)
-    faults = fault if fault is not None else [demo_site.USUAL_LOSS if usual else demo_site.OTHER_LOSS]
+    usual = simulated_fleet.is_default_demo(network, radius, vehicles)
+    faults = fault if fault is not None else [simulated_fleet.USUAL_LOSS if usual else simulated_fleet.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    demo_site.check_faults(ground, faults)
+    simulated_fleet.check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
     wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
@@ -87,7 +87,7 @@ def demo(
     directory = create_run_directory(run)
     order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(order)
-    with demo_site.run_simulated_fleet(directory, faults, seed):
+    with simulated_fleet.run_simulated_fleet(directory, faults, seed):
         flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
-from executor.cli.plan_inputs import write_named_file
+from executor.cli.plan_inputs import print_result, write_named_file
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
@@ -90,13 +90,9 @@ def replay_logs(
     if output is not None:
         _write(done, output)
     history = None if packs is None else _update_packs(done, packs, known)
-    if as_json:
-        print(json_text(build_replay_document(done)))
-    else:
-        for one in done:
-            _print(one)
-        for line in () if history is None else format_pack_lines(history):
-            print(line)
+    lines = [line for one in done for line in _describe(one)]
+    lines += [] if history is None else format_pack_lines(history)
+    print_result(lambda: build_replay_document(done), lines, as_json=as_json)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.is_same for one in done):
         raise typer.Exit(1)
@@ -202,38 +198,38 @@ BY: Mapping[Actor, str] = MappingProxyType(
 """Who changed a mode, for people."""
 
 
-def _print(done: _ReplayedLog) -> None:
+def _describe(done: _ReplayedLog) -> Iterator[str]:
     found = done.replay
-    print(f"{found.path}: {found.lasted_s / 60:.1f} min")
+    yield f"{found.path}: {found.lasted_s / 60:.1f} min"
     for note in found.notes:
-        print(f"  {note}")
+        yield f"  {note}"
     if done.comparison is not None and done.comparison.is_same:
-        print(f"  the same {done.comparison.logged} decisions as the flight")
+        yield f"  the same {done.comparison.logged} decisions as the flight"
 
     def at(usec: int) -> str:
         return f"{(usec - found.began_usec) / 1e6:.1f} s"
 
     for vehicle in found.vehicles:
-        print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
-        _print_vehicle(vehicle, at)
+        yield f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min"
+        yield from _describe_vehicle(vehicle, at)
     for happened in () if done.truth is None else done.truth.events:
-        print(f"  reference   {at(happened.t_usec):>9}  {happened.what}")
+        yield f"  reference   {at(happened.t_usec):>9}  {happened.what}"
     skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
     if skipped:
-        print(f"  skipped: {', '.join(skipped)}")
+        yield f"  skipped: {', '.join(skipped)}"
 
 
-def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
+def _describe_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> Iterator[str]:
     for one in vehicle.declarations:
-        print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
+        yield f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}"
     for mode in vehicle.modes:
         why = f": {mode.why}" if mode.why else ""
-        print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}")
+        yield f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}"
     for two in vehicle.degraded:
         span = f"{at(two.from_usec)} to {at(two.to_usec)}"
-        print(f"    degraded  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
+        yield f"    degraded  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}"
     if not vehicle.declarations:
-        print("    no declaration")
+        yield "    no declaration"
 
 
 def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:

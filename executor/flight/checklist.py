@@ -12,7 +12,7 @@ from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.flight_request import FlightRequest
 from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
-from executor.site.site_places import base_places_m, build_places
+from executor.site.site_parts import base_places_m, build_places
 
 
 def build_checklist(

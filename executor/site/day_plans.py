@@ -22,7 +22,7 @@ from executor.site.site_model import (
     build_vehicles,
     select_reachable,
 )
-from executor.site.site_places import AT_DEPOT_M, base_place, base_tables
+from executor.site.site_parts import AT_DEPOT_M, base_place, base_tables
 from executor.site.site_planning import PlanRequest, build_site_plan_file, check_plan_fits, check_same_segments
 from missions import (
     Base,

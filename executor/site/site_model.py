@@ -18,10 +18,16 @@ from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
-from executor.site.camera_tasks import build_looks, build_pylon_wishes
 from executor.site.site_file import Site
 from executor.site.site_packs import SitePacks, load_site_packs
-from executor.site.site_places import base_places_m, build_places, find_base_pads, load_areas
+from executor.site.site_parts import (
+    base_places_m,
+    build_looks,
+    build_places,
+    build_pylon_wishes,
+    find_base_pads,
+    load_areas,
+)
 from executor.site.site_tables import VehicleTable
 from missions.areas import Unreachable
 from missions.inspection_height import build_first_paths, find_low_segments

@@ -14,7 +14,7 @@ from shapely.geometry import Point, Polygon
 
 from benchmarks.virtual_day import DayScenario, VirtualDay
 from benchmarks.virtual_flight import FlightObservers, fly_virtual
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.prediction import plan_with
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel

@@ -22,7 +22,7 @@ from executor.site.day_plans import (
 )
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
-from executor.site.site_places import find_base_pads
+from executor.site.site_parts import find_base_pads
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, PlanFileError, check_plan
 from planner import segment_of

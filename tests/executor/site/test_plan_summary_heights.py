@@ -10,7 +10,7 @@ from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError
-from executor.simulated.demo_site import build_demo_site
+from executor.simulated.simulated_fleet import build_demo_site
 from executor.site import site_model
 from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_file import check_site

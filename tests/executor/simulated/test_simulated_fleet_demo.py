@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from executor.simulated.demo_site import build_demo_site, find_free_ports
+from executor.simulated.simulated_fleet import build_demo_site, find_free_ports
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import default_network_path, read_network
