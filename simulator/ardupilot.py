@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
-from simulator import messages, mission_store, telemetry
+from simulator import messages, mission_store
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
@@ -403,14 +403,14 @@ class ArduPilot(Autopilot):
                     custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.build_sys_status(
+                return messages.build_sys_status(
                     self._build_sensor_masks(), voltage_v=0.0 if booting else battery.voltage_v,
                     current_ca=-1 if booting else current, remaining_pct=-1 if booting else self._remaining_pct(),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = self._consumption_mah()
                 known = current >= 0
-                return telemetry.build_battery_status(
+                return messages.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
                     energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,

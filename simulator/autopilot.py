@@ -10,11 +10,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from simulator import messages, telemetry
+from simulator import messages
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
 from simulator.config import PAYLOAD_FAULTS, AutopilotKind, InjectionKind, SimVehicle
 from simulator.guidance import Hover, Leg, find_stopping_place
+from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission
 from simulator.mission_px4 import Px4Mission
 from simulator.mission_store import StoreStep, mission_length_m
@@ -22,7 +23,6 @@ from simulator.params import ParamTable, defaults_for
 from simulator.physics import Home, Place, Positioning
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.store_px4 import Px4Store
-from simulator.telemetry import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""
@@ -126,11 +126,11 @@ class Autopilot(ABC):
         home, body = self.home, self.frame.body
         lat, lon = home.lat_lon_e7(0.0, 0.0)
         return {
-            "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
+            "GLOBAL_POSITION_INT": lambda: messages.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
             ),
-            "GPS_RAW_INT": lambda: telemetry.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
-            "AUTOPILOT_VERSION": lambda: telemetry.build_autopilot_version(
+            "GPS_RAW_INT": lambda: messages.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
+            "AUTOPILOT_VERSION": lambda: messages.build_autopilot_version(
                 capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
             ),
             "LOCAL_POSITION_NED": lambda: messages.build_message(
@@ -143,12 +143,12 @@ class Autopilot(ABC):
             ),
             "VFR_HUD": lambda: messages.build_message(
                 "VFR_HUD", airspeed=body.ground_speed_m_s, groundspeed=body.ground_speed_m_s,
-                heading=telemetry.heading_cdeg(body) // 100, throttle=38 if self.frame.motors_on else 0,
+                heading=messages.heading_cdeg(body) // 100, throttle=38 if self.frame.motors_on else 0,
                 alt=home.alt_m + body.up_m, climb=body.v_up_m_s,
             ),
             "HOME_POSITION": lambda: messages.build_message(
                 "HOME_POSITION", latitude=lat, longitude=lon, altitude=round(home.alt_m * 1000), x=0.0, y=0.0, z=0.0,
-                q=telemetry.NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0,
+                q=messages.NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0,
                 time_usec=self.boot_ms * 1000,
             ),
             # Without a satellite clock the time of day is unknown, and unknown is 0.

@@ -10,12 +10,11 @@ from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
 from simulator.guidance import Goal, Hover, Land, Leg, TimedLeg, can_join_timed_leg, corner_speed_m_s, distance_m
 from simulator.leg_trajectories import DelayedCurve, LegLimits, SCurve, overlap_s, turn_s
-from simulator.messages import MissionState, Severity, build_message
+from simulator.messages import MissionState, Severity, VehicleOutbox, build_message
 from simulator.mission_store import DONE_IN_PASSING, CarryOut, find_return_destination, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.telemetry import VehicleOutbox
 
 LATE_SLOWDOWN_M = 22.5
 """How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""

@@ -10,12 +10,11 @@ from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
 from simulator.guidance import Goal, Land, Leg
 from simulator.leg_trajectories import Px4Leg
-from simulator.messages import MissionState, Severity, build_message
+from simulator.messages import MissionState, Severity, VehicleOutbox, build_message
 from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
-from simulator.telemetry import VehicleOutbox
 
 CHECK_S = 0.5
 """An upload on the ground until the mission counts as valid: MISSION_START right after the ACK is denied."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import ClassVar
 
-from simulator import messages, telemetry
+from simulator import messages
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
@@ -518,13 +518,13 @@ class Px4(Autopilot):
                     custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.build_sys_status(
+                return messages.build_sys_status(
                     self._build_sensor_masks(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
                     remaining_pct=math.ceil(battery.charge_pct - 1e-9),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return telemetry.build_battery_status(
+                return messages.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
                     consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,

@@ -85,7 +85,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/style.py",
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/document.py",),
-    "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
         "benchmarks/markdown.py",
@@ -270,16 +269,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/stream_requests.py",),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
-    "tests/simulator/test_leg_times.py": (
-        "simulator/leg_trajectories.py",
-        "simulator/leg_trajectories.py",
-    ),
+    "tests/simulator/test_leg_times.py": ("simulator/leg_trajectories.py",),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
-    "tests/simulator/test_fleet_vehicle.py": (
-        "simulator/messages.py",
-        "simulator/telemetry.py",
-    ),
+    "tests/simulator/test_fleet_vehicle.py": ("simulator/messages.py",),
     "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_planning_asked.py": (

@@ -22,8 +22,8 @@ from executor.core.state.positioning import update_positioning
 from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.errors import LogError
 from executor.site import site_model
+from executor.site.learned_files import load_site_packs
 from executor.site.site_file import Site, read_site
-from executor.site.site_packs import load_site_packs
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 from missions.areas import Area
 from missions.geo import FloatArray

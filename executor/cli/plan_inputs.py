@@ -14,7 +14,6 @@ import typer
 import missions
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned_document import describe_learned, read_learned
 from executor.cli.console import TerminalConsole
 from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_option
 from executor.core.interface.commands import Level
@@ -23,6 +22,7 @@ from executor.flight.next_flight import read_segments_left
 from executor.site import day_plans, plan_summary, site_model, site_planning
 from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
+from executor.site.learned_files import describe_learned, read_learned
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest

@@ -25,9 +25,9 @@ from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.packs_file import format_pack_lines, merge_packs
 from executor.replay.replay_result import LogReplay, RecordedTruth, VehicleReplay
 from executor.replay.run_replay import DecisionComparison, replay_run
+from executor.site.learned_files import PacksDocument, read_packs
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
-from executor.site.site_packs import PacksDocument, read_packs
 from missions.files import json_text, write_whole
 from planner import PRESETS
 

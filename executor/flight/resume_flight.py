@@ -26,7 +26,6 @@ from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.log_end import count_lines_after, is_flight_finished, read_last_event_s
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import AskedVehicles, FlightReport, read_report, read_vehicle_answers
-from executor.analysis.learned_document import read_learned_before
 from executor.analysis.report import NOTHING_SAID, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
@@ -44,6 +43,7 @@ from executor.flight.run_flight import FlightResult, FlightSession
 from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.simulated.injected_faults import read_injected_faults
+from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel, load_site_model
 from executor.site.site_planning import check_plan_belongs

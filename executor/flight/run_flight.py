@@ -17,7 +17,6 @@ from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import AskedVehicles, FlightReport
-from executor.analysis.learned_document import learn_from_flight
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -47,9 +46,9 @@ from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
 from executor.runtime.loss_judging import keep_judging
 from executor.site import day_plans
+from executor.site.learned_files import build_flown_packs, learn_from_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
-from executor.site.site_packs import build_flown_packs
 from missions.fences import Fence
 
 if TYPE_CHECKING:

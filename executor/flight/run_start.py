@@ -8,7 +8,6 @@ from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicle, read_vehicle_answers
-from executor.analysis.learned_document import read_learned_before
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
@@ -17,6 +16,7 @@ from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.site import day_plans, site_model
+from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import check_plan_belongs

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from executor.replay.pack_book import PackFlight
 from executor.replay.replay_result import LogReplay
-from executor.site.site_packs import FORMAT, PackEntry, PacksDocument
+from executor.site.learned_files import FORMAT, PackEntry, PacksDocument
 
 
 def merge_packs(

@@ -18,8 +18,8 @@ from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
+from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
-from executor.site.site_packs import SitePacks, load_site_packs
 from executor.site.site_parts import (
     base_places_m,
     build_looks,

@@ -12,18 +12,18 @@ from typing import Any
 from pydantic import BaseModel
 
 from executor.adapters.mqtt import intake, payloads
-from executor.analysis import documents, learned_document
+from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
-from executor.site import flight_tables, site_file, site_tables
+from executor.site import flight_tables, learned_files, site_file, site_tables
 from missions import areas, day_plan, flight_model, geo, grids, pace, performance, plan_file, plan_json, pricing, setup
 from missions import shortest_ways as ways
 from planner import moves
 
 FILES: dict[str, type[BaseModel]] = {
     "dayplan": plan_json.DayPlanDocument,
-    "learned": learned_document.LearnedDocument,
+    "learned": learned_files.LearnedDocument,
     "plan": plan_json.PlanDocument,
     "report": documents.FlightReport,
     "site": site_file.Site,
@@ -70,7 +70,7 @@ def schemas() -> dict[str, str]:
         asset_status,
         *PLAN,
         documents,
-        learned_document,
+        learned_files,
         *SITE,
     )
     words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}

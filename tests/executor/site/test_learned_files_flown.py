@@ -8,7 +8,7 @@ from types import MappingProxyType
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import FlownSortie, Turnaround
 from executor.core.state.vehicle_state import VehicleState
-from executor.site.site_packs import build_flown_packs
+from executor.site.learned_files import build_flown_packs
 
 FLOWN = FlownSortie(1, "P1", 100.0, 100.0, 16.8, (), 700.0, 40.0, 15.2, 4)
 

@@ -12,9 +12,9 @@ import pytest
 from executor.errors import LogError, SiteError
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.site import site_model
+from executor.site.learned_files import load_site_packs, read_packs
 from executor.site.site_file import Site, check_site, read_site
 from executor.site.site_model import SiteModel
-from executor.site.site_packs import load_site_packs, read_packs
 from missions import SolverRecord, make_plan_file
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
