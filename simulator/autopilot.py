@@ -457,7 +457,8 @@ class Autopilot(ABC):
             case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
             case _:
-                self._handle_mission_message(sender, body)
+                step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
+                self._apply_store_step(step)
 
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
         """Answer questions; what is an answer itself gets none."""
@@ -468,9 +469,6 @@ class Autopilot(ABC):
                 messages.build_message("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
                     target_component=sender.compid)
             ])  # fmt: skip
-
-    def _handle_mission_message(self, sender: messages.Peer, body: messages.MissionMessage) -> None:
-        self._apply_store_step(self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked()))
 
     def _apply_store_step(self, step: StoreStep) -> None:
         self.voice.send(step.send)

@@ -49,10 +49,6 @@ class Gimbal:
     control: tuple[int, int] | None = None
     """System and component that have taken control of it; None while nobody ever has."""
 
-    def apply_pitch_yaw_command(self, params: Sequence[float]) -> None:
-        """Obey DO_GIMBAL_MANAGER_PITCHYAW."""
-        self.wanted, self.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
-
     def change_control(self, params: Sequence[float], sender: tuple[int, int]) -> None:
         """Give its control to who asks for it, or take it back."""
         if params[0] == ASKING:
@@ -228,10 +224,6 @@ class Payload:
 
     # What goes in.
 
-    def list_components(self) -> frozenset[int]:
-        """Return the components that speak and are spoken to beside the autopilot."""
-        return frozenset(unit.config.id for unit in self.units if unit.speaks)
-
     def execute_item(self, number: int, params: Sequence[float]) -> bool:
         """Follow a mission item or a command; returns whether it is one for cameras."""
         match number:
@@ -260,7 +252,7 @@ class Payload:
         elif number == Item.DO_SET_ROI_NONE:
             self.body.face_rad = None
         elif self.gimbal is not None:
-            self.gimbal.apply_pitch_yaw_command(params)
+            self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
 
     def _command_camera(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
         """Have one camera do what an item for cameras says."""
@@ -329,7 +321,9 @@ class Payload:
             self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
             if now_s >= self.gimbal.due_s:
                 self.gimbal.due_s = now_s + GIMBAL_S
-                self._queue_gimbal_messages(self.gimbal)
+                self._said.append(ComponentMessage(GIMBAL, self.gimbal.build_attitude_message(self._boot_ms)))
+                if self.gimbal.control is not None:
+                    self._said.append(ComponentMessage(None, self.gimbal.build_status_message(self._boot_ms)))
         here_m = (self.body.east_m, self.body.north_m)
         if self.every_m and self._last_m is not None and math.dist(here_m, self._last_m) >= self.every_m:
             self._last_m = here_m
@@ -434,11 +428,6 @@ class Payload:
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
         return LOOKS_DEG, yaw_deg % 360
-
-    def _queue_gimbal_messages(self, gimbal: Gimbal) -> None:
-        self._said.append(ComponentMessage(GIMBAL, gimbal.build_attitude_message(self._boot_ms)))
-        if gimbal.control is not None:
-            self._said.append(ComponentMessage(None, gimbal.build_status_message(self._boot_ms)))
 
     def _build_requested_message(self, unit: CameraUnit, command: Command) -> Outbound | None:
         wanted = command.integer_param(0)

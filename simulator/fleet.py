@@ -116,7 +116,7 @@ class SimulatedVehicle:
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         payload = self.autopilot.payload
-        speaking = frozenset() if payload is None else payload.list_components()
+        speaking = frozenset(one.config.id for one in ([] if payload is None else payload.units) if one.speaks)
         self._codec = Codec(
             vehicle.sysid,
             every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,

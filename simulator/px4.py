@@ -342,7 +342,10 @@ class Px4(Autopilot):
     def _decide(self) -> None:
         self._lost_gps |= self.frame.armed and self.positioning.without_s(self.now_s) > 0.0
         self._end_mission(self.mission.step(self.now_s))
-        self._announce()
+        if self.mission.index != self._announced[0] and self.mission.running:
+            # A new index is reported at once; a new mission goes out with the next second's report.
+            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
+        self._announced = (self.mission.index, self._store.mission_id)
         self._announce_landed_state()
         self._watch_link()
         self._watch_battery()
@@ -350,12 +353,6 @@ class Px4(Autopilot):
         if self._action_due is not None and self.now_s >= self._action_due[0]:
             self._switch(self._action_due[1])
             self._action_due = None
-
-    def _announce(self) -> None:
-        """Report a new index at once; a new mission goes out with the next second's report."""
-        if self.mission.index != self._announced[0] and self.mission.running:
-            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
-        self._announced = (self.mission.index, self._store.mission_id)
 
     def _announce_landed_state(self) -> None:
         before, now = self._landed_state, self.frame.landed_state

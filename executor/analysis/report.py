@@ -34,16 +34,14 @@ def build_route_rows(
     launched_s = state.progress.launched_s or 0.0
     rows = []
     for vehicle in state.vehicles.values():
+        factor = factors.get(vehicle.name, 1.0)
         for revision, legs in groupby(vehicle.assignment.flown, key=lambda leg: leg.revision):
-            row = _build_route_row(
-                vehicle.name, revision, [_scale_energy(leg, factors.get(vehicle.name, 1.0)) for leg in legs], launched_s
-            )
+            scaled = [
+                replace(leg, planned=replace(leg.planned, energy_pct=factor * leg.planned.energy_pct)) for leg in legs
+            ]
+            row = _build_route_row(vehicle.name, revision, scaled, launched_s)
             rows += [] if row is None else [row]
     return tuple(rows)
-
-
-def _scale_energy(leg: FlownLeg, factor: float) -> FlownLeg:
-    return replace(leg, planned=replace(leg.planned, energy_pct=factor * leg.planned.energy_pct))
 
 
 def error_pct(flown: float | None, planned: float) -> float | None:
@@ -178,6 +176,9 @@ def build_report(
     began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
     never = {one.segment for one in context.unreachable}
     asked = {row.name: row for row in said.vehicles}
+    hurt = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
+    boards = (vehicle.assignment.board for vehicle in state.vehicles.values())
+    heights = mission_checks.build_heights_document(context.setup, [one.path for one in boards if one is not None])
     uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
     return documents.FlightReport(
         format="faultline-report/1",
@@ -193,7 +194,7 @@ def build_report(
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
         duration_s=ended_s - began_s,
-        faults=_build_fault_rows(state, began_s, truths),
+        faults=tuple(_build_fault_row(*one, began_s, truths) for one in (*state.replanning.mended, *hurt)),
         replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
             _build_vehicle_row(context, state, vehicle, frames.get(vehicle.name), asked.get(vehicle.name), began_s)
@@ -201,12 +202,17 @@ def build_report(
         ),
         checks=said.checks,
         parameters=tuple(parameters),
-        heights=_build_heights(context, state),
+        heights=documents.HeightsPart.model_validate(heights),
         absences=tuple(
             documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
             for absence in state.listening.absences
         ),
-        seen=_build_seen_rows(context, state),
+        seen=tuple(
+            documents.SeenRow.build_from(
+                row, name=row.asset, inspected_at_m=state.coverage.inspected_at_m.get(row.segment)
+            )
+            for row in build_asset_rows(context, state)
+        ),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -263,13 +269,6 @@ def _build_replan_row(record: ReplanRecord) -> documents.ReplanRow:
     return documents.ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
 
 
-def _build_heights(context: Context, state: FleetState) -> documents.HeightsPart:
-    paths = [
-        vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
-    ]
-    return documents.HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
-
-
 def _build_inspection_row(context: Context, state: FleetState, segment: int) -> documents.InspectionRow:
     flown = state.coverage.flown[segment]
     return documents.InspectionRow.build_from(
@@ -280,21 +279,6 @@ def _build_inspection_row(context: Context, state: FleetState, segment: int) -> 
         inspected_at_m=state.coverage.inspected_at_m.get(segment),
         speed_mean_m_s=flown.mean_m_s,
         speed_max_m_s=flown.max_m_s,
-    )
-
-
-def _build_fault_rows(
-    state: FleetState, began_s: float, truths: Sequence[InjectedFault]
-) -> tuple[documents.FaultRow, ...]:
-    now = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
-    return tuple(_build_fault_row(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *now))
-
-
-def _build_seen_rows(context: Context, state: FleetState) -> tuple[documents.SeenRow, ...]:
-    at_m = state.coverage.inspected_at_m
-    return tuple(
-        documents.SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
-        for row in build_asset_rows(context, state)
     )
 
 
