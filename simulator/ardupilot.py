@@ -358,11 +358,9 @@ class ArduPilot(Autopilot):
 
     # Reports.
 
-    def _gauge_pct(self) -> float:
-        return min(self.frame.battery.charge_pct + self._gauge_offset_pct, 100.0)
-
     def _consumption_mah(self) -> float:
-        return (100.0 - self._gauge_pct()) / 100 * self.frame.battery.capacity_mah
+        battery = self.frame.battery
+        return (100.0 - min(battery.charge_pct + self._gauge_offset_pct, 100.0)) / 100 * battery.capacity_mah
 
     def _remaining_pct(self) -> int:
         """Return the percentage as reported: what the counter leaves of the capacity it was told, cut off."""

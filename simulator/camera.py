@@ -182,10 +182,6 @@ class CameraUnit:
         self.filming_s: float | None = None
         self.beat_s = 0.0
 
-    def is_addressed_by(self, number: float) -> bool:
-        """Return whether an item's camera id means it."""
-        return number in {0.0, float(self.config.id)}
-
 
 @dataclass(frozen=True, slots=True)
 class ComponentMessage:
@@ -261,7 +257,7 @@ class Payload:
                 unit.filming_s = self.now_s
             case Item.VIDEO_STOP_CAPTURE:
                 unit.filming_s = None
-            case _ if not unit.is_addressed_by(params[0]):
+            case _ if params[0] not in {0.0, float(unit.config.id)}:  # it means another camera
                 pass
             case Item.IMAGE_STOP_CAPTURE:
                 unit.every_s, unit.due_s = 0.0, NEVER_S

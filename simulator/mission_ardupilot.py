@@ -294,13 +294,10 @@ class ArduPilotMission:
             self._turning = None
         else:
             onward = place_of(after, self._home, target) if passes and after is not None else None
-            changes = after_seq is not None and self._has_speed_change(seq, after_seq)
+            passed = (self._store.item_at(between) for between in range(seq + 1, after_seq or 0))
+            changes = any(one is not None and one.command == Command.DO_CHANGE_SPEED for one in passed)
             flown = self._build_timed_leg(leg, onward, settles_s, changes=changes) or leg
         return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
-
-    def _has_speed_change(self, seq: int, until: int) -> bool:
-        items = [self._store.item_at(between) for between in range(seq + 1, until)]
-        return any(item is not None and item.command == Command.DO_CHANGE_SPEED for item in items)
 
     def _build_timed_leg(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> TimedLeg | None:
         """Return the leg by the clock; None when the vehicle is not where the clock would have it."""

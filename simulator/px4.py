@@ -109,8 +109,8 @@ class Px4(Autopilot):
         self._arming_for_mission = False
         self._mode_after_flight = Mode.LOITER
         """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""
-        self._announced = (0, 0)
-        """Index and mission id as last reported."""
+        self._announced = 0
+        """The index as last reported."""
         self._link_lost = False
         self._failsafe = self._blind = self._lost_gps = False
         self._emergency = Mode.LAND
@@ -342,10 +342,10 @@ class Px4(Autopilot):
     def _decide(self) -> None:
         self._lost_gps |= self.frame.armed and self.positioning.without_s(self.now_s) > 0.0
         self._end_mission(self.mission.step(self.now_s))
-        if self.mission.index != self._announced[0] and self.mission.running:
+        if self.mission.index != self._announced and self.mission.running:
             # A new index is reported at once; a new mission goes out with the next second's report.
             self.streams.schedule_now("MISSION_CURRENT", self.now_s)
-        self._announced = (self.mission.index, self._store.mission_id)
+        self._announced = self.mission.index
         self._announce_landed_state()
         self._watch_link()
         self._watch_battery()

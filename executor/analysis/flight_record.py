@@ -393,7 +393,11 @@ def read_run(run: Path) -> FlightRecord:
         segments=_build_segments(first, site, report, log),
         vehicles=vehicles,
         revisions=tuple(revisions),
-        decisions=tuple(_read_decisions(RunDirectory(run).events, log.launched_s)),
+        decisions=tuple(
+            DecisionLine(note["t_s"] - log.launched_s, Level(note["level"]), text)
+            for note in read_notes(RunDirectory(run).events)
+            if (text := note.get("said", note.get("told"))) is not None  # of something else, such as a broker
+        ),
         duration_s=report.duration_s,
         areas=first.areas,
         never=tuple((one.name, one.why) for one in first.unreachable),
@@ -433,14 +437,6 @@ def _take_event(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup:
             log.uploaded[event.revision, event.vehicle] = (t_s, event.accepted)
         case _:
             pass
-
-
-def _read_decisions(path: Path, launched_s: float) -> Iterator[DecisionLine]:
-    """Yield what the operator saw: what was decided, or told of something else, such as a broker."""
-    for note in read_notes(path):
-        text = note.get("said", note.get("told"))
-        if text is not None:
-            yield DecisionLine(note["t_s"] - launched_s, Level(note["level"]), text)
 
 
 def _build_vehicles(

@@ -263,10 +263,9 @@ def preflight(
     found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
-    if as_json:
-        print(json_text({"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}))
-    elif not quiet:
-        print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
+    lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
+    rows = [CheckRow.build_from(check).to_plain() for check in found]
+    plan_inputs.print_result(lambda: {"ready": not stops, "checks": rows}, () if quiet else lines, as_json=as_json)
     if stops:
         raise typer.Exit(1)
 
@@ -425,15 +424,13 @@ def _finish(
     directory: Path, kept: Sequence[KeptParameter], lists: Sequence[KeptList], *, as_json: bool, quiet: bool
 ) -> None:
     stay = sum(one.is_open for one in kept) + sum(one.is_open for one in lists)
-    if as_json:
-        rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
-        if lists:
-            rows["fences"] = [
-                {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.is_open} for one in lists
-            ]
-        print(json_text({"restored": stay == 0, **rows}))
-    elif not quiet:
-        what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
-        print(f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored")
+    rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
+    if lists:
+        rows["fences"] = [
+            {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.is_open} for one in lists
+        ]
+    what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
+    line = f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored"
+    plan_inputs.print_result(lambda: {"restored": stay == 0, **rows}, [] if quiet else [line], as_json=as_json)
     if stay:
         raise typer.Exit(1)

@@ -12,10 +12,10 @@ import typer
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
+from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
 from executor.images.index_files import read_index, write_file_matches
 from executor.images.matching import FileMatch, Matching, match_files
-from missions.files import json_text
 
 SHOWN = 5
 """Names of one kind that are printed; images-files.csv has all of them."""
@@ -56,10 +56,8 @@ def images(
     write_file_matches(run, COLUMNS, _build_rows(found))
     write_assets_page(RunDirectory(run).assets, index, found)
     add_pictures_to_report(RunDirectory(run).page, index, found)
-    if as_json:
-        print(json_text(_build_document(found, placed)))
-    elif not quiet:
-        print("\n".join(_describe_matching(found, placed, len(index.images))))
+    lines = () if quiet else _describe_matching(found, placed, len(index.images))
+    print_result(lambda: _build_document(found, placed), lines, as_json=as_json)
     if not found.is_complete:
         raise typer.Exit(1)
 

@@ -27,17 +27,7 @@ from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions.files import json_text
-from planner import Progress
-from planner.sorties import (
-    Objective,
-    SparesEstimate,
-    SurvivalCampaign,
-    add_spares,
-    find_loss_windows,
-    simulate_days,
-    split_samples,
-    summarise_samples,
-)
+from planner import Progress, sorties
 
 
 def load_site_with_learned(
@@ -228,7 +218,7 @@ DAY_SECONDS = 20.0
 """Of a day's search where nobody said how long."""
 MOST_SPARES = 5
 ObjectiveOption = Annotated[
-    Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")
+    sorties.Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")
 ]
 
 
@@ -242,7 +232,7 @@ class DayOptions:
             "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
         ),
     ] = False
-    objective: ObjectiveOption = Objective.FINISH
+    objective: ObjectiveOption = sorties.Objective.FINISH
     mtbf_hours: Annotated[
         float | None,
         number_option(
@@ -327,7 +317,9 @@ def plan_day_and_report(
     told = announce_planning(console, wanted, (len(content.segments), len(content.vehicles)), name, what)
 
     def progressed(progress: Progress) -> None:
-        told(progress if wanted.objective is Objective.SWAPS else replace(progress, value=progress.value / 3600))
+        told(
+            progress if wanted.objective is sorties.Objective.SWAPS else replace(progress, value=progress.value / 3600)
+        )
 
     content = solve_day(content, wanted, list_spares(ground), progressed)
     for line in missions.check_day_plan(content):
@@ -343,7 +335,9 @@ def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, se
     def told(done: int, of: int) -> None:
         console.show_progress(f"losses checked: {done} of {of}")
 
-    return replace(content, windows=find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told))
+    return replace(
+        content, windows=sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
+    )
 
 
 def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:
@@ -366,11 +360,11 @@ def _evaluate_spares(
     fly: CampaignRunner,
     seed: int,
     shares: Sequence[float],
-) -> list[SparesEstimate]:
+) -> list[sorties.SparesEstimate]:
     """Return what each number of spares comes to, up to the first that is enough; none where nobody asked for it."""
     if asked.mtbf_hours is None:
         return []
-    instance, found = content.build_instance(), list[SparesEstimate]()
+    instance, found = content.build_instance(), list[sorties.SparesEstimate]()
     busy_s = [sum(own) for own in content.evaluation.lasts_s]
     order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
     for count in range(MOST_SPARES + 1):
@@ -379,16 +373,18 @@ def _evaluate_spares(
             console.show_progress(f"{count} spares: {done} of {of} times flown")
 
         chosen = tuple(order[number % len(order)] for number in range(count))
-        campaign = SurvivalCampaign(add_spares(instance, chosen), content.plan, asked.mtbf_hours, seed)
-        lives = summarise_samples(fly(simulate_days, campaign, split_samples(asked.samples), told))
-        found.append(SparesEstimate(chosen, lives))
+        campaign = sorties.SurvivalCampaign(sorties.add_spares(instance, chosen), content.plan, asked.mtbf_hours, seed)
+        lives = sorties.summarise_samples(
+            fly(sorties.simulate_days, campaign, sorties.split_samples(asked.samples), told)
+        )
+        found.append(sorties.SparesEstimate(chosen, lives))
         if lives.finished.estimate >= max(shares):
             break
     return found
 
 
 def build_day_document(
-    content: missions.DayPlanFile, spares: list[SparesEstimate], shares: list[float], mtbf_h: float | None
+    content: missions.DayPlanFile, spares: list[sorties.SparesEstimate], shares: list[float], mtbf_h: float | None
 ) -> dict[str, object]:
     """Return what `--json` says of days: the plan of them, and what it asks for."""
     document = missions.build_plan_document(content)

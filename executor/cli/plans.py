@@ -10,36 +10,18 @@ from typing import Annotated
 
 import typer
 
+import missions
+import planner
 from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
 from executor.site import plan_summary, site_model, site_planning
-from executor.site.campaigns import compute_campaign_risks, describe_policy, open_campaign_runner, sweep_mtbf
+from executor.site.campaigns import describe_policy, open_campaign_runner, sweep_mtbf
 from executor.site.ground_view import view_for
 from executor.site.site_file import read_site
 from executor.site.site_planning import PlanRequest
-from missions import (
-    DayPlanFile,
-    PlanFile,
-    build_plan_document,
-    check_day_plan,
-    check_plan,
-    read_any_plan,
-    read_plan,
-    write_plan,
-)
-from planner import (
-    ReplanWindow,
-    RiskCampaign,
-    RiskEstimate,
-    SearchParams,
-    build_risk_campaign,
-    find_repairs_at,
-    replan_window,
-    split_flights,
-)
 
 SearchOption = Annotated[
     Path | None,
@@ -115,7 +97,7 @@ def plan(
     _check_options_fit(asked, day=days.day)
     wanted = (replace(planning, cost=options.PlanCostName.WINDOW) if front else planning).build_request()
     if search is not None:
-        wanted = replace(wanted, params=SearchParams.load(search))
+        wanted = replace(wanted, params=planner.SearchParams.load(search))
     plan_inputs.check_can_write(None if front else output)
     plan_inputs.check_can_draw("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)
@@ -135,7 +117,7 @@ def plan(
     below = None if picture is None else view_for(ground, site.parent)
     content = plan_inputs.plan_and_report(ground, console, wanted, left)
     heights = _compute_heights(ground, content)
-    plan_inputs.write_named_file(output, lambda path: write_plan(path, content))
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
     plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_plan_figure(content, below))
     routes = site_model.name_routes(ground, content.build_task(), content.plan)
     plan_inputs.draw_named_file(profile, lambda pictures: pictures.draw_profile_figure(ground.setup, routes))
@@ -147,7 +129,7 @@ def plan(
         raise typer.Exit(1)
 
 
-def _compute_heights(ground: site_model.SiteModel, content: PlanFile) -> plan_summary.PlannedHeights:
+def _compute_heights(ground: site_model.SiteModel, content: missions.PlanFile) -> plan_summary.PlannedHeights:
     return plan_summary.compute_planned_heights(
         ground, [site_model.name_routes(ground, content.build_task(), content.plan)]
     )
@@ -197,15 +179,15 @@ def _plan_front(
     lines += [_describe_trade(name, content) for name, content in named.items()]
     lines += dict.fromkeys(f"warning: {line}" for one in heights for line in one.warnings)
     plan_inputs.print_result(
-        lambda: {"front": [build_plan_document(content) for content in plans]}, lines, as_json=as_json
+        lambda: {"front": [missions.build_plan_document(content) for content in plans]}, lines, as_json=as_json
     )
 
 
-def _write_numbered(number: int, content: PlanFile, folder: Path) -> None:
-    write_plan(folder / f"plan-{number:02d}.json", content)
+def _write_numbered(number: int, content: missions.PlanFile, folder: Path) -> None:
+    missions.write_plan(folder / f"plan-{number:02d}.json", content)
 
 
-def _describe_trade(name: str, content: PlanFile) -> str:
+def _describe_trade(name: str, content: missions.PlanFile) -> str:
     longest_s, energy_pct, found = max(content.durations_s), sum(content.energies_pct), content.window
     text = f"{name:>7}  {longest_s / 60:9.1f} min  {energy_pct:9.1f} %"
     return text if found is None else f"{text}  {found.earliest_s / 60:10.1f} min  {found.window_pct:5.1f} %"
@@ -213,8 +195,10 @@ def _describe_trade(name: str, content: PlanFile) -> str:
 
 def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
-    content = read_any_plan(plan)
-    wrong = check_day_plan(content) if isinstance(content, DayPlanFile) else check_plan(content)
+    content = missions.read_any_plan(plan)
+    wrong = (
+        missions.check_day_plan(content) if isinstance(content, missions.DayPlanFile) else missions.check_plan(content)
+    )
     plan_inputs.print_result(
         lambda: {"ok": not wrong, "wrong": wrong}, wrong or ["every figure is right"], as_json=as_json
     )
@@ -240,16 +224,18 @@ def window(
     of days: from when on each vehicle may be lost for good.
     """
     plan_inputs.check_can_draw("--picture", picture)
-    content = read_any_plan(plan)
-    if isinstance(content, DayPlanFile):
+    content = missions.read_any_plan(plan)
+    if isinstance(content, missions.DayPlanFile):
         if picture is not None:
             raise SiteError("--picture: expected none for a plan of days; `plan --day --picture` draws its sorties")
         plan_inputs.print_loss_windows(content, seed, as_json=as_json)
         return
-    found = replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
+    found = planner.replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
         again = content.fly_again
-        repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
+        repairs = planner.find_repairs_at(
+            content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again
+        )
         plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_window_figure(content, found, repairs))
     plan_inputs.print_result(
         lambda: _build_window_document(content, found), _describe_found_window(content, found), as_json=as_json
@@ -275,14 +261,14 @@ def replan(
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     plan_inputs.check_can_write(output)
-    result = site_planning.preview_loss(read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
-    plan_inputs.write_named_file(output, lambda path: write_plan(path, result.plan))
+    result = site_planning.preview_loss(missions.read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, result.plan))
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
         raise typer.Exit(1)
 
 
-def _build_window_document(content: PlanFile, found: ReplanWindow) -> dict[str, object]:
+def _build_window_document(content: missions.PlanFile, found: planner.ReplanWindow) -> dict[str, object]:
     figures = ("window_pct", "earliest_s", "certified_earliest_s", "certified_window_pct", "longest_route_s")
     breaking = found.breaking
     return {key: getattr(found, key) for key in figures} | {
@@ -292,7 +278,7 @@ def _build_window_document(content: PlanFile, found: ReplanWindow) -> dict[str, 
     }  # fmt: skip
 
 
-def _describe_found_window(content: PlanFile, found: ReplanWindow) -> Iterator[str]:
+def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWindow) -> Iterator[str]:
     breaking = found.breaking
     yield (
         f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
@@ -310,10 +296,12 @@ def _describe_found_window(content: PlanFile, found: ReplanWindow) -> Iterator[s
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool, heights: plan_summary.PlannedHeights | None = None) -> None:
+def _print_plan(
+    content: missions.PlanFile, *, as_json: bool, heights: plan_summary.PlannedHeights | None = None
+) -> None:
     def document() -> dict[str, object]:
         left = {"left_over": [asdict(one) for one in plan_summary.find_left_over(content)]}
-        return {**build_plan_document(content), **left, **({} if heights is None else heights.to_json())}
+        return {**missions.build_plan_document(content), **left, **({} if heights is None else heights.to_json())}
 
     lines = (
         *plan_summary.describe_routes(content), plan_summary.summarise_plan(content),
@@ -344,24 +332,27 @@ def risk(
     one it is left over. The same seed gives the same answer for any number of processes.
     """
     plan_inputs.check_can_draw("--picture", picture)
-    content = read_plan(plan)
+    content = missions.read_plan(plan)
     names = [vehicle.name for vehicle in content.vehicles]
     console = TerminalConsole(quiet=as_json, yes=True)
-    swept: tuple[RiskEstimate, ...] = ()
+    swept: tuple[planner.RiskEstimate, ...] = ()
 
     def done(flown: int, total: int) -> None:
         console.show_progress(f"{flown} of {total} flights")
 
     with open_campaign_runner(jobs=jobs, dask=dask) as fly:
         console.show_progress("checking each first loss")
-        wanted = build_risk_campaign(
+        wanted = planner.build_risk_campaign(
             content.build_instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread,
             reserve_pct=reserve,
             max_losses=max_losses, fly_again=content.fly_again,
         )  # fmt: skip
-        (found,) = compute_campaign_risks(fly, wanted, split_flights(samples, seed), done)
+        (found,) = planner.estimate_risks(
+            wanted, fly(planner.simulate_chunk, wanted, planner.split_flights(samples, seed), done)
+        )
         if picture is not None:
-            swept = compute_campaign_risks(fly, *sweep_mtbf(wanted, seed, flights=samples), done)
+            sweep, chunks = sweep_mtbf(wanted, seed, flights=samples)
+            swept = planner.estimate_risks(sweep, fly(planner.simulate_chunk, sweep, chunks, done))
     console.show_progress("")
     plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_risk_figure(swept, found))
     plan_inputs.print_result(
@@ -369,7 +360,9 @@ def risk(
     )
 
 
-def build_risk_document(flown: RiskCampaign, found: RiskEstimate, names: Sequence[str], seed: int) -> dict[str, object]:
+def build_risk_document(
+    flown: planner.RiskCampaign, found: planner.RiskEstimate, names: Sequence[str], seed: int
+) -> dict[str, object]:
     """Return an answer as JSON has it."""
     worst = found.worst
     return {
@@ -401,7 +394,7 @@ def build_risk_document(flown: RiskCampaign, found: RiskEstimate, names: Sequenc
     }  # fmt: skip
 
 
-def _describe_risk(found: RiskEstimate, names: Sequence[str]) -> Iterator[str]:
+def _describe_risk(found: planner.RiskEstimate, names: Sequence[str]) -> Iterator[str]:
     yield f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:"
     for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
         yield (

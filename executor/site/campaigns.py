@@ -18,7 +18,7 @@ from executor.adapters.extras import Extra, require_extra
 from executor.adapters.interrupts import defer_ctrl_c, end_children
 from executor.adapters.worker_pool import start_worker_pool
 from executor.errors import ConnectionFailed, ExecutorError
-from planner import FlightChunk, RiskCampaign, RiskEstimate, estimate_risks, simulate_chunk, split_flights
+from planner import FlightChunk, RiskCampaign, split_flights
 
 if TYPE_CHECKING:
     import distributed  # an extra; whoever flies here does without
@@ -153,17 +153,6 @@ SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 SWEEP_FLIGHTS = 2_000
 """For each of them: short times mean many losses each, and so many different re-plans."""
 SWEEP_CHUNK = 500
-
-
-def compute_campaign_risks(
-    fly: CampaignRunner, content: RiskCampaign, parts: Sequence[FlightChunk], told: ProgressCallback
-) -> tuple[RiskEstimate, ...]:
-    """Return the answers for each of the campaign's ``mtbf_h``.
-
-    Raises:
-        ExecutorError: a process or a worker was lost.
-    """
-    return estimate_risks(content, fly(simulate_chunk, content, parts, told))
 
 
 def sweep_mtbf(content: RiskCampaign, seed: int, *, flights: int) -> tuple[RiskCampaign, tuple[FlightChunk, ...]]:

@@ -232,9 +232,17 @@ def read_learned_before(run: Path) -> Mapping[str, KnownVehicle]:
 
 def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> LearnedDocument:
     """Return the content of learned.json."""
-    return LearnedDocument(
-        format="faultline-learned/1", date=date, vehicles=tuple(_build_part(name, one) for name, one in known.items())
-    )
+    rows = [
+        LearnedVehicle.build_from(
+            one,
+            name=name,
+            inspect=PacePart.build_from(one.inspect),
+            transit=PacePart.build_from(one.transit),
+            consumption=ConsumptionPart.build_from(one.consumption, mean=one.consumption.factor, minutes=one.minutes),
+        )
+        for name, one in known.items()
+    ]
+    return LearnedDocument(format="faultline-learned/1", date=date, vehicles=tuple(rows))
 
 
 def learn_from_flight(
@@ -272,16 +280,6 @@ def describe_learned(vehicle: LearnedVehicle) -> str:
     return (
         f"{vehicle.name}: inspections take {of(vehicle.inspect)} of the model's time, transits {of(vehicle.transit)}, "
         f"consumption {of(vehicle.consumption)}, from {vehicle.inspect.legs + vehicle.transit.legs} legs"
-    )
-
-
-def _build_part(name: str, known: KnownVehicle) -> LearnedVehicle:
-    return LearnedVehicle.build_from(
-        known,
-        name=name,
-        inspect=PacePart.build_from(known.inspect),
-        transit=PacePart.build_from(known.transit),
-        consumption=ConsumptionPart.build_from(known.consumption, mean=known.consumption.factor, minutes=known.minutes),
     )
 
 

@@ -8,8 +8,8 @@ import distributed
 import pytest
 
 from executor.errors import ExtraMissing
-from executor.site.campaigns import compute_campaign_risks, open_campaign_runner
-from planner import RiskCampaign, split_flights
+from executor.site.campaigns import open_campaign_runner
+from planner import RiskCampaign, estimate_risks, simulate_chunk, split_flights
 from planner.sorties import SurvivalCampaign, simulate_days, split_samples, summarise_samples
 from tests.executor.flights import first_campaign
 from tests.planner.sorties.builders import short_day
@@ -29,10 +29,12 @@ def ignored(done: int, total: int) -> None:
 def test_one_process_or_two_give_the_same_answer(content: RiskCampaign) -> None:
     told: list[tuple[int, int]] = []
     with open_campaign_runner(jobs=1, dask=None) as fly:
-        alone = compute_campaign_risks(fly, content, PARTS, lambda done, total: told.append((done, total)))
+        alone = estimate_risks(
+            content, fly(simulate_chunk, content, PARTS, lambda done, total: told.append((done, total)))
+        )
     assert told == [(100, 300), (200, 300), (300, 300)]
     with open_campaign_runner(jobs=2, dask=None) as fly:
-        assert compute_campaign_risks(fly, content, PARTS, ignored) == alone
+        assert estimate_risks(content, fly(simulate_chunk, content, PARTS, ignored)) == alone
     assert 0 < alone[0].finished[0].estimate < alone[0].finished[1].estimate <= 1
 
 
@@ -47,8 +49,8 @@ def test_a_cluster_gives_the_same_answer_as_this_computer(content: RiskCampaign)
         open_campaign_runner(jobs=None, dask=cluster.scheduler_address) as fly,
         open_campaign_runner(jobs=1, dask=None) as fly_here,
     ):  # fmt: skip
-        assert compute_campaign_risks(fly, content, PARTS, ignored) == compute_campaign_risks(
-            fly_here, content, PARTS, ignored
+        assert estimate_risks(content, fly(simulate_chunk, content, PARTS, ignored)) == estimate_risks(
+            content, fly_here(simulate_chunk, content, PARTS, ignored)
         )
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from executor.analysis.pictures import draw_risk_figure
 from executor.cli.main import main
-from executor.site.campaigns import SWEEP, compute_campaign_risks, open_campaign_runner, sweep_mtbf
+from executor.site.campaigns import SWEEP, open_campaign_runner, sweep_mtbf
 from missions import write_plan
-from planner import RiskCampaign, split_flights
+from planner import RiskCampaign, estimate_risks, simulate_chunk, split_flights
 from tests.executor.flights import first_campaign, first_plan_file
 from tests.ports import free_port
 
@@ -103,8 +103,8 @@ def test_a_sweep_has_a_curve_for_each_number_of_replans(content: RiskCampaign) -
     campaign, parts = sweep_mtbf(content, 1, flights=50)
     with open_campaign_runner(jobs=1, dask=None) as fly:
         swept, given = (
-            compute_campaign_risks(fly, campaign, parts, ignored),
-            compute_campaign_risks(fly, content, PARTS, ignored)[0],
+            estimate_risks(campaign, fly(simulate_chunk, campaign, parts, ignored)),
+            estimate_risks(content, fly(simulate_chunk, content, PARTS, ignored))[0],
         )
     assert [risk.mtbf_h for risk in swept] == [0.1 * factor for factor in SWEEP]
     (axes,) = draw_risk_figure(swept, given).axes
