@@ -50,10 +50,10 @@ def build_drawn_run(run: Path) -> exports.MapFeatures:
         raise LogError(
             f"{RunDirectory(run).plan_path(0)}: inspection: expected heights and speeds, but the plan has none"
         )
-    pads = [
-        missions.Pad(vehicle.name, *vehicle.pad_m, _home_height_m(vehicle, first.frame.alt_m))
-        for vehicle in record.vehicles
-    ]
+    pads = []
+    for one in record.vehicles:  # a home's height above mean sea level is as its vehicle said it first
+        at_m = float(one.sea_m[0] - one.track[0, 3]) if len(one.track) else first.frame.alt_m
+        pads.append(missions.Pad(one.name, *one.pad_m, at_m))
     names = tuple(vehicle.name for vehicle in record.vehicles)
     terrain = site_model.load_terrain(read_site(RunDirectory(run).site), run, first.build_network())
     setup = setup_of_plan(first, first.inspection, pads=pads, terrain=terrain)
@@ -72,11 +72,6 @@ def build_drawn_run(run: Path) -> exports.MapFeatures:
     ways += [way for vehicle in record.vehicles for way in _build_flown_ways(record, setup.frame, vehicle)]
     spots = [*exports.build_pad_points(setup, exports.Reference.SEA), *_build_loss_places(record, setup)]
     return exports.MapFeatures(f"flight of {_format_time(record, 0.0)}", names, ways, spots)
-
-
-def _home_height_m(vehicle: VehicleRecord, otherwise_m: float) -> float:
-    """Return the height of a vehicle's home above mean sea level, as it said it first."""
-    return float(vehicle.sea_m[0] - vehicle.track[0, 3]) if len(vehicle.track) else otherwise_m
 
 
 def _format_time(record: FlightRecord, t_s: float) -> str:

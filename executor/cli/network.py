@@ -249,10 +249,8 @@ def _build_cells(row: LineRow) -> tuple[Text, ...]:
 
 
 def _describe_findings(found: Sequence[missions.Remark]) -> Iterator[str]:
-    by_matter: dict[str, list[missions.Remark]] = {}
-    for finding in found:
-        by_matter.setdefault(finding.matter.value, []).append(finding)
-    for matter, own in by_matter.items():
+    for matter in dict.fromkeys(one.matter.value for one in found):
+        own = [one for one in found if one.matter.value == matter]
         yield f"{matter} ({len(own)}):"
         yield from (f"  {finding.words}" for finding in own[:SHOWN])
         if len(own) > SHOWN:

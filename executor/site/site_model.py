@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -148,12 +148,10 @@ def build_selection(site: Site) -> missions.Selection:
     )
 
 
-def describe_remarks(found: Iterable[missions.Remark]) -> Iterator[str]:
+def describe_remarks(found: Sequence[missions.Remark]) -> Iterator[str]:
     """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
-    by_matter: dict[str, list[missions.Remark]] = {}
-    for finding in found:
-        by_matter.setdefault(finding.matter.value, []).append(finding)
-    for matter, own in by_matter.items():
+    for matter in dict.fromkeys(one.matter.value for one in found):
+        own = [one for one in found if one.matter.value == matter]
         more = f"; {len(own) - 1} more in 'faultline network'" if len(own) > 1 else ""
         yield f"{matter}: {own[0].words}{more}"
 
