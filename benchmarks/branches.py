@@ -21,8 +21,8 @@ from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.site.site_model import SiteModel
 from missions import PlanFile
-from simulator.faults import parse_fault
-from simulator.vehicle import SimulatedVehicle
+from simulator.config import parse_fault
+from simulator.fleet import SimulatedVehicle
 
 AHEAD_S = 0.5
 """Before the fault: it then comes in its own time."""

@@ -13,9 +13,9 @@ from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.machine import cores
 from benchmarks.store import Json
 from benchmarks.warm_sorties import warm_up_sorties
-from executor.simulated.demo_site import LISTENING, build_vehicle_tables
-from executor.site.day_problem import build_day_problem, solve_day
-from executor.site.day_summary import compute_base_needs, compute_rule_packs
+from executor.simulated.simulated_fleet import LISTENING, build_vehicle_tables
+from executor.site.day_plans import build_day_problem, solve_day
+from executor.site.plan_summary import compute_base_needs, compute_rule_packs
 from executor.site.site_file import check_site
 from executor.site.site_model import load_site_model
 from executor.site.site_planning import PlanRequest

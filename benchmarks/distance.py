@@ -30,7 +30,7 @@ from executor.site.site_planning import rearrange_plan
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, segment_of, solve
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 VEHICLES = (3, 8)
 RADII_M = (400.0, 500.0, 600.0, 700.0)

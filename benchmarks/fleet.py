@@ -38,7 +38,7 @@ from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.runtime import fair_event_loop
-from executor.simulated.demo_site import run_simulated_fleet
+from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
 from executor.site.site_planning import DEFAULT, plan_site

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.synthetic import generate_network
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_vehicle_tables, find_free_ports
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_vehicle_tables, find_free_ports
 
 SPEED_M_S = 3.0
 """Along the line; the default of a site."""

@@ -17,11 +17,11 @@ from executor.core.context import Context
 from executor.core.interface.messages import Battery, FlightMessage, Heartbeat, MissionCurrent, Position
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import FaultKind, build_onboard_mission
-from executor.simulated.demo_site import LISTENING, build_vehicle_tables
+from executor.simulated.simulated_fleet import LISTENING, build_vehicle_tables
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import build_flight_path, dialect_for
-from simulator.battery import Battery as Pack
+from simulator.airframe import Battery as Pack
 
 ARDUPILOT, PX4, QUADROTOR, ACTIVE = 3, 12, 2, 4
 GROUND_S = 5.0
@@ -55,7 +55,7 @@ def model_site(autopilot: str) -> ModelledSite:
         "faults": {"link_timeout_s": 10.0},
     }
     ground = site_model.load_site_model(check_site(content, "the model"), Path())
-    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    setup, task = ground.setup, site_model.build_first_task(ground)
     names, count = ground.names, len(ground.network.segments)
     routes = {name: tuple(2 * segment for segment in range(count)[k::VEHICLES]) for k, name in enumerate(names)}
     context = site_model.build_context(ground, setup, task)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from executor.core.ground import turnaround
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.runtime.flight_loop import Flight
-from simulator.faults import parse_fault
-from simulator.vehicle import SimulatedVehicle
+from simulator.config import parse_fault
+from simulator.fleet import SimulatedVehicle
 
 BESIDE_S = 10.0
 """Until somebody stands beside a vehicle that has landed."""

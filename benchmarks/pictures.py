@@ -31,7 +31,7 @@ from executor.errors import ExecutorError
 from executor.images.exif import find_picture_files
 from executor.images.index_files import ImageIndex, ImageRow, build_image_index
 from executor.images.matching import match_files
-from executor.simulated.cards import SimulatedCards
+from executor.simulated.simulated_fleet import SimulatedCards
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions.cameras import PylonCameraTask
@@ -39,7 +39,7 @@ from missions.geo import LocalFrame
 from missions.geometry import locate_on_leg
 from planner import Cost, NoImprovement, solve
 from simulator.camera import CapturedImage
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 VEHICLES = (2, 4)
 RADII_M = (320.0, 400.0, 500.0)

@@ -23,7 +23,7 @@ from benchmarks.virtual_flight import VirtualFlight, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries, with_network
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import LegRow, RouteRow, read_report
-from executor.analysis.plan_comparison import build_route_rows
+from executor.analysis.report import build_route_rows
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.replay.run_replay import replay_run
 from executor.site import site_model

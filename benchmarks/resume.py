@@ -33,7 +33,7 @@ from executor.flight import resume_flight
 from executor.flight.checkpoint_files import Checkpoint, encode_checkpoint, find_newest_checkpoint
 from executor.flight.checkpointer import EVERY_S
 from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.simulated.demo_site import run_simulated_fleet
+from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import DEFAULT, plan_site

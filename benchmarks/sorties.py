@@ -25,17 +25,16 @@ from benchmarks.store import Json
 from benchmarks.virtual_day import DayScenario, VirtualDay
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
+from executor.simulated.simulated_fleet import LISTENING, SIMULATED_CEILING_M, build_vehicle_tables
 from executor.site import site_model
-from executor.site.day_flight import build_first_sorties_plan
-from executor.site.day_problem import build_day_problem, solve_day
+from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions import LocalFrame, default_network_path, read_network
 from missions.geometry import locate_on_leg
 from simulator.config import SimVehicle
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 LONGEST_S = 36_000.0
 """Of a search whose iterations end it."""
@@ -268,7 +267,7 @@ def _patient(vehicle: SimVehicle) -> SimVehicle:
 
 def _pads_m(ground: SiteModel) -> dict[str, tuple[float, float, float]]:
     """Return where everybody stands in the morning: local east, north and up."""
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     return {pad.vehicle: (pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads}
 
 

@@ -23,7 +23,7 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from executor.adapters.extras import Extra, require_extra
-from executor.simulated.demo_site import LISTENING, build_vehicle_tables
+from executor.simulated.simulated_fleet import LISTENING, build_vehicle_tables
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import DEFAULT, plan_site

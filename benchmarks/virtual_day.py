@@ -16,7 +16,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.flight.checkpoint_files import round_trip_state
 from executor.runtime.flight_loop import Flight
 from missions import DayPlanFile
-from simulator.faults import parse_fault
+from simulator.config import parse_fault
 
 AWAY_S = 15.0
 """So long a ground station that has died is away."""

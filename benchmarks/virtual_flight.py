@@ -20,7 +20,7 @@ from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import MemoryRadio
 from executor.analysis.documents import FlightReport
-from executor.analysis.report import PreflightRecord, build_report
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say
@@ -39,13 +39,13 @@ from executor.runtime.flight_loop import Flight
 from executor.runtime.vehicle_preflight import load_lists
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
-from executor.site import day_flight, site_model
+from executor.site import day_plans
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
+from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 
 LIMIT_S = 3 * 3600.0
 """A flight that takes longer than this is left: no pack lasts as long."""
@@ -183,7 +183,7 @@ class VirtualRun(MemoryFlight):
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers = onlookers
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
-        setup = site_model.build_flight_setup(ground)
+        setup = ground.setup
         radios = {}
         for config in simulated.vehicles:
             rule = dialect_for(config.autopilot.value).return_parameters
@@ -221,14 +221,15 @@ class VirtualRun(MemoryFlight):
             await self._upload_fences(context, first)
             await upload_first_missions(context, links, clock, boards, console)
             launched_s = self._launched_s = clock.now_s()
-            ahead = {} if self._order.day is None else day_flight.sorties_ahead_of(self._order.day)
+            ahead = {} if self._order.day is None else day_plans.sorties_ahead_of(self._order.day)
             state = fleet_step.build_initial_state(boards, fences=first, ahead=ahead)
             flight, ended = await self._supervise(context, state, launched_s + limit_s)
             ended_s = clock.now_s()
             await asyncio.sleep(STANDS_S)
         happened = [one for truth in self.truths if (one := find_injected_fault(truth, truth.t_s)) is not None]
         frames = {name: link.counts for name, link in links.items()}
-        report = build_report(context, flight.state, ended_s, happened, frames, PreflightRecord(facts, found))
+        said = build_vehicle_answers(context, facts, found)
+        report = build_report(context, flight.state, ended_s, happened, frames, said)
         crafts = {name: _build_outcome(vehicle) for name, vehicle in self._vehicles.items()}
         return VirtualFlight(
             report, context, flight.state, boards, tuple(self.truths), crafts, tuple(self.said), launched_s,

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel

@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 import tomli_w
 
 from executor.errors import ExecutorError
-from executor.simulated.demo_site import SIMULATED_CEILING_M, USUAL_VEHICLES
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, USUAL_VEHICLES
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import MissionsError
@@ -61,10 +61,7 @@ def main() -> int:
         )
         ground = site_model.load_site_model(check_site(content, str(given.pattern)), given.pattern.parent)
         frame = ground.network.frame
-        pads = [
-            (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
-            for pad in site_model.build_flight_setup(ground).pads
-        ]
+        pads = [(*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m) for pad in ground.setup.pads]
         (given.into / "site.toml").write_text(tomli_w.dumps(content), encoding="utf-8")
         lines = [f"{lat_deg:.7f} {lon_deg:.7f} {alt_m:.1f}\n" for lat_deg, lon_deg, alt_m in pads]
         (given.into / "pads").write_text("".join(lines), encoding="utf-8")

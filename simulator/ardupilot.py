@@ -9,18 +9,13 @@ from typing import ClassVar
 
 from missions.items import Command as ItemCommand
 from missions.items import Frame, MissionItem
-from simulator import telemetry
+from simulator import messages, mission_store
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
-from simulator.enums import MavCommand, MissionState, Result, Severity
-from simulator.fence import FenceShape, build_fence_shapes, distance_outside_m, find_return_destination, is_inside
 from simulator.guidance import ThrottleDescent, find_stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
 from simulator.mission_ardupilot import ArduPilotMission, build_home_goals, land_goal
-from simulator.mission_store import StoreStep
-from simulator.physics import Home, Limits
-from simulator.positioning import GPS_BIT
+from simulator.physics import GPS_BIT, Home, Limits
 from simulator.store_ardupilot import ArduPilotStore
 
 MAV_AUTOPILOT_ARDUPILOT = 3
@@ -73,8 +68,8 @@ class ArduPilot(Autopilot):
 
     mission: ArduPilotMission
     STREAMS_S: ClassVar = {"HEARTBEAT": 1.0, "TIMESYNC": 10.0}
-    REFUSED: ClassVar = Result.FAILED
-    INVALID: ClassVar = Result.FAILED
+    REFUSED: ClassVar = messages.Result.FAILED
+    INVALID: ClassVar = messages.Result.FAILED
     ACKNOWLEDGES_FIRST: ClassVar = True
     ON_ITS_BACK: ClassVar = "Arm: Leaning"
     KILLED: ClassVar = "Arm: Motors Emergency Stopped"
@@ -94,7 +89,7 @@ class ArduPilot(Autopilot):
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.execute_payload_command)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
-        self._shapes: tuple[FenceShape, ...] = ()
+        self._shapes: tuple[mission_store.FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._battery_level = 0
@@ -102,30 +97,30 @@ class ArduPilot(Autopilot):
         self._gauge_offset_pct = 0.0
         """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
 
-    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
         return {
-            MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer_param(1)),
-            MavCommand.MISSION_START: self._start_mission,
-            MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
-                Result.ACCEPTED if self.select_item(command.integer_param(0)) else Result.DENIED
+            messages.MavCommand.DO_SET_MODE: lambda command: self.set_mode(command.integer_param(1)),
+            messages.MavCommand.MISSION_START: self._start_mission,
+            messages.MavCommand.DO_SET_MISSION_CURRENT: lambda command: (
+                messages.Result.ACCEPTED if self.select_item(command.integer_param(0)) else messages.Result.DENIED
             ),
-            MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
-            MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
-            MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            MavCommand.NAV_TAKEOFF: self._take_off,
+            messages.MavCommand.DO_PAUSE_CONTINUE: self._pause_continue,
+            messages.MavCommand.NAV_RETURN_TO_LAUNCH: lambda _: self.set_mode(Mode.RTL),
+            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
+            messages.MavCommand.NAV_TAKEOFF: self._take_off,
         }
 
     # Modes.
 
-    def set_mode(self, mode: int) -> Result:
+    def set_mode(self, mode: int) -> messages.Result:
         """Change the mode; the one that is set already is set once more without effect."""
         if mode not in set(Mode):
-            self.voice.send_text(Severity.WARNING, f"No such mode {mode}")
-            return Result.FAILED
+            self.voice.send_text(messages.Severity.WARNING, f"No such mode {mode}")
+            return messages.Result.FAILED
         if mode == self.mode:
-            return Result.ACCEPTED
+            return messages.Result.ACCEPTED
         if mode == Mode.AUTO and not self._may_enter_auto():
-            return Result.FAILED
+            return messages.Result.FAILED
         if self.mode == Mode.AUTO:
             self.mission.leave()
         self.mode = Mode(mode)
@@ -136,19 +131,19 @@ class ArduPilot(Autopilot):
                 self.frame.disarm()
         elif self.frame.armed:
             self._enter(Mode(mode))
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def build_mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> messages.Command:
         """Return the order of a mode as a ground station gives it."""
-        return Command(MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
+        return messages.Command(messages.MavCommand.DO_SET_MODE, (1.0, float(Mode[word]), 0.0, 0.0, 0.0, 0.0, 0.0))
 
     def _may_enter_auto(self) -> bool:
         if not self.frame.armed:
             return True
-        if self.mission.state == MissionState.NO_MISSION:
+        if self.mission.state == messages.MissionState.NO_MISSION:
             return False
         if self.frame.body.on_ground and not self.mission.is_takeoff_next():
-            self.voice.send_text(Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
+            self.voice.send_text(messages.Severity.CRITICAL, "Auto: Missing Takeoff Cmd")
             return False
         return True
 
@@ -161,7 +156,7 @@ class ArduPilot(Autopilot):
                 self.mission.enter()
             case Mode.RTL:
                 far_m = 1000.0 * self.params["RALLY_LIMIT_KM"] or math.inf
-                to = find_return_destination(self.store.rally, self.home, self.frame.body.place, far_m)
+                to = mission_store.find_return_destination(self.store.rally, self.home, self.frame.body.place, far_m)
                 pilot.fly(build_home_goals(self.frame, self.params, to))
             case Mode.LAND:
                 pilot.fly([land_goal(find_stopping_place(self.frame.body, LIMITS), self.params)])
@@ -174,34 +169,34 @@ class ArduPilot(Autopilot):
             case _:
                 pilot.fly([ThrottleDescent(find_stopping_place(self.frame.body, LIMITS), SINK_M_S)])
 
-    def _start_mission(self, command: Command) -> Result:
+    def _start_mission(self, command: messages.Command) -> messages.Result:
         """Follow MISSION_START: AUTO, and the mission from where it is; it does not arm."""
         if command.params[0] or command.params[1]:
-            return Result.DENIED
+            return messages.Result.DENIED
         if self.mode == Mode.AUTO and self.frame.armed and not self.mission.is_running:
             if not self._may_enter_auto():
-                return Result.FAILED
+                return messages.Result.FAILED
             self._enter(Mode.AUTO)
-            return Result.ACCEPTED
+            return messages.Result.ACCEPTED
         return self.set_mode(Mode.AUTO)
 
-    def _pause_continue(self, command: Command) -> Result:
+    def _pause_continue(self, command: messages.Command) -> messages.Result:
         if command.params[0] == 0:
             if self.mode == Mode.AUTO and self.frame.armed and self.mission.pause():
-                return Result.ACCEPTED
-            self.voice.send_text(Severity.INFO, "Failed to pause")
-            return Result.FAILED
+                return messages.Result.ACCEPTED
+            self.voice.send_text(messages.Severity.INFO, "Failed to pause")
+            return messages.Result.FAILED
         if self.mode != Mode.AUTO:
-            self.voice.send_text(Severity.INFO, "Failed to resume")
-            return Result.FAILED
+            self.voice.send_text(messages.Severity.INFO, "Failed to resume")
+            return messages.Result.FAILED
         self.mission.resume()
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _take_off(self, command: Command) -> Result:
+    def _take_off(self, command: messages.Command) -> messages.Result:
         if self.mode != Mode.GUIDED or not self.frame.armed or not self.frame.body.on_ground:
-            return Result.FAILED
+            return messages.Result.FAILED
         self.frame.pilot.fly(self.frame.take_off(command.params[6], LIMITS.climb_m_s))
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
     def _refuse_arming(self) -> str | None:
         if not self.is_ready:
@@ -212,24 +207,24 @@ class ArduPilot(Autopilot):
             return "PreArm: Battery failsafe"
         return None
 
-    def _set_mode_message(self, message: SetMode) -> None:
+    def _set_mode_message(self, message: messages.SetMode) -> None:
         self.set_mode(message.custom_mode & 0xFF)
 
-    def _refuse_interval(self, number: int) -> Result:
-        self.voice.send_text(Severity.WARNING, f"No ap_message for mavlink id ({number})")
-        return Result.DENIED
+    def _refuse_interval(self, number: int) -> messages.Result:
+        self.voice.send_text(messages.Severity.WARNING, f"No ap_message for mavlink id ({number})")
+        return messages.Result.DENIED
 
     def _on_armed(self) -> None:
-        self.voice.send_text(Severity.INFO, "Arming motors")
+        self.voice.send_text(messages.Severity.INFO, "Arming motors")
 
     def _on_disarmed(self) -> None:
-        self.voice.send_text(Severity.INFO, "Disarming motors")
+        self.voice.send_text(messages.Severity.INFO, "Disarming motors")
         self._breached = self._outside = False
         self.mission.apply_disarm()
 
     def _on_breach(self) -> None:
         self._breached, self._breaches = True, self._breaches + 1
-        self.voice.send_text(Severity.NOTICE, "Circle fence breached")
+        self.voice.send_text(messages.Severity.NOTICE, "Circle fence breached")
         self.streams.schedule_now("FENCE_STATUS", self.now_s)
         self.set_mode(Mode.RTL)
 
@@ -239,8 +234,8 @@ class ArduPilot(Autopilot):
 
     def _on_lost_estimate(self) -> None:
         self._ekf_failsafe = True
-        self.voice.send_text(Severity.CRITICAL, "EKF variance: over thresholds")
-        self.voice.send_text(Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
+        self.voice.send_text(messages.Severity.CRITICAL, "EKF variance: over thresholds")
+        self.voice.send_text(messages.Severity.CRITICAL, "EKF Failsafe: changed to Land Mode")
         self.set_mode(Mode.LAND)
 
     def _on_boot(self) -> None:
@@ -257,9 +252,9 @@ class ArduPilot(Autopilot):
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO
 
-    def _on_mission_change(self, step: StoreStep) -> None:
+    def _on_mission_change(self, step: mission_store.StoreStep) -> None:
         if step.fenced:
-            self._shapes = build_fence_shapes(self.store.fence, self.home)
+            self._shapes = mission_store.build_fence_shapes(self.store.fence, self.home)
         if step.truncated:
             self.mission.apply_truncation()
         if step.stored:
@@ -279,14 +274,14 @@ class ArduPilot(Autopilot):
             self._watch_battery()
             self._watch_fence()
 
-    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
+    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - only the id counts
         return sender.sysid == self.params["MAV_GCS_SYSID"]
 
     def _on_gcs_heartbeat(self) -> None:
         if self._gcs_failsafe:
             # It stays in the mode that the failsafe chose.
             self._gcs_failsafe = False
-            self.voice.send_text(Severity.WARNING, "GCS Failsafe Cleared")
+            self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe Cleared")
 
     def _watch_fence(self) -> None:
         """Act once at a breach; more than 100 m outside it lands, whatever it is set to do."""
@@ -298,26 +293,26 @@ class ArduPilot(Autopilot):
             for bit, name, out in (
                 (1, "Max Alt", place.up_m > self.params["FENCE_ALT_MAX"]),
                 (2, "Circle", math.hypot(place.east_m, place.north_m) > self.params["FENCE_RADIUS"]),
-                (4, "Polygon", not is_inside(self._shapes, place)),
+                (4, "Polygon", not mission_store.is_inside(self._shapes, place)),
             )
             if kinds & bit and out
         ]
         self._outside = bool(found)
         if was_outside and not found:
             self._breached = False
-            self.voice.send_text(Severity.NOTICE, "Fence breach cleared")
+            self.voice.send_text(messages.Severity.NOTICE, "Fence breach cleared")
         if was_outside or not found:
             return
         self.frame.record_event("failsafe fence")
         self._breached, self._breaches = True, self._breaches + 1
-        self.voice.send_text(Severity.NOTICE, f"{' and '.join(found)} fence breached")
+        self.voice.send_text(messages.Severity.NOTICE, f"{' and '.join(found)} fence breached")
         self.streams.schedule_now("FENCE_STATUS", self.now_s)
         self.streams.schedule_now("SYS_STATUS", self.now_s)
         action = int(self.params["FENCE_ACTION"])
         if action == 0:
             return
-        self.voice.send_text(Severity.INFO, "Manual recovery started")
-        far = distance_outside_m(self._shapes, place) > GIVES_UP_M
+        self.voice.send_text(messages.Severity.INFO, "Manual recovery started")
+        far = mission_store.distance_outside_m(self._shapes, place) > GIVES_UP_M
         self.set_mode(Mode.LAND if far or action == 2 else Mode.BRAKE if action == 4 else Mode.RTL)
 
     def _watch_gcs(self) -> None:
@@ -328,7 +323,7 @@ class ArduPilot(Autopilot):
             return
         self._gcs_failsafe = True
         self.frame.record_event("failsafe link")
-        self.voice.send_text(Severity.WARNING, "GCS Failsafe")
+        self.voice.send_text(messages.Severity.WARNING, "GCS Failsafe")
         if self.frame.body.on_ground:
             self.frame.disarm()
         elif self.mode not in {Mode.RTL, Mode.LAND}:
@@ -352,8 +347,8 @@ class ArduPilot(Autopilot):
         self.frame.record_event("failsafe battery" if action else "low battery")
         word = "low" if level == LOW else "critical"
         volts, used = self.frame.battery.voltage_v, self._consumption_mah()
-        self.voice.send_text(Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
-        self.voice.send_text(Severity.WARNING, "Battery Failsafe")
+        self.voice.send_text(messages.Severity.WARNING, f"Battery 1 is {word} {volts:.2f}V used {used:.0f} mAh")
+        self.voice.send_text(messages.Severity.WARNING, "Battery Failsafe")
         if self.frame.body.on_ground:
             self.frame.disarm()
         elif action == FS_LAND:
@@ -363,11 +358,9 @@ class ArduPilot(Autopilot):
 
     # Reports.
 
-    def _gauge_pct(self) -> float:
-        return min(self.frame.battery.charge_pct + self._gauge_offset_pct, 100.0)
-
     def _consumption_mah(self) -> float:
-        return (100.0 - self._gauge_pct()) / 100 * self.frame.battery.capacity_mah
+        battery = self.frame.battery
+        return (100.0 - min(battery.charge_pct + self._gauge_offset_pct, 100.0)) / 100 * battery.capacity_mah
 
     def _remaining_pct(self) -> int:
         """Return the percentage as reported: what the counter leaves of the capacity it was told, cut off."""
@@ -393,7 +386,7 @@ class ArduPilot(Autopilot):
         healthy = healthy & ~GPS_BIT if self.positioning.without_s(self.now_s) else healthy
         return present, enabled, healthy & ~BATTERY_BIT if self._battery_level else healthy
 
-    def _build_own(self, name: str) -> Outbound | None:
+    def _build_own(self, name: str) -> messages.Outbound | None:
         battery = self.frame.battery
         current = round(battery.current_a * 100) if self.params["BATT_MONITOR"] == 4 else -1
         booting = self.now_s - self.boot_s < SILENT_BATTERY_S
@@ -402,34 +395,46 @@ class ArduPilot(Autopilot):
                 base = (
                     1 | 16 | 64 | (8 if self.mode in {Mode.AUTO, Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.BRAKE} else 0)
                 )
-                return telemetry.build_heartbeat(
-                    autopilot=MAV_AUTOPILOT_ARDUPILOT, base_mode=base | (128 if self.frame.armed else 0),
-                    custom_mode=int(self.mode), system_status=self._determine_system_status(),
+                return messages.build_message(
+                    "HEARTBEAT", type=2, autopilot=MAV_AUTOPILOT_ARDUPILOT,
+                    base_mode=base | (128 if self.frame.armed else 0),
+                    custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.build_sys_status(
+                return messages.build_sys_status(
                     self._build_sensor_masks(), voltage_v=0.0 if booting else battery.voltage_v,
                     current_ca=-1 if booting else current, remaining_pct=-1 if booting else self._remaining_pct(),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = self._consumption_mah()
                 known = current >= 0
-                return telemetry.build_battery_status(
+                return messages.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=current, consumed_mah=round(consumed) if known else -1,
                     energy_hj=round(consumed * battery.rest_v * 0.036) if known else -1,
                     remaining_pct=self._remaining_pct(), charge_state=1 + self._battery_level, kind=0,
                 )  # fmt: skip
             case "EKF_STATUS_REPORT":
-                return telemetry.build_ekf_status(self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT)
+                # The variances of a good estimate.
+                return messages.build_message(
+                    "EKF_STATUS_REPORT", flags=self.positioning.flags(self.now_s) if self.is_ready else EKF_BOOT,
+                    velocity_variance=0.005, pos_horiz_variance=0.005, pos_vert_variance=0.001, compass_variance=0.01,
+                    terrain_alt_variance=0.0,
+                )  # fmt: skip
             case "MISSION_CURRENT":
                 # The count leaves home out, so it is the last item's number.
-                return build_message(
+                return messages.build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=max(len(self.store.items) - 1, 0),
                     mission_state=int(self.mission.state), mission_mode=int(self.mode == Mode.AUTO), mission_id=0,
                 )  # fmt: skip
             case "WIND":
-                return telemetry.build_wind(self.vehicle.wind_m_s)
+                # Where the air comes from: its degrees go from -180 to 180.
+                east, north = self.vehicle.wind_m_s
+                from_deg = math.degrees(math.atan2(-east, -north))
+                return messages.build_message("WIND", direction=from_deg, speed=math.hypot(east, north), speed_z=0.0)
             case "FENCE_STATUS":
-                return telemetry.build_fence_status(self.boot_ms, self._breaches, breached=self._breached)
+                return messages.build_message(
+                    "FENCE_STATUS", breach_status=int(self._breached), breach_count=self._breaches,
+                    breach_type=3 if self._breached else 0, breach_time=self.boot_ms, breach_mitigation=0,
+                )  # fmt: skip
             case _:
                 return None

@@ -10,43 +10,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from simulator import telemetry
+from simulator import messages
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
-from simulator.config import AutopilotKind, SimVehicle
-from simulator.enums import MavCommand, Result, Severity
-from simulator.faults import PAYLOAD_FAULTS, InjectionKind
+from simulator.config import PAYLOAD_FAULTS, AutopilotKind, InjectionKind, SimVehicle
 from simulator.guidance import Hover, Leg, find_stopping_place
-from simulator.messages import (
-    Body,
-    Command,
-    Heartbeat,
-    MissionMessage,
-    MissionSetCurrent,
-    Outbound,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
-    Peer,
-    Ping,
-    Received,
-    RequestDataStream,
-    SetMode,
-    Timesync,
-    build_message,
-    describe_order,
-)
+from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission
 from simulator.mission_px4 import Px4Mission
-from simulator.mission_store import StoreStep
+from simulator.mission_store import StoreStep, mission_length_m
 from simulator.params import ParamTable, defaults_for
-from simulator.physics import Home, Place
-from simulator.positioning import Positioning
-from simulator.route import mission_length_m
+from simulator.physics import Home, Place, Positioning
 from simulator.store_ardupilot import ArduPilotStore
 from simulator.store_px4 import Px4Store
-from simulator.streams import MESSAGE_IDS, MESSAGE_NAMES, Streams
-from simulator.vehicle_outbox import VehicleOutbox
 
 STEP_S = 0.05
 """Physics and decisions, simulated."""
@@ -72,9 +48,9 @@ class Autopilot(ABC):
 
     STREAMS_S: ClassVar[Mapping[str, float]]
     """What is sent without being asked for, and its interval."""
-    REFUSED: ClassVar[Result]
+    REFUSED: ClassVar[messages.Result]
     """The result of arming or disarming that is refused."""
-    INVALID: ClassVar[Result]
+    INVALID: ClassVar[messages.Result]
     """The result of a request for a message that it does not have, or for a speed of nothing."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
@@ -127,44 +103,61 @@ class Autopilot(ABC):
         self.told_to_disarm = False
         """Whether a command stopped the motors last."""
         self.payload = Payload(vehicle, home, self.frame.body) if vehicle.cameras else None
-        self._partner = Peer(0, 0)
+        self._partner = messages.Peer(0, 0)
         """Who gave the command that is being obeyed."""
-        self._after_ack: list[Outbound] = []
-        self._commands: Mapping[int, Callable[[Command], Result]] = {
-            MavCommand.COMPONENT_ARM_DISARM: self._handle_arm_command,
-            MavCommand.SET_MESSAGE_INTERVAL: self._handle_interval_command,
-            MavCommand.GET_MESSAGE_INTERVAL: self._handle_get_interval_command,
-            MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer_param(0)),
-            MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(MESSAGE_IDS["AUTOPILOT_VERSION"]),
-            MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._handle_reboot_command,
-            MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._handle_gimbal_command,
-            MavCommand.DO_CHANGE_SPEED: self._change_speed,
+        self._after_ack: list[messages.Outbound] = []
+        self._commands: Mapping[int, Callable[[messages.Command], messages.Result]] = {
+            messages.MavCommand.COMPONENT_ARM_DISARM: self._handle_arm_command,
+            messages.MavCommand.SET_MESSAGE_INTERVAL: self._handle_interval_command,
+            messages.MavCommand.GET_MESSAGE_INTERVAL: self._handle_get_interval_command,
+            messages.MavCommand.REQUEST_MESSAGE: lambda command: self._send_named(command.integer_param(0)),
+            messages.MavCommand.REQUEST_AUTOPILOT_CAPABILITIES: lambda _: self._send_named(
+                MESSAGE_IDS["AUTOPILOT_VERSION"]
+            ),
+            messages.MavCommand.PREFLIGHT_REBOOT_SHUTDOWN: self._handle_reboot_command,
+            messages.MavCommand.DO_GIMBAL_MANAGER_CONFIGURE: self._handle_gimbal_command,
+            messages.MavCommand.DO_CHANGE_SPEED: self._change_speed,
             **self._own_commands(),
         }
         self._builders = self._make_common_builders()
 
-    def _make_common_builders(self) -> Mapping[str, Callable[[], Outbound]]:
+    def _make_common_builders(self) -> Mapping[str, Callable[[], messages.Outbound]]:
         """Return what makes the telemetry that both dialects fill alike, by the message's name."""
         home, body = self.home, self.frame.body
+        lat, lon = home.lat_lon_e7(0.0, 0.0)
         return {
-            "GLOBAL_POSITION_INT": lambda: telemetry.build_global_position(
+            "GLOBAL_POSITION_INT": lambda: messages.build_global_position(
                 home, body, self.boot_ms, (self.positioning.off_m(self.now_s), self.positioning.off_m_s(self.now_s))
             ),
-            "GPS_RAW_INT": lambda: telemetry.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
-            "AUTOPILOT_VERSION": lambda: telemetry.build_autopilot_version(
+            "GPS_RAW_INT": lambda: messages.build_gps_raw(home, body, self.boot_ms, fix=self.gps_fix),
+            "AUTOPILOT_VERSION": lambda: messages.build_autopilot_version(
                 capabilities=self.CAPABILITIES, version=self.VERSION, uid=self.vehicle.sysid
             ),
-            "LOCAL_POSITION_NED": lambda: telemetry.build_local_position(body, self.boot_ms),
-            "ATTITUDE": lambda: telemetry.build_attitude(body, self.boot_ms),
-            "VFR_HUD": lambda: telemetry.build_vfr_hud(home, body, motors=self.frame.motors_on),
-            "HOME_POSITION": lambda: telemetry.build_home_position(home, self.boot_ms),
+            "LOCAL_POSITION_NED": lambda: messages.build_message(
+                "LOCAL_POSITION_NED", time_boot_ms=self.boot_ms, x=body.north_m, y=body.east_m, z=-body.up_m,
+                vx=body.v_north_m_s, vy=body.v_east_m_s, vz=-body.v_up_m_s,
+            ),
+            "ATTITUDE": lambda: messages.build_message(
+                "ATTITUDE", time_boot_ms=self.boot_ms, roll=body.roll_rad, pitch=body.pitch_rad, yaw=body.yaw_rad,
+                rollspeed=0.0, pitchspeed=0.0, yawspeed=body.yaw_rate_rad_s,
+            ),
+            "VFR_HUD": lambda: messages.build_message(
+                "VFR_HUD", airspeed=body.ground_speed_m_s, groundspeed=body.ground_speed_m_s,
+                heading=messages.heading_cdeg(body) // 100, throttle=38 if self.frame.motors_on else 0,
+                alt=home.alt_m + body.up_m, climb=body.v_up_m_s,
+            ),
+            "HOME_POSITION": lambda: messages.build_message(
+                "HOME_POSITION", latitude=lat, longitude=lon, altitude=round(home.alt_m * 1000), x=0.0, y=0.0, z=0.0,
+                q=messages.NO_ROTATION, approach_x=0.0, approach_y=0.0, approach_z=0.0,
+                time_usec=self.boot_ms * 1000,
+            ),
             # Without a satellite clock the time of day is unknown, and unknown is 0.
-            "SYSTEM_TIME": lambda: build_message("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
-            "TIMESYNC": lambda: build_message("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
-            "EXTENDED_SYS_STATE": lambda: build_message(
+            "SYSTEM_TIME": lambda: messages.build_message("SYSTEM_TIME", time_unix_usec=0, time_boot_ms=self.boot_ms),
+            "TIMESYNC": lambda: messages.build_message("TIMESYNC", tc1=0, ts1=self.boot_ms * 1_000_000),
+            "EXTENDED_SYS_STATE": lambda: messages.build_message(
                 "EXTENDED_SYS_STATE", vtol_state=0, landed_state=int(self.frame.landed_state)
             ),
-        }
+        }  # fmt: skip
 
     # What goes in.
 
@@ -174,7 +167,7 @@ class Autopilot(ABC):
             self.now_s += STEP_S
             self._step()
 
-    def receive(self, received: Received) -> None:
+    def receive(self, received: messages.Received) -> None:
         """React to a message at once."""
         if self.frame.crashed_s is None and self._rebooting_until_s is None:
             self._dispatch(received.sender, received.body)
@@ -210,7 +203,7 @@ class Autopilot(ABC):
             case InjectionKind.KILL:
                 self.frame.record_event("kill")
                 self.killed = True
-                self.voice.send_text(Severity.CRITICAL, self.KILL_SAYS)
+                self.voice.send_text(messages.Severity.CRITICAL, self.KILL_SAYS)
                 self.frame.kill()
             case InjectionKind.DISARM | InjectionKind.PACK if self.frame.body.on_ground:
                 self._apply_ground_handling(kind, value)
@@ -300,24 +293,21 @@ class Autopilot(ABC):
             return True
         reason = self.ON_ITS_BACK if self.frame.wrecked else self.KILLED if self.killed else self._refuse_arming()
         if reason is not None:
-            self.voice.send_text(Severity.CRITICAL, reason)
+            self.voice.send_text(messages.Severity.CRITICAL, reason)
             return False
         self.frame.arm()
         self._was_armed = True
         self._on_armed()
         return True
 
-    def acknowledge(self, command: Command, result: Result) -> None:
+    def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
         """Acknowledge a command to who gave it."""
-        self.voice.send([
-            build_message("COMMAND_ACK", command=command.number, result=int(result), progress=0, result_param2=0,
-                target_system=self._partner.sysid, target_component=self._partner.compid)
-        ])  # fmt: skip
+        self.voice.send([messages.build_command_ack(command.number, result, self._partner)])
 
     # What the dialects do differently.
 
     @abstractmethod
-    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
         """Return the commands that this dialect knows besides the common ones."""
 
     @abstractmethod
@@ -329,11 +319,11 @@ class Autopilot(ABC):
         """Return why the vehicle cannot be armed, or None."""
 
     @abstractmethod
-    def set_mode(self, mode: int) -> Result:
+    def set_mode(self, mode: int) -> messages.Result:
         """Change the mode, or refuse."""
 
     @abstractmethod
-    def build_mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> messages.Command:
         """Return the order of a mode as a ground station gives it."""
 
     @abstractmethod
@@ -357,11 +347,11 @@ class Autopilot(ABC):
         """Make an item the current one; False when there is none."""
 
     @abstractmethod
-    def _set_mode_message(self, message: SetMode) -> None:
+    def _set_mode_message(self, message: messages.SetMode) -> None:
         """Follow SET_MODE."""
 
     @abstractmethod
-    def _refuse_interval(self, number: int) -> Result:
+    def _refuse_interval(self, number: int) -> messages.Result:
         """Refuse to send a message on schedule that it does not have."""
 
     @abstractmethod
@@ -377,7 +367,7 @@ class Autopilot(ABC):
         """Forget what a restart forgets."""
 
     @abstractmethod
-    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:
+    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:
         """Return whether this heartbeat holds the failsafe."""
 
     @abstractmethod
@@ -385,7 +375,7 @@ class Autopilot(ABC):
         """React to a heartbeat that counts, just before it is noted."""
 
     @abstractmethod
-    def _build_own(self, name: str) -> Outbound | None:
+    def _build_own(self, name: str) -> messages.Outbound | None:
         """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
 
     def _on_stick_input(self) -> None:  # noqa: B027 - as ArduPilot does on its mission
@@ -437,50 +427,48 @@ class Autopilot(ABC):
             if message is not None:
                 self.voice.send([message])
 
-    def _build(self, name: str) -> Outbound | None:
+    def _build(self, name: str) -> messages.Outbound | None:
         """Return a telemetry message by its name; None where there is nothing to say."""
         builder = self._builders.get(name)
         return self._build_own(name) if builder is None else builder()
 
     # What is heard.
 
-    def _dispatch(self, sender: Peer, body: Body) -> None:
-        order = describe_order(body)
+    def _dispatch(self, sender: messages.Peer, body: messages.Body) -> None:
+        order = messages.describe_order(body)
         if order:
             self.frame.record_event(order, sender.sysid)
         match body:
-            case Heartbeat():
+            case messages.Heartbeat():
                 if self._is_gcs_heartbeat(sender, body):
                     self._on_gcs_heartbeat()
                     self.gcs_heard_s = self.now_s
-            case Command():
+            case messages.Command():
                 self._handle_command(sender, body)
-            case SetMode():
+            case messages.SetMode():
                 self._partner = sender
                 self._set_mode_message(body)
-            case MissionSetCurrent():
+            case messages.MissionSetCurrent():
                 self.select_item(body.seq)
-            case ParamRequestList() | ParamRequestRead() | ParamSet():
+            case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body))
-            case RequestDataStream():
+            case messages.RequestDataStream():
                 self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
-            case Timesync() | Ping():
+            case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
             case _:
-                self._handle_mission_message(sender, body)
+                step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
+                self._apply_store_step(step)
 
-    def _answer(self, sender: Peer, body: Timesync | Ping) -> None:
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
         """Answer questions; what is an answer itself gets none."""
-        if isinstance(body, Timesync) and body.tc1 == 0:
-            self.voice.send([build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
-        if isinstance(body, Ping) and body.target_sysid == 0:
+        if isinstance(body, messages.Timesync) and body.tc1 == 0:
+            self.voice.send([messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
+        if isinstance(body, messages.Ping) and body.target_sysid == 0:
             self.voice.send([
-                build_message("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
+                messages.build_message("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
                     target_component=sender.compid)
             ])  # fmt: skip
-
-    def _handle_mission_message(self, sender: Peer, body: MissionMessage) -> None:
-        self._apply_store_step(self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked()))
 
     def _apply_store_step(self, step: StoreStep) -> None:
         self.voice.send(step.send)
@@ -488,54 +476,58 @@ class Autopilot(ABC):
             self.voice.send_text(severity, text)
         self._on_mission_change(step)
 
-    def _handle_command(self, sender: Peer, command: Command) -> None:
+    def _handle_command(self, sender: messages.Peer, command: messages.Command) -> None:
         self._partner = sender
         handler = self._commands.get(command.number)
-        result = Result.UNSUPPORTED if handler is None else handler(command)
+        result = messages.Result.UNSUPPORTED if handler is None else handler(command)
         if handler is None and self.execute_payload_command(command.number, command.params):
-            result = Result.ACCEPTED
+            result = messages.Result.ACCEPTED
         self.acknowledge(command, result)
         self.voice.send(self._after_ack)
         self._after_ack.clear()
 
-    def _handle_arm_command(self, command: Command) -> Result:
+    def _handle_arm_command(self, command: messages.Command) -> messages.Result:
         if command.params[0] >= 0.5:
-            return Result.ACCEPTED if self.arm() else self.REFUSED
+            return messages.Result.ACCEPTED if self.arm() else self.REFUSED
         if not self.frame.body.on_ground and command.params[1] != FORCE:
             return self._refuse_disarming()
         self.told_to_disarm = self.frame.armed
         self.frame.disarm()
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _change_speed(self, command: Command) -> Result:
+    def _change_speed(self, command: messages.Command) -> messages.Result:
         if command.params[1] <= 0:
             return self.INVALID
         self.mission.asked_m_s = command.params[1]
         self.frame.pilot.change_speed(self.mission.speed_m_s)
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _refuse_disarming(self) -> Result:
+    def _refuse_disarming(self) -> messages.Result:
         return self.REFUSED
 
-    def _handle_interval_command(self, command: Command) -> Result:
+    def _handle_interval_command(self, command: messages.Command) -> messages.Result:
         number = command.integer_param(0)
         name = MESSAGE_NAMES.get(number)
         if name is None or self._build(name) is None:
             return self._refuse_interval(number)
         self.streams.set_interval(name, command.params[1], self.now_s)
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _handle_get_interval_command(self, command: Command) -> Result:
+    def _handle_get_interval_command(self, command: messages.Command) -> messages.Result:
         number = command.integer_param(0)
         name = MESSAGE_NAMES.get(number)
         interval_s = None if name is None else self.streams.interval_s(name)
         interval_us = -1 if interval_s is None else round(interval_s * 1e6)
         self.voice.send(
-            [build_message("MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us)]
+            [
+                messages.build_message(
+                    "MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us
+                )
+            ]
         )
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _send_named(self, number: int) -> Result:
+    def _send_named(self, number: int) -> messages.Result:
         name = MESSAGE_NAMES.get(number)
         message = None if name is None else self._build(name)
         if message is None and self.payload is not None:
@@ -546,15 +538,15 @@ class Autopilot(ABC):
             self._after_ack.append(message)
         else:
             self.voice.send([message])
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def _handle_gimbal_command(self, command: Command) -> Result:
+    def _handle_gimbal_command(self, command: messages.Command) -> messages.Result:
         sender = (self._partner.sysid, self._partner.compid)
         given = self.payload is not None and self.payload.change_gimbal_control(command.params, sender)
-        return Result.ACCEPTED if given else Result.UNSUPPORTED
+        return messages.Result.ACCEPTED if given else messages.Result.UNSUPPORTED
 
-    def _handle_reboot_command(self, command: Command) -> Result:
+    def _handle_reboot_command(self, command: messages.Command) -> messages.Result:
         if command.params[0] != 1 or self.frame.armed:
-            return Result.DENIED
+            return messages.Result.DENIED
         self.reboot()
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED

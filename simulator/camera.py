@@ -1,5 +1,7 @@
 """Cameras of a simulated vehicle: triggered by its autopilot or by themselves, with a card, a gimbal and faults.
 
+The gimbal is a component that says where it looks; the autopilot manages it and passes on who has control of it.
+
 A camera with a component id from 7 on speaks for itself by the camera protocol v2; one that is wired to the autopilot
 says nothing, and the autopilot reports each trigger: ArduPilot by CAMERA_FEEDBACK, PX4 by CAMERA_TRIGGER.
 """
@@ -13,13 +15,122 @@ from dataclasses import dataclass, field
 
 from missions.items import Command as Item
 from simulator.config import AutopilotKind, SimCamera, SimVehicle
-from simulator.enums import Result
-from simulator.gimbal import DEVICE_INFORMATION, GIMBAL, GIMBAL_S, Gimbal, quaternion_from_euler
-from simulator.messages import Command, FieldValue, Outbound, build_message
+from simulator.messages import Command, FieldValue, Outbound, Peer, Result, build_command_ack, build_message
 from simulator.physics import Body, Home, Place
+
+GIMBAL = 154
+"""MAV_COMP_ID_GIMBAL."""
+GIMBAL_S = 0.5
+TURNS_DEG_S = 60.0
+MANAGER_INFORMATION, MANAGER_STATUS, DEVICE_INFORMATION = 280, 281, 283
+YAW_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS: the yaw counts from north."""
+ROLL_AND_PITCH_LOCK = 4 | 8
+YAW_OF_VEHICLE = 32
+"""GIMBAL_DEVICE_FLAGS: the yaw that is said counts from the nose."""
+ABILITIES = 2 | 4 | 256 | 512 | 1024
+"""GIMBAL_MANAGER_CAP_FLAGS: a neutral place, and its axes, the yaw with the vehicle or locked."""
+DOWN_RAD, UP_RAD = math.radians(-90.0), math.radians(30.0)
+ASKING, NOBODY = -2.0, -3.0
+"""Whom DO_GIMBAL_MANAGER_CONFIGURE gives the control to: who asks; nobody, if it was who asks."""
+
+
+@dataclass(slots=True)
+class Gimbal:
+    """Where the cameras look: from the horizon, and from the nose."""
+
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    wanted: tuple[float, float] = (0.0, 0.0)
+    from_north: bool = False
+    """Whether the yaw that is wanted counts from north."""
+    stuck: bool = False
+    due_s: float = 0.0
+    control: tuple[int, int] | None = None
+    """System and component that have taken control of it; None while nobody ever has."""
+
+    def change_control(self, params: Sequence[float], sender: tuple[int, int]) -> None:
+        """Give its control to who asks for it, or take it back."""
+        if params[0] == ASKING:
+            self.control = sender
+        elif params[0] >= 0:
+            self.control = (int(params[0]), int(params[1]))
+        elif params[0] == NOBODY and self.control == sender:
+            self.control = (0, 0)
+
+    def step(self, dt_s: float, nose_deg: float) -> None:
+        """Turn towards where it is to look."""
+        if self.stuck:
+            return
+        most_deg = TURNS_DEG_S * dt_s
+        wanted_deg = self.wanted[1] - nose_deg if self.from_north else self.wanted[1]
+        turn_deg = (wanted_deg - self.yaw_deg + 180.0) % 360.0 - 180.0
+        self.pitch_deg += max(-most_deg, min(most_deg, self.wanted[0] - self.pitch_deg))
+        self.yaw_deg += max(-most_deg, min(most_deg, turn_deg))
+
+    # What is said of it.
+
+    def build_attitude_message(self, boot_ms: int) -> Outbound:
+        """Return where it looks; the gimbal says it."""
+        return build_message(
+            "GIMBAL_DEVICE_ATTITUDE_STATUS", target_system=0, target_component=0, time_boot_ms=boot_ms,
+            flags=ROLL_AND_PITCH_LOCK | YAW_OF_VEHICLE, q=quaternion_from_euler(self.pitch_deg, self.yaw_deg),
+            angular_velocity_x=math.nan, angular_velocity_y=math.nan, angular_velocity_z=math.nan, failure_flags=0,
+            delta_yaw=math.nan, delta_yaw_velocity=math.nan, gimbal_device_id=0,
+        )  # fmt: skip
+
+    def build_manager_message(self, number: int, boot_ms: int) -> Outbound | None:
+        """Return a message that the autopilot is asked for; None if it is not of gimbals."""
+        if number == MANAGER_INFORMATION:
+            return build_message(
+                "GIMBAL_MANAGER_INFORMATION", time_boot_ms=boot_ms, cap_flags=ABILITIES, gimbal_device_id=GIMBAL,
+                **_RANGES,
+            )  # fmt: skip
+        return self.build_status_message(boot_ms) if number == MANAGER_STATUS else None
+
+    def build_status_message(self, boot_ms: int) -> Outbound:
+        """Return who has control of it; the autopilot says it."""
+        system, component = self.control or (0, 0)
+        return build_message(
+            "GIMBAL_MANAGER_STATUS", time_boot_ms=boot_ms, flags=ROLL_AND_PITCH_LOCK, gimbal_device_id=GIMBAL,
+            primary_control_sysid=system, primary_control_compid=component, secondary_control_sysid=0,
+            secondary_control_compid=0,
+        )  # fmt: skip
+
+    def build_device_message(self, boot_ms: int) -> Outbound:
+        """Return what it is; the gimbal says it."""
+        return build_message(
+            "GIMBAL_DEVICE_INFORMATION", time_boot_ms=boot_ms, vendor_name=b"faultline", model_name=b"gimbal",
+            custom_name=b"", firmware_version=1, hardware_version=1, uid=0, cap_flags=ABILITIES, custom_cap_flags=0,
+            gimbal_device_id=0, **_RANGES,
+        )  # fmt: skip
+
+
+_RANGES = {
+    "roll_min": 0.0,
+    "roll_max": 0.0,
+    "pitch_min": DOWN_RAD,
+    "pitch_max": UP_RAD,
+    "yaw_min": -math.pi,
+    "yaw_max": math.pi,
+}
+
+
+def quaternion_from_euler(pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
+    """Return the attitude of what does not roll as MAVLink has it: w, x, y, z."""
+    (cp, sp), (cy, sy) = (
+        (math.cos(math.radians(angle) / 2), math.sin(math.radians(angle) / 2)) for angle in (pitch_deg, yaw_deg)
+    )
+    return cp * cy, -sp * sy, sp * cy, cp * sy
+
 
 FIRST_COMPONENT = 7
 CAMERA_TYPE, NO_AUTOPILOT = 30, 8
+HEARTBEAT = build_message(
+    "HEARTBEAT", type=CAMERA_TYPE, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4,
+    mavlink_version=3,
+)  # fmt: skip
+EVERYBODY = Peer(0, 0)
 CARD_MIB, PICTURE_MIB = 32_000.0, 8.0
 INFORMATION, SETTINGS, STORAGE, STATUS, CAPTURED = 259, 260, 261, 262, 263
 CAPTURES = 1 | 2 | 8
@@ -27,6 +138,8 @@ CAPTURES = 1 | 2 | 8
 FOCAL_MM, SENSOR_MM, PIXELS = 24.0, (17.3, 13.0), (5280, 3956)
 REQUEST_MESSAGE = 512
 NEVER_S = math.inf
+LOOKS_DEG = -90.0
+"""The pitch of a camera without a gimbal."""
 OF_CAMERAS = frozenset({
     Item.IMAGE_START_CAPTURE, Item.IMAGE_STOP_CAPTURE, Item.VIDEO_START_CAPTURE, Item.VIDEO_STOP_CAPTURE,
 })  # fmt: skip
@@ -69,10 +182,6 @@ class CameraUnit:
         self.filming_s: float | None = None
         self.beat_s = 0.0
 
-    def is_addressed_by(self, number: float) -> bool:
-        """Return whether an item's camera id means it."""
-        return number in {0.0, float(self.config.id)}
-
 
 @dataclass(frozen=True, slots=True)
 class ComponentMessage:
@@ -111,10 +220,6 @@ class Payload:
 
     # What goes in.
 
-    def list_components(self) -> frozenset[int]:
-        """Return the components that speak and are spoken to beside the autopilot."""
-        return frozenset(unit.config.id for unit in self.units if unit.speaks)
-
     def execute_item(self, number: int, params: Sequence[float]) -> bool:
         """Follow a mission item or a command; returns whether it is one for cameras."""
         match number:
@@ -143,7 +248,7 @@ class Payload:
         elif number == Item.DO_SET_ROI_NONE:
             self.body.face_rad = None
         elif self.gimbal is not None:
-            self.gimbal.apply_pitch_yaw_command(params)
+            self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
 
     def _command_camera(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
         """Have one camera do what an item for cameras says."""
@@ -152,7 +257,7 @@ class Payload:
                 unit.filming_s = self.now_s
             case Item.VIDEO_STOP_CAPTURE:
                 unit.filming_s = None
-            case _ if not unit.is_addressed_by(params[0]):
+            case _ if params[0] not in {0.0, float(unit.config.id)}:  # it means another camera
                 pass
             case Item.IMAGE_STOP_CAPTURE:
                 unit.every_s, unit.due_s = 0.0, NEVER_S
@@ -165,14 +270,16 @@ class Payload:
         """Answer what one of its components is asked."""
         if component == GIMBAL and self.gimbal is not None and command.number == REQUEST_MESSAGE:
             known = command.integer_param(0) == DEVICE_INFORMATION
-            self._said.append(ComponentMessage(GIMBAL, _build_ack(command.number, _to_result(done=known))))
+            self._said.append(
+                ComponentMessage(GIMBAL, build_command_ack(command.number, _to_result(done=known), EVERYBODY))
+            )
             self._said += [ComponentMessage(GIMBAL, self.gimbal.build_device_message(self._boot_ms))] if known else []
         for unit in self.units:
             if unit.config.id != component or unit.silent:
                 continue
             message = self._build_requested_message(unit, command) if command.number == REQUEST_MESSAGE else None
             done = message is not None or self.execute_item(command.number, command.params)
-            self._queue_message(unit, _build_ack(command.number, _to_result(done=done)))
+            self._queue_message(unit, build_command_ack(command.number, _to_result(done=done), EVERYBODY))
             if message is not None:
                 self._queue_message(unit, message)
 
@@ -210,7 +317,9 @@ class Payload:
             self.gimbal.step(dt_s, math.degrees(self.body.yaw_rad))
             if now_s >= self.gimbal.due_s:
                 self.gimbal.due_s = now_s + GIMBAL_S
-                self._queue_gimbal_messages(self.gimbal)
+                self._said.append(ComponentMessage(GIMBAL, self.gimbal.build_attitude_message(self._boot_ms)))
+                if self.gimbal.control is not None:
+                    self._said.append(ComponentMessage(None, self.gimbal.build_status_message(self._boot_ms)))
         here_m = (self.body.east_m, self.body.north_m)
         if self.every_m and self._last_m is not None and math.dist(here_m, self._last_m) >= self.every_m:
             self._last_m = here_m
@@ -221,7 +330,7 @@ class Payload:
                 self._take_picture(unit)
             if unit.speaks and not unit.silent and now_s >= unit.beat_s:
                 unit.beat_s = now_s + 1.0
-                self._queue_message(unit, _build_heartbeat(CAMERA_TYPE))
+                self._queue_message(unit, HEARTBEAT)
                 self._queue_message(unit, self._build_capture_status(unit))
 
     def _turn_to(self, region: Place) -> None:
@@ -262,7 +371,7 @@ class Payload:
         """Let the autopilot trigger all that it triggers."""
         number, self._triggers = self._triggers, self._triggers + 1
         usec = round((self.now_s - self.boot_s) * 1e6)
-        taken = [(unit, self._take_picture(unit)) for unit in self.units if unit.config.triggered]
+        taken = [(unit, self._take_picture(unit)) for unit in self.units]
         if self.vehicle.autopilot is AutopilotKind.PX4:
             self._said.append(ComponentMessage(None, build_message("CAMERA_TRIGGER", time_usec=usec, seq=number)))
             return
@@ -300,7 +409,7 @@ class Payload:
             message = build_message(
                 "CAMERA_IMAGE_CAPTURED", time_boot_ms=self._boot_ms, time_utc=0, camera_id=0, lat=lat, lon=lon,
                 alt=round((self.home.alt_m + self.body.up_m) * 1e3), relative_alt=round(self.body.up_m * 1e3),
-                q=quaternion_from_euler(0.0, pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
+                q=quaternion_from_euler(pitch_deg, yaw_deg), image_index=number, capture_result=int(not unit.full),
                 file_url=b"" if unit.full else format_picture_name(number + 1).encode(),
             )  # fmt: skip
             if not unit.full:
@@ -314,12 +423,7 @@ class Payload:
         yaw_deg = math.degrees(self.body.yaw_rad)
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
-        return unit.config.pitch_deg, yaw_deg % 360
-
-    def _queue_gimbal_messages(self, gimbal: Gimbal) -> None:
-        self._said.append(ComponentMessage(GIMBAL, gimbal.build_attitude_message(self._boot_ms)))
-        if gimbal.control is not None:
-            self._said.append(ComponentMessage(None, gimbal.build_status_message(self._boot_ms)))
+        return LOOKS_DEG, yaw_deg % 360
 
     def _build_requested_message(self, unit: CameraUnit, command: Command) -> Outbound | None:
         wanted = command.integer_param(0)
@@ -375,16 +479,3 @@ def _to_padded_bytes(text: str, length: int) -> list[int]:
 
 def _to_result(*, done: bool) -> Result:
     return Result.ACCEPTED if done else Result.UNSUPPORTED
-
-
-def _build_ack(number: int, result: Result) -> Outbound:
-    return build_message(
-        "COMMAND_ACK", command=number, result=int(result), progress=0, result_param2=0, target_system=0,
-        target_component=0,
-    )  # fmt: skip
-
-
-def _build_heartbeat(kind: int) -> Outbound:
-    return build_message(
-        "HEARTBEAT", type=kind, autopilot=NO_AUTOPILOT, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
-    )

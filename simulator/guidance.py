@@ -11,11 +11,8 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from simulator.physics import Body, Limits, Place, Velocity
-from simulator.position_drift import PositionDrift
-from simulator.px4_trajectory import Px4Leg, Px4Trajectory, moving_share
-from simulator.px4_velocity_smoothing import braking_speed_m_s
-from simulator.scurves import DelayedCurve, compute_target
+from simulator import leg_trajectories
+from simulator.physics import Body, Limits, Place, PositionDrift, Velocity
 
 BRAKE_MARGIN = 0.7
 """Share of the braking power that a planned stop uses; the rest corrects."""
@@ -87,7 +84,7 @@ class TimedLeg:
     leg: Leg
     """The same as a plain leg, for when the clock is lost."""
     base: Place
-    strands: tuple[DelayedCurve, ...]
+    strands: tuple[leg_trajectories.DelayedCurve, ...]
     lasts_s: float
 
 
@@ -120,7 +117,7 @@ class Land:
     """Height above which it is fast; in between it slows down with the height."""
 
 
-Goal = SpoolUp | Climb | Leg | TimedLeg | Px4Leg | Hover | ThrottleDescent | Land
+Goal = SpoolUp | Climb | Leg | TimedLeg | leg_trajectories.Px4Leg | Hover | ThrottleDescent | Land
 
 
 def distance_m(a: Place, b: Place) -> float:
@@ -169,7 +166,7 @@ def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limit
             up = _vertical_speed_m_s(goal.place.up_m, body, limits)
             if goal.brakes is not None:
                 left_m = goal.place.up_m - body.up_m
-                up = math.copysign(braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
+                up = math.copysign(leg_trajectories.braking_speed_m_s(abs(left_m), *goal.brakes), left_m)
             most = min(goal.speed_m_s, goal.slow_m_s) if body.up_m < goal.slow_below_m else goal.speed_m_s
             return Velocity(east, north, min(max(up, -most), most))
         case Hover():
@@ -184,13 +181,13 @@ def compute_desired_velocity(goal: Goal, body: Body, age_s: float, limits: Limit
         case Leg():
             return _compute_leg_velocity(goal, body, age_s, limits)
         case TimedLeg():
-            place, velocity = compute_target(goal.base, goal.strands, age_s)
+            place, velocity = leg_trajectories.compute_target(goal.base, goal.strands, age_s)
             return Velocity(
                 velocity.east_m_s + RIDE_PER_S * (place.east_m - body.east_m),
                 velocity.north_m_s + RIDE_PER_S * (place.north_m - body.north_m),
                 velocity.up_m_s + RIDE_PER_S * (place.up_m - body.up_m),
             )
-        case Px4Leg():
+        case leg_trajectories.Px4Leg():
             return Velocity()
 
 
@@ -203,7 +200,7 @@ def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
             return abs(body.up_m - goal.place.up_m) < goal.accept_m
         case TimedLeg():
             return age_s >= goal.lasts_s
-        case ThrottleDescent() | Px4Leg():
+        case ThrottleDescent() | leg_trajectories.Px4Leg():
             return False
         case Land():
             return body.on_ground
@@ -218,7 +215,7 @@ def is_finished(goal: Goal, body: Body, age_s: float) -> bool:
 
 def can_join_timed_leg(ride: TimedLeg, body: Body) -> bool:
     """Return whether a vehicle is near enough to a ride's beginning, and fast enough for it."""
-    place, velocity = compute_target(ride.base, ride.strands, 0.0)
+    place, velocity = leg_trajectories.compute_target(ride.base, ride.strands, 0.0)
     return distance_m(place, body.place) < RIDE_M and math.dist(body.velocity, velocity) < RIDE_M_S
 
 
@@ -301,7 +298,7 @@ class GoalFollower:
         self._now_s = 0.0
         self._goals: deque[Goal] = deque()
         self._age_s = 0.0
-        self._glider: Px4Trajectory | None = None
+        self._glider: leg_trajectories.Px4Trajectory | None = None
         self._riding = replace(
             limits, accelerate_m_s2=RIDE_M_S2, brake_m_s2=RIDE_M_S2, vertical_m_s2=RIDE_M_S2, corner_m_s2=RIDE_M_S2
         )
@@ -323,7 +320,7 @@ class GoalFollower:
                 self._goals[0] = replace(leg, speed_m_s=speed_m_s, entry_m_s=None)
             case TimedLeg(leg=leg):
                 self._goals[0] = replace(leg, speed_m_s=speed_m_s)
-            case Px4Leg() as glide:
+            case leg_trajectories.Px4Leg() as glide:
                 self._goals[0] = replace(glide, speed_m_s=speed_m_s)
 
     def hold(self) -> None:
@@ -335,8 +332,8 @@ class GoalFollower:
         goal = self.goal or Hover(self.body.place)
         self._age_s += dt_s
         self._now_s += dt_s
-        if isinstance(goal, Px4Leg):
-            self._glider = self._glider or Px4Trajectory(self.body, self._wander)
+        if isinstance(goal, leg_trajectories.Px4Leg):
+            self._glider = self._glider or leg_trajectories.Px4Trajectory(self.body, self._wander)
             over = self._glider.fly(goal, self.body, self._now_s, dt_s)
         else:
             self._glider = None
@@ -344,7 +341,9 @@ class GoalFollower:
             wanted = compute_desired_velocity(goal, self.body, self._age_s, limits)
             if isinstance(goal, Climb):
                 # Its trajectory stands still over the ground, so that no swing is ahead of it.
-                wanted = wanted._replace(up_m_s=wanted.up_m_s * moving_share(*self._wander.offset_m(self._now_s)))
+                wanted = wanted._replace(
+                    up_m_s=wanted.up_m_s * leg_trajectories.moving_share(*self._wander.offset_m(self._now_s))
+                )
             self.body.fly(wanted, limits, dt_s)
             over = is_finished(goal, self.body, self._age_s)
         if self._goals and over:

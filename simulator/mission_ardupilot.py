@@ -8,17 +8,13 @@ from dataclasses import replace
 
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
-from simulator.enums import MissionState, Severity
-from simulator.fence import find_return_destination
 from simulator.guidance import Goal, Hover, Land, Leg, TimedLeg, can_join_timed_leg, corner_speed_m_s, distance_m
-from simulator.messages import build_message
-from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
+from simulator.leg_trajectories import DelayedCurve, LegLimits, SCurve, overlap_s, turn_s
+from simulator.messages import MissionState, Severity, VehicleOutbox, build_message
+from simulator.mission_store import DONE_IN_PASSING, CarryOut, find_return_destination, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
-from simulator.route import place_of
-from simulator.scurves import DelayedCurve, LegLimits, SCurve, overlap_s, turn_s
 from simulator.store_ardupilot import ArduPilotStore
-from simulator.vehicle_outbox import VehicleOutbox
 
 LATE_SLOWDOWN_M = 22.5
 """How far the old speed is kept after a pass-through corner. Measured: 60 m 'at 1 m/s' took 42 s, 100 m took 82 s."""
@@ -298,13 +294,10 @@ class ArduPilotMission:
             self._turning = None
         else:
             onward = place_of(after, self._home, target) if passes and after is not None else None
-            changes = after_seq is not None and self._has_speed_change(seq, after_seq)
+            passed = (self._store.item_at(between) for between in range(seq + 1, after_seq or 0))
+            changes = any(one is not None and one.command == Command.DO_CHANGE_SPEED for one in passed)
             flown = self._build_timed_leg(leg, onward, settles_s, changes=changes) or leg
         return [flown, Hover(target, item.param1)] if item.param1 > 0 else [flown]
-
-    def _has_speed_change(self, seq: int, until: int) -> bool:
-        items = [self._store.item_at(between) for between in range(seq + 1, until)]
-        return any(item is not None and item.command == Command.DO_CHANGE_SPEED for item in items)
 
     def _build_timed_leg(self, leg: Leg, after: Place | None, settles_s: float, *, changes: bool) -> TimedLeg | None:
         """Return the leg by the clock; None when the vehicle is not where the clock would have it."""

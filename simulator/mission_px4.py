@@ -8,16 +8,13 @@ from enum import Enum
 
 from missions.items import Command, MissionItem
 from simulator.airframe import Airframe
-from simulator.enums import MissionState, Severity
 from simulator.guidance import Goal, Land, Leg
-from simulator.messages import build_message
-from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of
+from simulator.leg_trajectories import Px4Leg
+from simulator.messages import MissionState, Severity, VehicleOutbox, build_message
+from simulator.mission_store import DONE_IN_PASSING, CarryOut, has_place, params_of, place_of
 from simulator.params import ParamTable
 from simulator.physics import Home, Place
-from simulator.px4_trajectory import Px4Leg
-from simulator.route import place_of
 from simulator.store_px4 import NAV_VTOL_LAND, NAV_VTOL_TAKEOFF, Px4Store
-from simulator.vehicle_outbox import VehicleOutbox
 
 CHECK_S = 0.5
 """An upload on the ground until the mission counts as valid: MISSION_START right after the ACK is denied."""

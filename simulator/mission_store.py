@@ -1,20 +1,23 @@
-"""What both autopilots share of the vehicle's side of the mission protocol."""
+"""What both autopilots share of missions: their side of the protocol, where items are, what a fence means."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
 from missions.items import PAYLOAD, Command, Frame, MissionItem
-from simulator.enums import MissionResult
+from missions.items import PlaceCommand as Item
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
+    MissionResult,
     Outbound,
     Peer,
     build_message,
 )
+from simulator.physics import Home, Place
 
 DEGREES_E7 = 1e-7
 
@@ -98,14 +101,20 @@ def is_relative(item: MissionItem) -> bool:
     return item.frame in {Frame.GLOBAL_RELATIVE_ALT, Frame.GLOBAL_RELATIVE_ALT_INT}
 
 
-def build_mission_ack(
-    partner: Peer, result: MissionResult, mission_type: int = MISSION_TYPE_MISSION, opaque_id: int = 0
-) -> Outbound:
-    """Return a MISSION_ACK."""
-    return build_message(
+def acknowledge(
+    partner: Peer,
+    result: MissionResult,
+    kind: int = MISSION_TYPE_MISSION,
+    texts: tuple[tuple[int, str], ...] = (),
+    *,
+    opaque_id: int = 0,
+) -> StoreStep:
+    """Return a step that answers with MISSION_ACK, and says so much to everybody."""
+    ack = build_message(
         "MISSION_ACK", target_system=partner.sysid, target_component=partner.compid, type=int(result),
-        mission_type=mission_type, opaque_id=opaque_id,
+        mission_type=kind, opaque_id=opaque_id,
     )  # fmt: skip
+    return StoreStep((ack,), texts)
 
 
 def build_mission_count(
@@ -141,3 +150,104 @@ def build_mission_item(
         param2=item.param2, param3=item.param3, param4=item.param4, x=x, y=y, z=item.z,
         mission_type=mission_type,
     )  # fmt: skip
+
+
+def place_of(item: MissionItem, home: Home, here: Place) -> Place:
+    """Return where an item is; without a place of its own it is where the vehicle is, at the item's height."""
+    up_m = item.z if is_relative(item) else item.z - home.alt_m
+    return home.place_of(item.x, item.y, up_m) if has_place(item) else Place(here.east_m, here.north_m, up_m)
+
+
+def mission_length_m(items: Iterable[MissionItem], home: Home) -> float:
+    """Return the length of the whole flight that a list describes, from the pad to wherever it ends."""
+    here = Place(0.0, 0.0, 0.0)
+    length = 0.0
+    for item in items:
+        stops: list[Place] = []
+        if item.command in {Command.NAV_TAKEOFF, Command.NAV_WAYPOINT}:
+            stops = [place_of(item, home, here)]
+        elif item.command == Command.NAV_RETURN_TO_LAUNCH:
+            stops = [Place(0.0, 0.0, here.up_m), Place(0.0, 0.0, 0.0)]
+        elif item.command == Command.NAV_LAND:
+            over = place_of(item, home, here)
+            stops = [Place(over.east_m, over.north_m, here.up_m), Place(over.east_m, over.north_m, 0.0)]
+        for stop in stops:
+            length += math.dist(here, stop)
+            here = stop
+    return length
+
+
+Corner = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class FenceShape:
+    """A polygon, or a circle about its one corner."""
+
+    keeps_out: bool
+    corners: tuple[Corner, ...]
+    radius_m: float | None
+
+    def is_allowed(self, east_m: float, north_m: float) -> bool:
+        """Return whether a vehicle may be there."""
+        if self.radius_m is not None:
+            return (math.dist(self.corners[0], (east_m, north_m)) <= self.radius_m) is not self.keeps_out
+        return _is_within(self.corners, east_m, north_m) is not self.keeps_out
+
+
+def build_fence_shapes(items: Sequence[MissionItem], home: Home) -> tuple[FenceShape, ...]:
+    """Return what a fence on board means."""
+    shapes, index = list[FenceShape](), 0
+    while index < len(items):
+        item, size = items[index], 1
+        keeps_out = item.command in {Item.EXCLUSION_VERTEX, Item.EXCLUSION_CIRCLE}
+        if item.command in {Item.INCLUSION_VERTEX, Item.EXCLUSION_VERTEX}:
+            size = max(1, int(item.param1))
+            ring = items[index : index + size]
+            shapes.append(FenceShape(keeps_out, tuple(home.east_north_m(one.x, one.y) for one in ring), None))
+        elif item.command in {Item.INCLUSION_CIRCLE, Item.EXCLUSION_CIRCLE}:
+            shapes.append(FenceShape(keeps_out, (home.east_north_m(item.x, item.y),), item.param1))
+        index += size
+    return tuple(shapes)
+
+
+def is_inside(shapes: Sequence[FenceShape], place: Place) -> bool:
+    """Return whether a place is inside a fence."""
+    return all(shape.is_allowed(place.east_m, place.north_m) for shape in shapes)
+
+
+def distance_outside_m(shapes: Sequence[FenceShape], place: Place) -> float:
+    """Return how far outside the polygon that it left a place is, the farthest of several; 0 inside."""
+    here = (place.east_m, place.north_m)
+    left = [one for one in shapes if one.radius_m is None and not one.keeps_out and not one.is_allowed(*here)]
+    return max((min(_edge_distance_m(here, a, b) for a, b in _iterate_edges(one.corners)) for one in left), default=0.0)
+
+
+def _iterate_edges(corners: tuple[Corner, ...]) -> Iterator[tuple[Corner, Corner]]:
+    yield from zip(corners, (*corners[1:], corners[0]), strict=True)
+
+
+def _edge_distance_m(here: Corner, one: Corner, other: Corner) -> float:
+    along = (other[0] - one[0], other[1] - one[1])
+    length = along[0] ** 2 + along[1] ** 2
+    share = ((here[0] - one[0]) * along[0] + (here[1] - one[1]) * along[1]) / length if length else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.dist(here, (one[0] + share * along[0], one[1] + share * along[1]))
+
+
+def _is_within(corners: Sequence[Corner], east_m: float, north_m: float) -> bool:
+    inside = False
+    for (east_a, north_a), (east_b, north_b) in _iterate_edges(tuple(corners)):
+        if (north_a > north_m) is not (north_b > north_m):
+            inside ^= east_m < east_a + (north_m - north_a) / (north_b - north_a) * (east_b - east_a)
+    return inside
+
+
+def find_return_destination(
+    rally: Sequence[MissionItem], home: Home, here: Place, farthest_m: float = math.inf
+) -> Place:
+    """Return where a return ends: over the nearest of home and the rally points that are not too far away."""
+    spots = [Place(*home.east_north_m(item.x, item.y), 0.0) for item in rally]
+    near = [one for one in spots if math.hypot(one.east_m - here.east_m, one.north_m - here.north_m) <= farthest_m]
+    at_home = Place(0.0, 0.0, 0.0)
+    return min((at_home, *near), key=lambda one: math.hypot(one.east_m - here.east_m, one.north_m - here.north_m))

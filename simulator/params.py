@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from simulator.config import AutopilotKind, SimVehicle
-from simulator.errors import FleetError
+from simulator.config import AutopilotKind, FleetError, SimVehicle
 from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, ParamSet, build_message
 
 UNINDEXED = 65535
@@ -32,64 +31,49 @@ class Param:
     kind: ParamKind = ParamKind.REAL32
 
 
-def _int8_param(value: float) -> Param:
-    return Param(value, ParamKind.INT8)
-
-
-def _int16_param(value: float) -> Param:
-    return Param(value, ParamKind.INT16)
-
-
-def _int32_param(value: float) -> Param:
-    return Param(value, ParamKind.INT32)
+def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
+    """Return defaults from their values by kind."""
+    return {name: Param(value, ParamKind[kind.upper()]) for kind, own in values.items() for name, value in own.items()}
 
 
 # Copter 4.7: SYSID_MYGCS is MAV_GCS_SYSID. Heights and speeds are in centimetres. FS_GCS_ENABLE is 0 in the firmware;
 # here it is 1 so that a vehicle that is left alone comes home.
-ARDUPILOT: Mapping[str, Param] = {
-    "MAV_GCS_SYSID": _int16_param(255), "FRAME_CLASS": _int8_param(1), "FRAME_TYPE": _int8_param(1),
-    "STAT_RUNTIME": _int32_param(0),
-    "FS_GCS_ENABLE": _int8_param(1), "FS_GCS_TIMEOUT": Param(5), "FS_OPTIONS": _int32_param(0),
-    "FS_THR_ENABLE": _int8_param(0),
-    "RTL_ALT": _int32_param(1500), "RTL_SPEED": _int16_param(0), "RTL_LOIT_TIME": _int32_param(5000),
-    "RTL_ALT_FINAL": _int16_param(0),
-    "RTL_CONE_SLOPE": Param(3),
-    "WPNAV_SPEED": Param(1000), "WPNAV_SPEED_UP": Param(250), "WPNAV_SPEED_DN": Param(150), "WPNAV_RADIUS": Param(200),
-    "WPNAV_ACCEL": Param(250), "WPNAV_ACCEL_Z": Param(100), "WPNAV_JERK": Param(1), "LAND_SPEED": _int16_param(50),
-    "LAND_ALT_LOW": _int16_param(1000), "DISARM_DELAY": _int8_param(10),
-    "AUTO_OPTIONS": _int32_param(0), "MIS_RESTART": _int8_param(0), "MIS_OPTIONS": _int16_param(0),
-    "ARMING_CHECK": _int32_param(1),
-    "BATT_MONITOR": _int8_param(4), "MOT_BAT_VOLT_MAX": Param(0), "BATT_CAPACITY": _int32_param(0),
-    "BATT_LOW_VOLT": Param(0),
-    "BATT_LOW_MAH": Param(0),
-    "BATT_CRT_VOLT": Param(0), "BATT_CRT_MAH": Param(0), "BATT_LOW_TIMER": _int8_param(10),
-    "BATT_FS_LOW_ACT": _int8_param(0),
-    "BATT_FS_CRT_ACT": _int8_param(0), "BATT_ARM_VOLT": Param(0), "BATT_ARM_MAH": _int32_param(0),
-    "FENCE_ENABLE": _int8_param(0),
-    "FENCE_AUTOENABLE": _int8_param(0), "FENCE_TYPE": _int8_param(7), "FENCE_ALT_MAX": Param(100),
-    "FENCE_RADIUS": Param(300),
-    "FENCE_ACTION": _int8_param(1), "RALLY_LIMIT_KM": Param(0.3), "CAM1_TYPE": _int8_param(0),
-}  # fmt: skip
+ARDUPILOT = _build_table(
+    int8={
+        "FRAME_CLASS": 1, "FRAME_TYPE": 1, "FS_GCS_ENABLE": 1, "FS_THR_ENABLE": 0, "DISARM_DELAY": 10, "MIS_RESTART": 0,
+        "BATT_MONITOR": 4, "BATT_LOW_TIMER": 10, "BATT_FS_LOW_ACT": 0, "BATT_FS_CRT_ACT": 0, "FENCE_ENABLE": 0,
+        "FENCE_AUTOENABLE": 0, "FENCE_TYPE": 7, "FENCE_ACTION": 1, "CAM1_TYPE": 0,
+    },
+    int16={
+        "MAV_GCS_SYSID": 255, "RTL_SPEED": 0, "RTL_ALT_FINAL": 0, "LAND_SPEED": 50, "LAND_ALT_LOW": 1000,
+        "MIS_OPTIONS": 0,
+    },
+    int32={
+        "STAT_RUNTIME": 0, "FS_OPTIONS": 0, "RTL_ALT": 1500, "RTL_LOIT_TIME": 5000, "AUTO_OPTIONS": 0,
+        "ARMING_CHECK": 1, "BATT_CAPACITY": 0, "BATT_ARM_MAH": 0,
+    },
+    real32={
+        "FS_GCS_TIMEOUT": 5, "RTL_CONE_SLOPE": 3, "WPNAV_SPEED": 1000, "WPNAV_SPEED_UP": 250, "WPNAV_SPEED_DN": 150,
+        "WPNAV_RADIUS": 200, "WPNAV_ACCEL": 250, "WPNAV_ACCEL_Z": 100, "WPNAV_JERK": 1, "MOT_BAT_VOLT_MAX": 0,
+        "BATT_LOW_VOLT": 0, "BATT_LOW_MAH": 0, "BATT_CRT_VOLT": 0, "BATT_CRT_MAH": 0, "BATT_ARM_VOLT": 0,
+        "FENCE_ALT_MAX": 100, "FENCE_RADIUS": 300, "RALLY_LIMIT_KM": 0.3,
+    },
+)  # fmt: skip
 # PX4 1.17. NAV_DLL_ACT is 0 in the firmware; here it is 2, for the same reason.
-PX4: Mapping[str, Param] = {
-    "MAV_TYPE": _int32_param(2), "SYS_AUTOSTART": _int32_param(4001), "NAV_DLL_ACT": _int32_param(2),
-    "NAV_RCL_ACT": _int32_param(2),
-    "COM_DL_LOSS_T": _int32_param(10), "COM_FAIL_ACT_T": Param(5), "COM_LOW_BAT_ACT": _int32_param(0),
-    "COM_FLTT_LOW_ACT": _int32_param(0),
-    "COM_DISARM_LAND": Param(2),
-    "COM_RC_IN_MODE": _int32_param(1), "BAT_LOW_THR": Param(0.15), "BAT_CRIT_THR": Param(0.07),
-    "BAT_EMERGEN_THR": Param(0.05),
-    "BAT1_CAPACITY": Param(-1), "BAT1_N_CELLS": _int32_param(0), "RTL_TYPE": _int32_param(0),
-    "RTL_RETURN_ALT": Param(60),
-    "RTL_DESCEND_ALT": Param(30), "RTL_LAND_DELAY": Param(0), "RTL_CONE_ANG": _int32_param(45),
-    "MPC_XY_CRUISE": Param(5),
-    "MPC_XY_VEL_MAX": Param(12), "MPC_Z_VEL_MAX_UP": Param(3), "MPC_Z_VEL_MAX_DN": Param(1.5),
-    "MPC_TKO_SPEED": Param(1.5), "MPC_ACC_HOR": Param(3), "MPC_Z_V_AUTO_UP": Param(3), "MPC_Z_V_AUTO_DN": Param(1.5),
-    "MPC_LAND_SPEED": Param(0.7), "NAV_ACC_RAD": Param(2), "MIS_TAKEOFF_ALT": Param(2.5),
-    "MIS_TKO_LAND_REQ": _int32_param(0), "GF_ACTION": _int32_param(2), "GF_MAX_HOR_DIST": Param(0),
-    "GF_MAX_VER_DIST": Param(0),
-    "COM_DLL_EXCEPT": _int32_param(0), "TRIG_MODE": _int32_param(0),
-}  # fmt: skip
+PX4 = _build_table(
+    int32={
+        "MAV_TYPE": 2, "SYS_AUTOSTART": 4001, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2, "COM_DL_LOSS_T": 10,
+        "COM_LOW_BAT_ACT": 0, "COM_FLTT_LOW_ACT": 0, "COM_RC_IN_MODE": 1, "BAT1_N_CELLS": 0, "RTL_TYPE": 0,
+        "RTL_CONE_ANG": 45, "MIS_TKO_LAND_REQ": 0, "GF_ACTION": 2, "COM_DLL_EXCEPT": 0, "TRIG_MODE": 0,
+    },
+    real32={
+        "COM_FAIL_ACT_T": 5, "COM_DISARM_LAND": 2, "BAT_LOW_THR": 0.15, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05,
+        "BAT1_CAPACITY": -1, "RTL_RETURN_ALT": 60, "RTL_DESCEND_ALT": 30, "RTL_LAND_DELAY": 0, "MPC_XY_CRUISE": 5,
+        "MPC_XY_VEL_MAX": 12, "MPC_Z_VEL_MAX_UP": 3, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TKO_SPEED": 1.5, "MPC_ACC_HOR": 3,
+        "MPC_Z_V_AUTO_UP": 3, "MPC_Z_V_AUTO_DN": 1.5, "MPC_LAND_SPEED": 0.7, "NAV_ACC_RAD": 2, "MIS_TAKEOFF_ALT": 2.5,
+        "GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0,
+    },
+)  # fmt: skip
 LOW_CELL_V = 3.5
 """BATT_LOW_VOLT for each cell: ArduPilot's default of 10.5 V is for three."""
 
@@ -102,27 +86,24 @@ def defaults_for(vehicle: SimVehicle, capacity_mah: float) -> dict[str, Param]:
     """
     if vehicle.autopilot is AutopilotKind.ARDUPILOT:
         table = dict(ARDUPILOT)
-        table["MAV_SYSID"] = _int16_param(vehicle.sysid)
-        table["BATT_CAPACITY"] = _int32_param(round(capacity_mah))
+        table["MAV_SYSID"] = Param(vehicle.sysid, ParamKind.INT16)
+        table["BATT_CAPACITY"] = Param(round(capacity_mah), ParamKind.INT32)
         table["BATT_LOW_VOLT"] = Param(LOW_CELL_V * vehicle.drone.cells)
-        table["BATT_MONITOR"] = _int8_param(4 if vehicle.current_sensor else 3)
+        table["BATT_MONITOR"] = Param(4 if vehicle.current_sensor else 3, ParamKind.INT8)
     else:
         table = dict(PX4)
-        table["MAV_SYS_ID"] = _int32_param(vehicle.sysid)
+        table["MAV_SYS_ID"] = Param(vehicle.sysid, ParamKind.INT32)
         table["BAT1_CAPACITY"] = Param(capacity_mah)
-        table["BAT1_N_CELLS"] = _int32_param(vehicle.drone.cells)
+        table["BAT1_N_CELLS"] = Param(vehicle.drone.cells, ParamKind.INT32)
     if vehicle.cameras:  # whoever mounts one sets its autopilot up for it
-        table |= (
-            {"CAM1_TYPE": _int8_param(1)}
-            if vehicle.autopilot is AutopilotKind.ARDUPILOT
-            else {"TRIG_MODE": _int32_param(4)}
-        )
+        name, kind = ("CAM1_TYPE", 1) if vehicle.autopilot is AutopilotKind.ARDUPILOT else ("TRIG_MODE", 4)
+        table[name] = replace(table[name], value=kind)
     for name, value in vehicle.parameters.items():
         if name not in table:
             raise FleetError(
                 f"vehicle {vehicle.name!r}: no parameter {name!r}, expected one of {', '.join(sorted(table))}"
             )
-        table[name] = Param(value, table[name].kind)
+        table[name] = replace(table[name], value=value)
     return table
 
 

@@ -4,24 +4,56 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from enum import IntEnum
 from typing import ClassVar
 
-from simulator import telemetry
+from simulator import messages
 from simulator.airframe import AirframeSettings
 from simulator.autopilot import Autopilot
 from simulator.config import SimVehicle
-from simulator.enums import LandedState, MavCommand, Result, Severity
-from simulator.fence import FenceShape, build_fence_shapes, find_return_destination, is_inside
 from simulator.guidance import Climb, Goal, Hover, find_stopping_place
-from simulator.messages import Command, Heartbeat, Outbound, Peer, SetMode, build_message
+from simulator.leg_trajectories import HEIGHT_M, JERK, UP
 from simulator.mission_px4 import FAST_LANDING_M, MissionEnd, Px4Mission, land_goal
-from simulator.mission_store import StoreStep, has_place
-from simulator.modes_px4 import MAIN_AUTO, MISSION_MODES, WORDS, Mode, encode_custom_mode
-from simulator.physics import Home, Limits, Place
-from simulator.positioning import GPS_BIT
-from simulator.px4_trajectory import HEIGHT_M, JERK, UP
-from simulator.route import place_of
+from simulator.mission_store import (
+    FenceShape,
+    StoreStep,
+    build_fence_shapes,
+    find_return_destination,
+    has_place,
+    is_inside,
+    place_of,
+)
+from simulator.physics import ALONE, GPS_BIT, Home, Limits, Place
 from simulator.store_px4 import Px4Store
+
+MAIN_AUTO = 4
+
+
+def encode_custom_mode(main: int, sub: int = 0) -> int:
+    """Return the number that a heartbeat shows."""
+    return sub << 24 | main << 16
+
+
+class Mode(IntEnum):
+    """custom_mode, as far as simulated."""
+
+    ALTCTL = encode_custom_mode(2)
+    POSCTL = encode_custom_mode(3)
+    TAKEOFF = encode_custom_mode(4, 2)
+    LOITER = encode_custom_mode(4, 3)
+    MISSION = encode_custom_mode(4, 4)
+    RETURN = encode_custom_mode(4, 5)
+    LAND = encode_custom_mode(4, 6)
+
+
+WORDS = {
+    "POSCTL": Mode.POSCTL, "ALTCTL": Mode.ALTCTL, "HOLD": Mode.LOITER, "RTL": Mode.RETURN, "LAND": Mode.LAND,
+    "MISSION": Mode.MISSION,
+}  # fmt: skip
+"""The modes that a person chooses."""
+MISSION_MODES = frozenset({Mode.MISSION, Mode.TAKEOFF, Mode.LAND})
+"""In which MISSION_CURRENT says 'active', as PX4 does."""
+
 
 MAV_AUTOPILOT_PX4 = 12
 LIMITS = Limits(accelerate_m_s2=2.0, brake_m_s2=2.5, climb_m_s=3.0, descend_m_s=1.5, vertical_m_s2=1.5, corner_m_s2=1.1)
@@ -51,8 +83,8 @@ class Px4(Autopilot):
     """One vehicle."""
 
     mission: Px4Mission
-    REFUSED: ClassVar = Result.TEMPORARILY_REJECTED
-    INVALID: ClassVar = Result.DENIED
+    REFUSED: ClassVar = messages.Result.TEMPORARILY_REJECTED
+    INVALID: ClassVar = messages.Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
     ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
     KILLED: ClassVar = "Preflight Fail: Kill switch engaged"
@@ -77,70 +109,70 @@ class Px4(Autopilot):
         self._arming_for_mission = False
         self._mode_after_flight = Mode.LOITER
         """The mode that the crew chose last, of those in which it can be armed: with the motors off it is back."""
-        self._announced = (0, 0)
-        """Index and mission id as last reported."""
+        self._announced = 0
+        """The index as last reported."""
         self._link_lost = False
-        self._failsafe = self._blind = False
+        self._failsafe = self._blind = self._lost_gps = False
         self._emergency = Mode.LAND
         """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
         self._emergency_ordered = False
         self._action_due: tuple[float, Mode] | None = None
         """A failsafe's hold, and what follows it when."""
         self._charge_state = 1
-        self._landed_state = LandedState.ON_GROUND
+        self._landed_state = messages.LandedState.ON_GROUND
         self._shapes: tuple[FenceShape, ...] = ()
         self._outside = False
         """Whether it is outside its fence."""
         self.mission.left_fence_at = self._find_item_outside_fence
 
-    def _own_commands(self) -> dict[int, Callable[[Command], Result]]:
+    def _own_commands(self) -> dict[int, Callable[[messages.Command], messages.Result]]:
         # DO_SET_MISSION_CURRENT and DO_PAUSE_CONTINUE are not among them: 'unsupported', as measured.
         return {
-            MavCommand.DO_SET_MODE: self._handle_set_mode_command,
-            MavCommand.MISSION_START: self._start_mission,
-            MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
-            MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
-            MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
+            messages.MavCommand.DO_SET_MODE: self._handle_set_mode_command,
+            messages.MavCommand.MISSION_START: self._start_mission,
+            messages.MavCommand.NAV_RETURN_TO_LAUNCH: self._handle_return_command,
+            messages.MavCommand.NAV_LAND: lambda _: self.set_mode(Mode.LAND),
+            messages.MavCommand.NAV_TAKEOFF: lambda _: self.set_mode(Mode.TAKEOFF),
         }
 
     # Modes.
 
-    def set_mode(self, mode: int) -> Result:
+    def set_mode(self, mode: int) -> messages.Result:
         """Change the mode as the crew wants it. It ends the hold of a failsafe, whatever that had in mind."""
         if mode not in set(Mode):
             if mode >> 16 & 255 != MAIN_AUTO:
                 # Measured: a main mode that does not exist is accepted, and nothing happens.
-                return Result.ACCEPTED
-            self.voice.send_text(Severity.CRITICAL, "Unsupported auto mode")
-            return Result.TEMPORARILY_REJECTED
+                return messages.Result.ACCEPTED
+            self.voice.send_text(messages.Severity.CRITICAL, "Unsupported auto mode")
+            return messages.Result.TEMPORARILY_REJECTED
         self._action_due = None
         if mode == Mode.MISSION and self.frame.armed and not self._store.items:
-            self.voice.send_text(Severity.CRITICAL, "Switching to Mission is currently not available")
-            return Result.TEMPORARILY_REJECTED
+            self.voice.send_text(messages.Severity.CRITICAL, "Switching to Mission is currently not available")
+            return messages.Result.TEMPORARILY_REJECTED
         if mode not in {Mode.RETURN, Mode.LAND, Mode.TAKEOFF}:
             self._mode_after_flight = Mode(mode)
         if mode != self.mode or (mode == Mode.MISSION and not self.mission.running):
             self._switch(Mode(mode))
-        return Result.ACCEPTED
+        return messages.Result.ACCEPTED
 
-    def build_mode_order(self, word: str) -> Command:
+    def build_mode_order(self, word: str) -> messages.Command:
         """Return the order of a mode as a ground station gives it."""
         mode = WORDS[word]
         params = (1.0, float(mode >> 16 & 255), float(mode >> 24), 0.0, 0.0, 0.0, 0.0)
-        return Command(MavCommand.DO_SET_MODE, params)
+        return messages.Command(messages.MavCommand.DO_SET_MODE, params)
 
-    def _handle_set_mode_command(self, command: Command) -> Result:
+    def _handle_set_mode_command(self, command: messages.Command) -> messages.Result:
         """Follow DO_SET_MODE. Measured: two acknowledgements, of the receipt and of the change; the first says yes."""
-        self.acknowledge(command, Result.ACCEPTED)
+        self.acknowledge(command, messages.Result.ACCEPTED)
         return self.set_mode(encode_custom_mode(command.integer_param(1), command.integer_param(2)))
 
-    def _set_mode_message(self, message: SetMode) -> None:
+    def _set_mode_message(self, message: messages.SetMode) -> None:
         """Follow SET_MODE, which is acknowledged as if it were the command."""
         result = self.set_mode(message.custom_mode)
-        self.acknowledge(Command(MavCommand.DO_SET_MODE, (0.0,) * 7), result)
+        self.acknowledge(messages.Command(messages.MavCommand.DO_SET_MODE, (0.0,) * 7), result)
 
-    def _handle_return_command(self, command: Command) -> Result:  # noqa: ARG002 - it has nothing to say
-        self.voice.send_text(Severity.INFO, "Returning to launch")
+    def _handle_return_command(self, command: messages.Command) -> messages.Result:  # noqa: ARG002 - it has nothing to say
+        self.voice.send_text(messages.Severity.INFO, "Returning to launch")
         return self.set_mode(Mode.RETURN)
 
     def _switch(self, mode: Mode) -> None:
@@ -182,7 +214,7 @@ class Px4(Autopilot):
                 if self.mission.ended_at is not None and self.frame.armed:
                     self.frame.pilot.fly([Hover(self.mission.ended_at)])
             case MissionEnd.RETURN:
-                self.voice.send_text(Severity.INFO, "Returning to launch")
+                self.voice.send_text(messages.Severity.INFO, "Returning to launch")
                 self._switch(Mode.RETURN)
             case None:
                 return
@@ -191,7 +223,9 @@ class Px4(Autopilot):
         body = self.frame.body
         up_m = max(self._return_height_m(), body.up_m)
         alt_m = self.home.alt_m + up_m
-        self.voice.send_text(Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)")
+        self.voice.send_text(
+            messages.Severity.INFO, f"RTL: start return at {alt_m:.0f} m ({up_m:.0f} m above destination)"
+        )
         speed_m_s = min(max(self.params["MPC_XY_CRUISE"], 0.1), self.params["MPC_XY_VEL_MAX"])
         to = find_return_destination(self._store.rally, self.home, body.place)
         pad = body.place if body.on_ground else to
@@ -210,11 +244,11 @@ class Px4(Autopilot):
         within_m = away_m / math.tan(math.radians(cone_deg)) if cone_deg < 90 else 0.0
         return min(height_m, max(within_m, self.params["RTL_DESCEND_ALT"]))
 
-    def _start_mission(self, command: Command) -> Result:
+    def _start_mission(self, command: messages.Command) -> messages.Result:
         """Follow MISSION_START: from item param1, and it arms."""
         if not self.mission.is_valid(self.now_s):
-            self.voice.send_text(Severity.CRITICAL, "Mission start denied! No valid mission")
-            return Result.DENIED
+            self.voice.send_text(messages.Severity.CRITICAL, "Mission start denied! No valid mission")
+            return messages.Result.DENIED
         first = command.params[0]
         if not math.isnan(first) and 0 <= first < len(self._store.items):
             self._end_mission(self.mission.set_current(int(first)))
@@ -223,12 +257,12 @@ class Px4(Autopilot):
         armed = self.arm()
         self._arming_for_mission = False
         if not armed:
-            return Result.TEMPORARILY_REJECTED
+            return messages.Result.TEMPORARILY_REJECTED
         if not was_armed:
-            self.voice.send_text(Severity.INFO, "Armed by mission start")
+            self.voice.send_text(messages.Severity.INFO, "Armed by mission start")
         if self.mode == Mode.MISSION and not self.mission.running:
             self._enter(Mode.MISSION)
-            return Result.ACCEPTED
+            return messages.Result.ACCEPTED
         return self.set_mode(Mode.MISSION)
 
     def _refuse_arming(self) -> str | None:
@@ -248,21 +282,22 @@ class Px4(Autopilot):
             self._enter(Mode(self.mode))
         return armed
 
-    def _refuse_interval(self, number: int) -> Result:  # noqa: ARG002 - it does not say which
-        return Result.FAILED
+    def _refuse_interval(self, number: int) -> messages.Result:  # noqa: ARG002 - it does not say which
+        return messages.Result.FAILED
 
-    def _refuse_disarming(self) -> Result:
-        self.voice.send_text(Severity.CRITICAL, "Disarming denied: not landed")
+    def _refuse_disarming(self) -> messages.Result:
+        self.voice.send_text(messages.Severity.CRITICAL, "Disarming denied: not landed")
         return super()._refuse_disarming()
 
     def _on_armed(self) -> None:
+        self._lost_gps = False
         if not self._arming_for_mission:
-            self.voice.send_text(Severity.INFO, "Armed by external command")
+            self.voice.send_text(messages.Severity.INFO, "Armed by external command")
 
     def _on_disarmed(self) -> None:
         self.mission.apply_landing(self.now_s)
         self.voice.send_text(
-            Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing"
+            messages.Severity.INFO, "Disarmed by external command" if self.told_to_disarm else "Disarmed by landing"
         )
         self._failsafe = self._blind = False
         self._action_due = None
@@ -270,7 +305,7 @@ class Px4(Autopilot):
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
-        self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = False
+        self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = self._lost_gps = False
         self._action_due = None
         self._charge_state = 1
         self.voice.muted = False
@@ -284,7 +319,7 @@ class Px4(Autopilot):
         if step.fenced or step.swapped:
             left = self._find_item_outside_fence()
             if left is not None:
-                self.voice.send_text(Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
+                self.voice.send_text(messages.Severity.CRITICAL, f"Geofence violation for waypoint {left + 1}")
         if step.fenced:
             self._end_mission(self.mission.apply_new_fence())
         if step.swapped:
@@ -294,10 +329,10 @@ class Px4(Autopilot):
 
     def _set_current(self, seq: int) -> bool:
         if self._store.is_busy:
-            self.voice.send_text(Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
+            self.voice.send_text(messages.Severity.CRITICAL, "WPM: IGN WP CURR CMD: Busy")
             return False
         if not 0 <= seq < len(self._store.items):
-            self.voice.send_text(Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
+            self.voice.send_text(messages.Severity.CRITICAL, "WPM: WP CURR CMD: Not in list")
             return False
         self._end_mission(self.mission.set_current(seq))
         return True
@@ -305,8 +340,12 @@ class Px4(Autopilot):
     # Failsafes.
 
     def _decide(self) -> None:
+        self._lost_gps |= self.frame.armed and self.positioning.without_s(self.now_s) > 0.0
         self._end_mission(self.mission.step(self.now_s))
-        self._announce()
+        if self.mission.index != self._announced and self.mission.running:
+            # A new index is reported at once; a new mission goes out with the next second's report.
+            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
+        self._announced = self.mission.index
         self._announce_landed_state()
         self._watch_link()
         self._watch_battery()
@@ -315,32 +354,26 @@ class Px4(Autopilot):
             self._switch(self._action_due[1])
             self._action_due = None
 
-    def _announce(self) -> None:
-        """Report a new index at once; a new mission goes out with the next second's report."""
-        if self.mission.index != self._announced[0] and self.mission.running:
-            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
-        self._announced = (self.mission.index, self._store.mission_id)
-
     def _announce_landed_state(self) -> None:
         before, now = self._landed_state, self.frame.landed_state
         self._landed_state = now
         if now is before:
             return
-        if before is LandedState.ON_GROUND:
-            self.voice.send_text(Severity.INFO, "Takeoff detected")
-        elif now is LandedState.ON_GROUND:
-            self.voice.send_text(Severity.INFO, "Landing detected")
-        elif now is LandedState.LANDING and self.mode == Mode.RETURN:
-            self.voice.send_text(Severity.INFO, "RTL: land at destination")
+        if before is messages.LandedState.ON_GROUND:
+            self.voice.send_text(messages.Severity.INFO, "Takeoff detected")
+        elif now is messages.LandedState.ON_GROUND:
+            self.voice.send_text(messages.Severity.INFO, "Landing detected")
+        elif now is messages.LandedState.LANDING and self.mode == Mode.RETURN:
+            self.voice.send_text(messages.Severity.INFO, "RTL: land at destination")
 
-    def _is_gcs_heartbeat(self, sender: Peer, heartbeat: Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
+    def _is_gcs_heartbeat(self, sender: messages.Peer, heartbeat: messages.Heartbeat) -> bool:  # noqa: ARG002 - anybody's counts
         return heartbeat.ground_station
 
     def _on_gcs_heartbeat(self) -> None:
         if self._link_lost:
             self._link_lost = False
             self.voice.release_withheld()
-            self.voice.send_text(Severity.INFO, "GCS connection regained")
+            self.voice.send_text(messages.Severity.INFO, "GCS connection regained")
 
     def _load_fence(self) -> None:
         """Drop what does not hold home or, in the air, the vehicle: with a text, and with no refusal (measured)."""
@@ -348,9 +381,11 @@ class Px4(Autopilot):
         flies = not self.frame.body.on_ground and int(self.params["GF_ACTION"]) != 0
         for shape in build_fence_shapes(self._store.fence, self.home):
             if not is_inside([shape], Place(0.0, 0.0, 0.0)):
-                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
+                self.voice.send_text(messages.Severity.CRITICAL, "Geofence invalid, doesn't contain Home position")
             elif flies and not is_inside([shape], self.frame.body.place):
-                self.voice.send_text(Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position")
+                self.voice.send_text(
+                    messages.Severity.CRITICAL, "Geofence invalid, doesn't contain current vehicle position"
+                )
             else:
                 self._shapes = (*self._shapes, shape)
 
@@ -384,10 +419,10 @@ class Px4(Autopilot):
         if was_outside or not said:
             return
         self.frame.record_event("failsafe fence")
-        self.voice.send_text(Severity.CRITICAL, said)
+        self.voice.send_text(messages.Severity.CRITICAL, said)
         if action == 2:
             self._failsafe = True
-            self.voice.send_text(Severity.CRITICAL, "Failsafe activated")
+            self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated")
             self._switch(Mode.LOITER)
         elif action in {3, 5}:
             self._hold_then(Mode.RETURN if action == 3 else Mode.LAND)
@@ -408,7 +443,7 @@ class Px4(Autopilot):
     def _hold_then(self, mode: Mode | None) -> None:
         self._failsafe = True
         delay_s = self.params["COM_FAIL_ACT_T"]
-        self.voice.send_text(Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
+        self.voice.send_text(messages.Severity.WARNING, f"Failsafe activated: entering Hold for {delay_s:.0f} seconds")
         self._switch(Mode.LOITER)
         self._action_due = None if mode is None else (self.now_s + self.params["COM_FAIL_ACT_T"], mode)
 
@@ -421,7 +456,7 @@ class Px4(Autopilot):
             return
         self._charge_state = state
         text = {2: "Low battery", 3: "Critical battery", 4: "Emergency battery level"}[state]
-        self.voice.send_text(Severity.CRITICAL if state > 2 else Severity.WARNING, text)
+        self.voice.send_text(messages.Severity.CRITICAL if state > 2 else messages.Severity.WARNING, text)
         if not self.frame.armed or self.frame.body.on_ground:
             return
         action = int(self.params["COM_LOW_BAT_ACT"])
@@ -444,15 +479,15 @@ class Px4(Autopilot):
 
     def _on_stick_input(self) -> None:
         if self.frame.armed and not self.frame.wrecked and self.mode >> 16 & 255 == MAIN_AUTO:
-            self.voice.send_text(Severity.INFO, "Pilot took over using sticks")
+            self.voice.send_text(messages.Severity.INFO, "Pilot took over using sticks")
             self.apply_pilot_takeover("POSCTL")
 
     def _on_breach(self) -> None:
-        self.voice.send_text(Severity.WARNING, "Geofence violation")
+        self.voice.send_text(messages.Severity.WARNING, "Geofence violation")
         if not self.frame.armed:
             return  # a failsafe acts in flight alone
         self._failsafe = True
-        self.voice.send_text(Severity.CRITICAL, "Failsafe activated: switching to Return")
+        self.voice.send_text(messages.Severity.CRITICAL, "Failsafe activated: switching to Return")
         self._switch(Mode.RETURN)
 
     def _on_emergency(self, mode: int) -> None:
@@ -462,7 +497,7 @@ class Px4(Autopilot):
     def _on_lost_estimate(self) -> None:
         self._failsafe = self._blind = True
         text = "Failsafe activated: Autopilot disengaged, switching to Descend"
-        self.voice.send_text(Severity.CRITICAL, text)
+        self.voice.send_text(messages.Severity.CRITICAL, text)
         self._action_due = None
         self._switch(Mode.LAND)
 
@@ -471,42 +506,53 @@ class Px4(Autopilot):
     def _current_ca(self) -> int:
         return round(self.frame.battery.current_a * 100) if self.vehicle.current_sensor else UNKNOWN_CURRENT_CA
 
-    def _build_own(self, name: str) -> Outbound | None:
+    def _build_own(self, name: str) -> messages.Outbound | None:
         battery = self.frame.battery
         match name:
             case "HEARTBEAT":
-                return telemetry.build_heartbeat(
-                    autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29, custom_mode=int(self.mode),
-                    system_status=self._determine_system_status(),
+                return messages.build_message(
+                    "HEARTBEAT", type=2, autopilot=MAV_AUTOPILOT_PX4, base_mode=157 if self.frame.armed else 29,
+                    custom_mode=int(self.mode), system_status=self._determine_system_status(), mavlink_version=3,
                 )  # fmt: skip
             case "SYS_STATUS":
-                return telemetry.build_sys_status(
+                return messages.build_sys_status(
                     self._build_sensor_masks(), voltage_v=battery.voltage_v, current_ca=self._current_ca(),
                     remaining_pct=math.ceil(battery.charge_pct - 1e-9),
                 )  # fmt: skip
             case "BATTERY_STATUS":
                 consumed = (100 - battery.charge_pct) / 100 * battery.capacity_mah
-                return telemetry.build_battery_status(
+                return messages.build_battery_status(
                     voltage_v=battery.voltage_v, current_ca=self._current_ca(), energy_hj=-1,
                     consumed_mah=round(consumed) if self.vehicle.current_sensor else -1,
                     remaining_pct=round(battery.charge_pct), charge_state=self._charge_state, kind=1,
                 )  # fmt: skip
             case "MISSION_CURRENT":
-                return build_message(
+                return messages.build_message(
                     "MISSION_CURRENT", seq=self.mission.index, total=len(self._store.items) or EMPTY_TOTAL,
                     mission_state=int(self.mission.report_state(self.now_s, active=self.mode in MISSION_MODES)),
                     mission_mode=1 if self.mode in MISSION_MODES else 2,
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
-                return telemetry.estimator_status(
-                    self.positioning.flags(self.now_s) if self.is_ready else 0, self.boot_ms
-                )
+                return messages.build_message(
+                    "ESTIMATOR_STATUS", time_usec=self.boot_ms * 1000, vel_ratio=0.05, pos_horiz_ratio=0.05,
+                    pos_vert_ratio=0.05, mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5,
+                    pos_vert_accuracy=0.5, flags=self._estimator_flags() if self.is_ready else 0,
+                )  # fmt: skip
             case "WIND_COV":
-                height_m = self.home.alt_m + self.frame.body.up_m
-                return telemetry.build_wind_cov(self.vehicle.wind_m_s, self.boot_ms, height_m)
+                east, north = self.vehicle.wind_m_s
+                return messages.build_message(
+                    "WIND_COV", time_usec=self.boot_ms * 1000, wind_x=north, wind_y=east, wind_z=0.0, var_horiz=0.3,
+                    var_vert=0.0, wind_alt=self.home.alt_m + self.frame.body.up_m, horiz_accuracy=0.5,
+                    vert_accuracy=0.0,
+                )  # fmt: skip
             case _:
                 return None
+
+    def _estimator_flags(self) -> int:
+        """Return what its estimator says; after a flight in which GPS was lost it stands on the ground and reckons."""
+        stands = self._lost_gps and not self.frame.armed
+        return ALONE if stands else self.positioning.flags(self.now_s)
 
     def _build_sensor_masks(self) -> tuple[int, int, int]:
         if not self.is_ready:

@@ -1,4 +1,8 @@
-"""ArduPilot's side of the mission protocol: in place, item by item, not atomic.
+"""ArduPilot's side of the mission protocol, measured on Copter 4.7-dev unless a line says otherwise.
+
+Those take effect at the last item of an upload.
+
+Measured on Copter 4.7-dev unless a line says otherwise.
 
 Measured on Copter 4.7-dev unless a line says otherwise.
 """
@@ -6,26 +10,196 @@ Measured on Copter 4.7-dev unless a line says otherwise.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.items import PAYLOAD, Command, Frame, MissionItem
-from simulator.enums import MissionResult, Severity
-from simulator.lists_ardupilot import FENCE, RALLY, ArduPilotList
+from missions.items import PAYLOAD, Command, Frame, MissionItem, PlaceCommand
 from simulator.messages import (
     MISSION_TYPE_MISSION,
     ItemReceived,
     MissionAckReceived,
+    MissionClearAll,
+    MissionCount,
     MissionMessage,
     MissionRequest,
+    MissionRequestList,
+    MissionResult,
     Peer,
+    Severity,
 )
 from simulator.mission_store import (
     StoreStep,
     Transfer,
-    build_mission_ack,
+    UploadFault,
+    acknowledge,
     build_mission_count,
+    build_mission_item,
+    build_mission_request,
     is_relative,
+    to_item,
 )
+
+FENCE, RALLY = 1, 2
+MOST = {MISSION_TYPE_MISSION: 650, FENCE: 70, RALLY: 20}
+"""Items that the board has room for; measured, other boards have room for more."""
+ASK_AGAIN_S = 1.0
+GIVE_UP_S = 8.0
+NAMES = {MISSION_TYPE_MISSION: "Mission", FENCE: "Fence", RALLY: "Rally"}
+_SHAPES = frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT})
+_POLYGONS = frozenset({PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX})
+
+
+class ArduPilotList:
+    """A list of items and the dialogue that changes it: a fence, rally points, or a mission that adds its own."""
+
+    def __init__(self, kind: int, patience_s: float = 0.0) -> None:
+        self.kind = kind
+        self.fault = UploadFault.NONE
+        self._items: tuple[MissionItem, ...] = ()
+        self._give_up_s = max(GIVE_UP_S, patience_s)
+        self._upload: Transfer | None = None
+
+    @property
+    def items(self) -> tuple[MissionItem, ...]:
+        """What is on board."""
+        return self._items
+
+    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+        """Follow the protocol; ``locked`` is that it cannot be cleared now."""
+        if isinstance(message, MissionAckReceived):
+            # The end of a download; it needs no state here. As a cancellation of an upload it is not understood.
+            return StoreStep()
+        reads = isinstance(message, MissionRequestList | MissionRequest)
+        if self._upload is not None and (reads or self._upload.partner != sender):
+            return self._build_ack(sender, MissionResult.DENIED)
+        match message:
+            case MissionCount(count):
+                return self._begin(count, sender, now_s)
+            case ItemReceived():
+                return self._take(message, sender, now_s)
+            case MissionClearAll() if locked:
+                return self._build_ack(sender, MissionResult.ERROR)
+            case MissionClearAll():
+                return self._clear(sender)
+            case MissionRequestList():
+                return StoreStep((build_mission_count(sender, len(self.items), mission_type=self.kind),))
+            case MissionRequest():
+                return self._read(message, sender)
+
+    def tick(self, now_s: float) -> StoreStep:
+        """Ask again after a second, give up after eight or what the simulation demands."""
+        upload = self._upload
+        if upload is None:
+            return StoreStep()
+        if now_s - upload.heard_s >= self._give_up_s:
+            self._upload = None
+            timeout = ((Severity.WARNING, f"{NAMES[self.kind]} upload timeout"),)
+            return self._build_ack(upload.partner, MissionResult.OPERATION_CANCELLED, timeout)
+        if upload.is_stalled(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+            return StoreStep()
+        return self._request_next_item(upload, now_s)
+
+    def forget_transfers(self) -> None:
+        """Drop what is under way."""
+        self._upload = None
+
+    # What a mission does differently.
+
+    def _begin(self, count: int, sender: Peer, now_s: float) -> StoreStep:
+        if self.fault is UploadFault.REFUSE:
+            return self._build_ack(sender, MissionResult.DENIED)
+        if count > MOST[self.kind]:
+            text = ((Severity.WARNING, f"Only {MOST[self.kind]} items are supported"),)
+            return self._build_ack(sender, MissionResult.NO_SPACE, text)
+        upload = Transfer(sender, count, heard_s=now_s, asked_s=now_s, kind=self.kind)
+        self._upload = upload if count > 0 else None
+        step = self._finish(upload, sender) if count == 0 else self._request_next_item(upload, now_s)
+        return replace(step, truncated=self._truncate(count))
+
+    def _truncate(self, count: int) -> bool:  # noqa: ARG002 - it is replaced at its last item
+        """Shorten what is on board to an upload's length; returns whether that is done as it is announced."""
+        return False
+
+    def _take(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+        upload = self._upload
+        if upload is None:
+            return self._build_ack(sender, MissionResult.ERROR)
+        if message.seq != upload.next:
+            # A warning only: the upload goes on.
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
+        refusal = self._refuse_item(message)
+        if refusal is not None:
+            self._upload = None
+            return self._build_ack(sender, refusal)
+        self._keep_item(upload, to_item(message))
+        upload.next += 1
+        upload.heard_s = now_s
+        if upload.next == upload.count:
+            self._upload = None
+            return self._comment(message, self._finish(upload, sender))
+        stalled = upload.is_stalled(self.fault)
+        return self._comment(message, StoreStep() if stalled else self._request_next_item(upload, now_s))
+
+    def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
+        """Return what an item that was taken leads to, with what is said of it."""
+        return step
+
+    def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
+        known = _SHAPES if self.kind == FENCE else {PlaceCommand.RALLY_POINT}
+        return None if message.command in known else MissionResult.UNSUPPORTED
+
+    def _keep_item(self, upload: Transfer, item: MissionItem) -> None:
+        upload.items.append(_to_stored_place(item))
+
+    def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:
+        if self.kind == FENCE and not is_complete_list(upload.items):
+            return self._build_ack(sender, MissionResult.ERROR, ((Severity.WARNING, "Fence validation failed"),))
+        return self._replace_items(tuple(upload.items), sender)
+
+    def _clear(self, sender: Peer) -> StoreStep:
+        return self._replace_items((), sender)
+
+    def _read(self, message: MissionRequest, sender: Peer) -> StoreStep:
+        if not 0 <= message.seq < len(self.items):
+            return self._build_ack(sender, MissionResult.INVALID_SEQUENCE)
+        item = self.items[message.seq]
+        return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=self.kind),))
+
+    # Answers.
+
+    def _replace_items(self, items: tuple[MissionItem, ...], sender: Peer) -> StoreStep:
+        self._items = items
+        texts = ((Severity.DEBUG, "Fence Indexed OK"),) if self.kind == FENCE else ()
+        return replace(self._build_ack(sender, MissionResult.ACCEPTED, texts), fenced=self.kind == FENCE)
+
+    def _request_next_item(self, upload: Transfer, now_s: float) -> StoreStep:
+        upload.asked_s = now_s
+        return StoreStep((build_mission_request("MISSION_REQUEST", upload.partner, upload.next, self.kind),))
+
+    def _build_ack(self, sender: Peer, result: MissionResult, texts: tuple[tuple[int, str], ...] = ()) -> StoreStep:
+        return acknowledge(sender, result, self.kind, texts)
+
+
+def is_complete_list(items: Sequence[MissionItem]) -> bool:
+    """Return whether every polygon has three corners or more, and as many as it says."""
+    index = 0
+    while index < len(items):
+        item, size = items[index], 1
+        if item.command in _POLYGONS:
+            size = int(item.param1)
+            ring = items[index : index + size]
+            if size < 3 or len(ring) < size or any((one.command, one.param1) != (item.command, size) for one in ring):
+                return False
+        index += size
+    return True
+
+
+def _to_stored_place(item: MissionItem) -> MissionItem:
+    """Return an item as it comes back: without flags, of a rally point the height in whole metres."""
+    if item.command == PlaceCommand.RALLY_POINT:
+        return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL_RELATIVE_ALT, z=float(int(item.z)))
+    return replace(item, current=False, autocontinue=False, frame=Frame.GLOBAL, param2=0.0, param3=0.0, z=0.0)
+
 
 COMMANDS = frozenset(Command)
 FRAMES = frozenset(Frame)
@@ -81,7 +255,7 @@ class ArduPilotStore(ArduPilotList):
             return super().handle(message, sender, now_s, locked=locked)
         beside = self._lists.get(message.mission_type)
         if beside is None:
-            return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+            return acknowledge(sender, MissionResult.UNSUPPORTED, message.mission_type)
         beside.fault = self.fault
         return beside.handle(message, sender, now_s, locked=False)
 

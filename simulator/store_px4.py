@@ -11,24 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from missions.items import Command, Frame, MissionItem, PlaceCommand
-from simulator.enums import MissionResult, Severity
-from simulator.messages import (
-    MISSION_TYPE_MISSION,
-    ItemReceived,
-    MissionAckReceived,
-    MissionClearAll,
-    MissionCount,
-    MissionMessage,
-    MissionRequest,
-    MissionRequestList,
-    Outbound,
-    Peer,
-)
+from simulator import messages
 from simulator.mission_store import (
     StoreStep,
     Transfer,
     UploadFault,
-    build_mission_ack,
+    acknowledge,
     build_mission_count,
     build_mission_item,
     build_mission_request,
@@ -44,13 +32,13 @@ BUSY = "WPM: REJ. CMD: Busy"
 COMMANDS = frozenset({*Command, NAV_VTOL_TAKEOFF, NAV_VTOL_LAND})
 FRAMES = frozenset(Frame)
 FENCE, RALLY = 1, 2
-MOST = {MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
+MOST = {messages.MISSION_TYPE_MISSION: CAPACITY, FENCE: 64, RALLY: 32}
 """Items, by MAV_MISSION_TYPE (dataman)."""
 _KNOWN: Mapping[int, Collection[int]] = {
-    MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT}),
+    messages.MISSION_TYPE_MISSION: COMMANDS, FENCE: frozenset({*PlaceCommand} - {PlaceCommand.RALLY_POINT}),
     RALLY: {PlaceCommand.RALLY_POINT},
 }  # fmt: skip
-TIMEOUT_TEXT = (Severity.WARNING, "Operation timeout")
+TIMEOUT_TEXT = (messages.Severity.WARNING, "Operation timeout")
 
 
 def compute_mission_checksum(items: Sequence[MissionItem]) -> int:
@@ -78,11 +66,11 @@ class Px4Store:
         """The fence and the rally points."""
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
-        self._partner: Peer | None = None
+        self._partner: messages.Peer | None = None
         """Of the last transfer, whether it is over or not."""
         self._integer = True
         """Whether it asks for items with MISSION_REQUEST_INT."""
-        self._last_count, self._last_kind = 0, MISSION_TYPE_MISSION
+        self._last_count, self._last_kind = 0, messages.MISSION_TYPE_MISSION
         """Length of the last transfer, whose final ACK may have been lost."""
         self.fault = UploadFault.NONE
 
@@ -111,22 +99,29 @@ class Px4Store:
         """Whether a transfer is under way."""
         return self._upload is not None or self._download is not None
 
-    def handle(self, message: MissionMessage, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:  # noqa: ARG002
+    def handle(
+        self,
+        message: messages.MissionMessage,
+        sender: messages.Peer,
+        now_s: float,
+        *,
+        locked: bool,  # noqa: ARG002
+    ) -> StoreStep:
         """Follow the protocol; this dialect may be cleared in flight, ``locked`` or not."""
-        if isinstance(message, MissionAckReceived):
+        if isinstance(message, messages.MissionAckReceived):
             return self._end(message, sender)
         if message.mission_type not in MOST:
-            return StoreStep((build_mission_ack(sender, MissionResult.UNSUPPORTED, message.mission_type),))
+            return acknowledge(sender, messages.MissionResult.UNSUPPORTED, message.mission_type)
         match message:
-            case MissionCount():
+            case messages.MissionCount():
                 return self._begin(message, sender, now_s)
-            case ItemReceived():
+            case messages.ItemReceived():
                 return self._store(message, sender, now_s)
-            case MissionRequestList():
+            case messages.MissionRequestList():
                 return self._begin_download(sender, now_s, message.mission_type)
-            case MissionRequest():
+            case messages.MissionRequest():
                 return self._read(message, sender, now_s)
-            case MissionClearAll():
+            case messages.MissionClearAll():
                 return self._clear(sender, message.mission_type)
 
     def tick(self, now_s: float) -> StoreStep:
@@ -148,21 +143,21 @@ class Px4Store:
         """Drop what is under way."""
         self._upload = self._download = None
 
-    def _clear(self, sender: Peer, kind: int) -> StoreStep:
+    def _clear(self, sender: messages.Peer, kind: int) -> StoreStep:
         if self.is_busy:
             return _reject_with_text("WPM: IGN CLEAR CMD: Busy")
         return self._empty_list(sender, kind)
 
-    def _empty_list(self, sender: Peer, kind: int) -> StoreStep:
-        accepted = (build_mission_ack(sender, MissionResult.ACCEPTED, kind),)
-        if kind != MISSION_TYPE_MISSION:
+    def _empty_list(self, sender: messages.Peer, kind: int) -> StoreStep:
+        accepted = acknowledge(sender, messages.MissionResult.ACCEPTED, kind)
+        if kind != messages.MISSION_TYPE_MISSION:
             self._beside[kind] = ()
-            return StoreStep(accepted, fenced=kind == FENCE)
+            return replace(accepted, fenced=kind == FENCE)
         self._replace(())
-        return StoreStep(accepted, cleared=True)
+        return replace(accepted, cleared=True)
 
-    def _begin(self, message: MissionCount, sender: Peer, now_s: float) -> StoreStep:
-        refused = StoreStep((build_mission_ack(sender, MissionResult.ERROR, message.mission_type),))
+    def _begin(self, message: messages.MissionCount, sender: messages.Peer, now_s: float) -> StoreStep:
+        refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
         if self.fault is UploadFault.REFUSE:
             return refused
         if self._download is not None:
@@ -174,13 +169,13 @@ class Px4Store:
         self._partner = sender
         self._upload = None
         if message.count > MOST[message.mission_type]:
-            return StoreStep((build_mission_ack(sender, MissionResult.NO_SPACE, message.mission_type),))
+            return acknowledge(sender, messages.MissionResult.NO_SPACE, message.mission_type)
         if message.count == 0:
             return self._empty_list(sender, message.mission_type)
         self._upload = Transfer(sender, message.count, heard_s=now_s, asked_s=now_s, kind=message.mission_type)
         return StoreStep((self._ask(self._upload, now_s),))
 
-    def _store(self, message: ItemReceived, sender: Peer, now_s: float) -> StoreStep:
+    def _store(self, message: messages.ItemReceived, sender: messages.Peer, now_s: float) -> StoreStep:
         if sender != self._partner:
             return _reject_with_text("REJ. MIS ITEM: partner id mismatch")
         upload = self._upload
@@ -193,18 +188,15 @@ class Px4Store:
             return StoreStep()
         refusal = None
         if message.frame not in FRAMES:
-            refusal = MissionResult.UNSUPPORTED_FRAME
+            refusal = messages.MissionResult.UNSUPPORTED_FRAME
         elif message.command not in _KNOWN[upload.kind]:
-            refusal = MissionResult.UNSUPPORTED
+            refusal = messages.MissionResult.UNSUPPORTED
         if refusal is not None:
             self._upload = None
-            return StoreStep(
-                (build_mission_ack(sender, refusal, upload.kind),),
-                _build_critical_text("IGN MISSION_ITEM: Invalid item"),
-            )
+            return acknowledge(sender, refusal, upload.kind, _build_critical_text("IGN MISSION_ITEM: Invalid item"))
         if message.command in {PlaceCommand.INCLUSION_VERTEX, PlaceCommand.EXCLUSION_VERTEX} and message.params[0] < 3:
             self._upload = None  # too few corners
-            return StoreStep((build_mission_ack(sender, MissionResult.ERROR, upload.kind),))
+            return acknowledge(sender, messages.MissionResult.ERROR, upload.kind)
         upload.items.append(to_item(message))
         upload.next += 1
         if upload.next == upload.count:
@@ -213,61 +205,60 @@ class Px4Store:
             return StoreStep()
         return StoreStep((self._ask(upload, now_s),))
 
-    def _handle_late_item(self, message: ItemReceived, sender: Peer) -> StoreStep:
-        refused = StoreStep((build_mission_ack(sender, MissionResult.ERROR, message.mission_type),))
+    def _handle_late_item(self, message: messages.ItemReceived, sender: messages.Peer) -> StoreStep:
+        refused = acknowledge(sender, messages.MissionResult.ERROR, message.mission_type)
         if self._download is not None:
             return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: Busy"))
         if message.seq == self._last_count - 1 and message.mission_type == self._last_kind:
-            if message.mission_type != MISSION_TYPE_MISSION:
-                return StoreStep((build_mission_ack(sender, MissionResult.ACCEPTED, message.mission_type),))
+            if message.mission_type != messages.MISSION_TYPE_MISSION:
+                return acknowledge(sender, messages.MissionResult.ACCEPTED, message.mission_type)
             # The final ACK was lost: it is said again.
-            return StoreStep((build_mission_ack(sender, MissionResult.ACCEPTED, opaque_id=self._mission_id),))
+            return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self._mission_id)
         return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
         self._last_count, self._last_kind = upload.count, upload.kind
-        if upload.kind != MISSION_TYPE_MISSION:
+        if upload.kind != messages.MISSION_TYPE_MISSION:
             self._beside[upload.kind] = tuple(upload.items)
-            return StoreStep(
-                (build_mission_ack(upload.partner, MissionResult.ACCEPTED, upload.kind),), fenced=upload.kind == FENCE
-            )
+            accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
+            return replace(accepted, fenced=upload.kind == FENCE)
         crc = compute_mission_checksum(upload.items)
-        reply = build_mission_ack(upload.partner, MissionResult.ACCEPTED, opaque_id=crc)
+        reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self._mission_id:
             # The same content is not looked at again, not even for its ``current``.
-            return StoreStep((reply,))
+            return reply
         flagged = [item.seq for item in upload.items if item.current]
         self._replace(tuple(upload.items))
-        return StoreStep((reply,), swapped=True, current=flagged[0] if flagged else None)
+        return replace(reply, swapped=True, current=flagged[0] if flagged else None)
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
         self._items = items
         self._mission_id = compute_mission_checksum(items)
 
-    def _end(self, message: MissionAckReceived, sender: Peer) -> StoreStep:
+    def _end(self, message: messages.MissionAckReceived, sender: messages.Peer) -> StoreStep:
         if sender != self._partner:
             return _reject_with_text("REJ. WP CMD: partner id mismatch")
         self._download = None
-        if message.result == MissionResult.OPERATION_CANCELLED:
+        if message.result == messages.MissionResult.OPERATION_CANCELLED:
             self._upload = None
         return StoreStep()
 
-    def _begin_download(self, sender: Peer, now_s: float, kind: int) -> StoreStep:
+    def _begin_download(self, sender: messages.Peer, now_s: float, kind: int) -> StoreStep:
         others = self._download is not None and self._download.partner != sender
         if self._upload is not None or others:
             # A text to everybody, and no ACK.
-            return StoreStep(texts=((Severity.INFO, "Mission download request ignored, already active"),))
+            return StoreStep(texts=((messages.Severity.INFO, "Mission download request ignored, already active"),))
         self._partner = sender
         items = self._items_of(kind)
         self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
-        opaque_id = self._mission_id if kind == MISSION_TYPE_MISSION else compute_mission_checksum(items)
+        opaque_id = self._mission_id if kind == messages.MISSION_TYPE_MISSION else compute_mission_checksum(items)
         return StoreStep((build_mission_count(sender, len(items), opaque_id, kind),))
 
     def _items_of(self, kind: int) -> tuple[MissionItem, ...]:
-        return self._items if kind == MISSION_TYPE_MISSION else self._beside[kind]
+        return self._items if kind == messages.MISSION_TYPE_MISSION else self._beside[kind]
 
-    def _read(self, message: MissionRequest, sender: Peer, now_s: float) -> StoreStep:
+    def _read(self, message: messages.MissionRequest, sender: messages.Peer, now_s: float) -> StoreStep:
         self._integer = message.integer
         if sender != self._partner:
             return _reject_with_text("WPM: REJ. CMD: partner id mismatch")
@@ -280,13 +271,13 @@ class Px4Store:
         expected = message.seq in {download.next, download.next - 1} and message.seq < download.count
         if not expected or message.mission_type != download.kind:
             self._download = None
-            refusal = (build_mission_ack(sender, MissionResult.ERROR, message.mission_type),)
-            return StoreStep(refusal, _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected"))
+            text = _build_critical_text("WPM: REJ. CMD: Req. WP was unexpected")
+            return acknowledge(sender, messages.MissionResult.ERROR, message.mission_type, text)
         download.next = message.seq + 1
         item = _to_message_form(self._items_of(download.kind)[message.seq], integer=message.integer)
         return StoreStep((build_mission_item(sender, item, integer=message.integer, mission_type=download.kind),))
 
-    def _ask(self, upload: Transfer, now_s: float) -> Outbound:
+    def _ask(self, upload: Transfer, now_s: float) -> messages.Outbound:
         upload.asked_s = now_s
         name = "MISSION_REQUEST_INT" if self._integer else "MISSION_REQUEST"
         return build_mission_request(name, upload.partner, upload.next, upload.kind)
@@ -300,7 +291,7 @@ def _to_message_form(item: MissionItem, *, integer: bool) -> MissionItem:
 
 
 def _build_critical_text(text: str) -> tuple[tuple[int, str], ...]:
-    return ((Severity.CRITICAL, text),)
+    return ((messages.Severity.CRITICAL, text),)
 
 
 def _reject_with_text(text: str) -> StoreStep:

@@ -14,30 +14,8 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from missions.items import Frame
+from simulator import messages
 from simulator.config import Signing
-from simulator.messages import (
-    Body,
-    Command,
-    FieldValue,
-    Heartbeat,
-    ItemReceived,
-    MissionAckReceived,
-    MissionClearAll,
-    MissionCount,
-    MissionRequest,
-    MissionRequestList,
-    MissionSetCurrent,
-    Outbound,
-    ParamRequestList,
-    ParamRequestRead,
-    ParamSet,
-    Peer,
-    Ping,
-    Received,
-    RequestDataStream,
-    SetMode,
-    Timesync,
-)
 
 AUTOPILOT_COMPONENT = 1
 EVERYBODY = 0
@@ -57,7 +35,7 @@ MAGIC = 0xFD
 class _Fields:
     """A decoded message's fields, typed on reading."""
 
-    def __init__(self, values: Mapping[str, FieldValue | str]) -> None:
+    def __init__(self, values: Mapping[str, messages.FieldValue | str]) -> None:
         self._values = values
 
     def get_integer(self, name: str) -> int:
@@ -81,17 +59,17 @@ class _Fields:
         return round(value) if math.isfinite(value) else 0
 
 
-def _parse_command(fields: _Fields, x: str, y: str, z: str) -> Command:
+def _parse_command(fields: _Fields, x: str, y: str, z: str) -> messages.Command:
     names = ("param1", "param2", "param3", "param4", x, y, z)
     one, two, three, four, five, six, seven = (float(fields.get_number(name)) for name in names)
-    return Command(fields.get_integer("command"), (one, two, three, four, five, six, seven))
+    return messages.Command(fields.get_integer("command"), (one, two, three, four, five, six, seven))
 
 
-def _parse_item(fields: _Fields, *, integer: bool) -> ItemReceived:
+def _parse_item(fields: _Fields, *, integer: bool) -> messages.ItemReceived:
     frame = fields.get_integer("frame")
     in_degrees = not integer and frame != Frame.MISSION
     one, two, three, four = (fields.get_number(f"param{number}") for number in (1, 2, 3, 4))
-    return ItemReceived(
+    return messages.ItemReceived(
         seq=fields.get_integer("seq"),
         frame=frame,
         command=fields.get_integer("command"),
@@ -106,33 +84,39 @@ def _parse_item(fields: _Fields, *, integer: bool) -> ItemReceived:
     )
 
 
-def _parse_clear(fields: _Fields) -> MissionClearAll:
+def _parse_clear(fields: _Fields) -> messages.MissionClearAll:
     kind = fields.get_integer("mission_type")
-    return MissionClearAll(0 if kind == EVERY_MISSION_TYPE else kind)
+    return messages.MissionClearAll(0 if kind == EVERY_MISSION_TYPE else kind)
 
 
-READERS: Mapping[str, Callable[[_Fields], Body]] = {
-    "HEARTBEAT": lambda f: Heartbeat(f.get_integer("type") == GROUND_STATION),
+READERS: Mapping[str, Callable[[_Fields], messages.Body]] = {
+    "HEARTBEAT": lambda f: messages.Heartbeat(f.get_integer("type") == GROUND_STATION),
     "COMMAND_LONG": lambda f: _parse_command(f, "param5", "param6", "param7"),
     "COMMAND_INT": lambda f: _parse_command(f, "x", "y", "z"),
-    "SET_MODE": lambda f: SetMode(f.get_integer("custom_mode")),
-    "MISSION_COUNT": lambda f: MissionCount(f.get_integer("count"), f.get_integer("mission_type")),
+    "SET_MODE": lambda f: messages.SetMode(f.get_integer("custom_mode")),
+    "MISSION_COUNT": lambda f: messages.MissionCount(f.get_integer("count"), f.get_integer("mission_type")),
     "MISSION_ITEM_INT": lambda f: _parse_item(f, integer=True),
     "MISSION_ITEM": lambda f: _parse_item(f, integer=False),
-    "MISSION_REQUEST_LIST": lambda f: MissionRequestList(f.get_integer("mission_type")),
-    "MISSION_REQUEST": lambda f: MissionRequest(f.get_integer("seq"), f.get_integer("mission_type"), integer=False),
-    "MISSION_REQUEST_INT": lambda f: MissionRequest(f.get_integer("seq"), f.get_integer("mission_type"), integer=True),
-    "MISSION_ACK": lambda f: MissionAckReceived(f.get_integer("type"), f.get_integer("mission_type")),
+    "MISSION_REQUEST_LIST": lambda f: messages.MissionRequestList(f.get_integer("mission_type")),
+    "MISSION_REQUEST": lambda f: messages.MissionRequest(
+        f.get_integer("seq"), f.get_integer("mission_type"), integer=False
+    ),
+    "MISSION_REQUEST_INT": lambda f: messages.MissionRequest(
+        f.get_integer("seq"), f.get_integer("mission_type"), integer=True
+    ),
+    "MISSION_ACK": lambda f: messages.MissionAckReceived(f.get_integer("type"), f.get_integer("mission_type")),
     "MISSION_CLEAR_ALL": _parse_clear,
-    "MISSION_SET_CURRENT": lambda f: MissionSetCurrent(f.get_integer("seq")),
-    "PARAM_REQUEST_LIST": lambda _: ParamRequestList(),
-    "PARAM_REQUEST_READ": lambda f: ParamRequestRead(f.get_text("param_id"), f.get_integer("param_index")),
-    "PARAM_SET": lambda f: ParamSet(f.get_text("param_id"), f.get_number("param_value"), f.get_integer("param_type")),
-    "REQUEST_DATA_STREAM": lambda f: RequestDataStream(
+    "MISSION_SET_CURRENT": lambda f: messages.MissionSetCurrent(f.get_integer("seq")),
+    "PARAM_REQUEST_LIST": lambda _: messages.ParamRequestList(),
+    "PARAM_REQUEST_READ": lambda f: messages.ParamRequestRead(f.get_text("param_id"), f.get_integer("param_index")),
+    "PARAM_SET": lambda f: messages.ParamSet(
+        f.get_text("param_id"), f.get_number("param_value"), f.get_integer("param_type")
+    ),
+    "REQUEST_DATA_STREAM": lambda f: messages.RequestDataStream(
         f.get_integer("req_stream_id"), f.get_integer("req_message_rate"), bool(f.get_integer("start_stop"))
     ),
-    "TIMESYNC": lambda f: Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
-    "PING": lambda f: Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),
+    "TIMESYNC": lambda f: messages.Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
+    "PING": lambda f: messages.Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),
 }
 
 
@@ -161,7 +145,7 @@ class Codec:
             self._packer.signing.secret_key = signing.key
             self._packer.signing.sign_outgoing = True
 
-    def encode(self, message: Outbound, now_s: float = 0.0) -> bytes:
+    def encode(self, message: messages.Outbound, now_s: float = 0.0) -> bytes:
         """Return a MAVLink 2 frame; `now_s` since the beginning of the simulation dates its signature.
 
         Raises:
@@ -178,7 +162,7 @@ class Codec:
         self._packer.seq = (self._packer.seq + 1) % 256
         return frame
 
-    def decode(self, datagram: bytes) -> list[Received]:
+    def decode(self, datagram: bytes) -> list[messages.Received]:
         """Return the messages in a datagram that are meant for this vehicle; what is damaged or unknown is left out."""
         # A parser for each datagram: a cut-off frame must not swallow the beginning of the next one.
         parser = dialect.MAVLink(None)
@@ -196,8 +180,8 @@ class Codec:
             elsewhere = target not in {EVERYBODY, AUTOPILOT_COMPONENT, *self._others}
             if elsewhere and not self._every_component:
                 continue
-            sender = Peer(message.get_srcSystem(), message.get_srcComponent())
-            received.append(Received(sender, reader(_Fields(values)), target))
+            sender = messages.Peer(message.get_srcSystem(), message.get_srcComponent())
+            received.append(messages.Received(sender, reader(_Fields(values)), target))
         return received
 
     def _append_extension_fields(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.protocols import command, upload, vehicle_commands
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
-from simulator import enums
+from simulator import messages
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
@@ -161,7 +161,7 @@ SIMULATED = {
 def test_the_simulator_counts_as_mavlink_does() -> None:
     """It shares no number with what flies it, so each of its enums is held against pymavlink's."""
     found = {
-        name: enum for name, enum in vars(enums).items() if isinstance(enum, type(IntEnum)) and enum is not IntEnum
+        name: enum for name, enum in vars(messages).items() if isinstance(enum, type(IntEnum)) and enum is not IntEnum
     }
     assert set(found) == set(SIMULATED)
     for name, enum in found.items():

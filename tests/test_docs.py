@@ -16,8 +16,7 @@ from ruamel.yaml import YAML
 from executor.cli.main import INTERNAL, INTERRUPTED, main
 from executor.site.site_file import Site, check_site
 from scripts.pages import reference
-from simulator.errors import FaultSpecError
-from simulator.faults import parse_fault
+from simulator.config import FaultSpecError, parse_fault
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -102,7 +102,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/windowpage.py",
     ),
     "tests/benchmarks/virtual/test_areas.py": ("missions/area_rules.py",),
-    "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
         "benchmarks/witness/log_evidence.py",
@@ -119,7 +118,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/simulated/injected_faults.py",
     ),
     "tests/e2e/test_given_back.py": (
-        "executor/cli/restore.py",
+        "executor/cli/flights.py",
         "executor/flight/concurrency.py",
         "executor/flight/restore_vehicles.py",
     ),
@@ -143,7 +142,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/mqtt/broker.py",
         "executor/adapters/mqtt/outbox.py",
     ),
-    "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/web/test_server.py": (
         "executor/adapters/web/guard.py",
         "executor/adapters/web/snapshot.py",
@@ -151,40 +149,24 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
-        "executor/analysis/pictures/front_figure.py",
-        "executor/analysis/pictures/label_placement.py",
+        "executor/analysis/pictures/chart_figures.py",
         "executor/analysis/pictures/map_figures.py",
-        "executor/analysis/pictures/map_sheet.py",
         "executor/analysis/pictures/style.py",
-        "executor/analysis/pictures/window_figure.py",
     ),
-    "tests/executor/analysis/test_report.py": (
-        "executor/adapters/document.py",
-        "executor/analysis/documents.py",
-    ),
+    "tests/executor/analysis/test_report.py": ("executor/adapters/document.py",),
     "tests/executor/cli/test_areas.py": (
-        "executor/site/site_areas.py",
-        "executor/site/tables/area_tables.py",
+        "executor/site/site_tables.py",
         "missions/areas.py",
     ),
-    "tests/executor/cli/test_day.py": (
-        "executor/analysis/pictures/gantt_figure.py",
-        "executor/site/day_summary.py",
-        "executor/site/tables/day_tables.py",
-    ),
-    "tests/executor/cli/test_init_site.py": ("executor/site/template.py",),
     "tests/executor/cli/test_main.py": (
-        "executor/cli/flights.py",
         "executor/cli/options.py",
-        "executor/cli/plan_inputs.py",
         "executor/cli/plans.py",
     ),
     "tests/executor/cli/test_network.py": (
-        "executor/analysis/pictures/network_figure.py",
-        "executor/cli/network_options.py",
         "missions/readers/archives.py",
         "missions/readers/xml_files.py",
     ),
+    "tests/executor/cli/test_plan_inputs_day.py": ("missions/day_plan.py",),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
     "tests/executor/core/battery/test_pack_condition.py": (
         "executor/core/battery/resting_voltage.py",
@@ -225,7 +207,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/images.py",
         "executor/images/exif.py",
         "executor/images/index_files.py",
-        "executor/simulated/cards.py",
     ),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
@@ -237,27 +218,15 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/runtime/test_turnaround.py": ("executor/runtime/turnaround_check.py",),
     "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/stream_requests.py",),
-    "tests/executor/simulated/test_demo_site.py": ("executor/simulated/simulated_fleet.py",),
-    "tests/executor/site/test_camera_tasks.py": ("executor/site/tables/camera_tables.py",),
     "tests/executor/site/test_campaign_runner_risk.py": (
         "executor/analysis/pictures/risk_figure.py",
         "executor/cli/risk.py",
     ),
-    "tests/executor/site/test_day_flight.py": ("executor/site/site_bases.py",),
-    "tests/executor/site/test_planned_heights.py": ("executor/site/site_model.py",),
-    "tests/executor/site/test_site_file.py": (
-        "executor/site/tables/aircraft.py",
-        "executor/site/tables/ground.py",
-        "executor/site/tables/links.py",
-    ),
+    "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
+    "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
     "tests/executor/site/test_site_planning_asked.py": (
         "executor/flight/checklist.py",
         "executor/flight/checklist_only.py",
-        "executor/site/plan_summary.py",
-    ),
-    "tests/executor/site/test_terrain.py": (
-        "executor/analysis/height_profile.py",
-        "executor/analysis/pictures/profile_figure.py",
     ),
     "tests/missions/readers/test_elevation_rasters.py": ("missions/terrain.py",),
     "tests/missions/readers/test_formats.py": (
@@ -272,7 +241,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/plan_json_v1.py",
     ),
     "tests/missions/test_setup.py": ("missions/waypoints.py",),
-    "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
     "tests/planner/test_search.py": (
@@ -304,30 +272,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_model.py",
     ),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
-    "tests/simulator/test_fences.py": (
-        "simulator/fence.py",
-        "simulator/lists_ardupilot.py",
-    ),
-    "tests/simulator/test_leg_times.py": (
-        "simulator/position_drift.py",
-        "simulator/px4_trajectory.py",
-        "simulator/px4_velocity_smoothing.py",
-        "simulator/scurves.py",
-    ),
+    "tests/simulator/test_fleet_vehicle.py": ("simulator/messages.py",),
+    "tests/simulator/test_leg_times.py": ("simulator/leg_trajectories.py",),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
-    "tests/simulator/test_px4.py": (
-        "simulator/mission_px4.py",
-        "simulator/modes_px4.py",
-    ),
-    "tests/simulator/test_vehicle.py": (
-        "simulator/airframe.py",
-        "simulator/messages.py",
-        "simulator/mission_store.py",
-        "simulator/route.py",
-        "simulator/telemetry.py",
-        "simulator/vehicle_outbox.py",
-    ),
-    "tests/simulator/test_wire.py": ("simulator/streams.py",),
+    "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
     "tests/stories/test_pictures.py": (
         "executor/core/payload/camera_state.py",
         "simulator/camera.py",

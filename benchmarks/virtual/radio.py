@@ -9,8 +9,8 @@ from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
 from executor.adapters.mavlink.link import VehicleLink
 from simulator.autopilot import STEP_S
+from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 
 UNREAD = ("LOCAL_POSITION_NED", "VFR_HUD", "SYSTEM_TIME", "TIMESYNC")
 """Streams that nobody reads here: a tenth of all work is spared without them."""

@@ -1,43 +1,105 @@
-"""What a flight came to, as report.json says it. All times are seconds since the launch."""
+"""What a flight came to, as report.json says it, planned beside flown. All times are seconds since the launch."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 from types import MappingProxyType
 
-from executor.analysis.documents import (
-    AbsenceRow,
-    AskedVehicle,
-    AskedVehicles,
-    CheckRow,
-    EarlierRow,
-    FaultRow,
-    FlightReport,
-    HeightsPart,
-    InspectionRow,
-    LastFix,
-    LastPosition,
-    NotCountedRow,
-    PadPart,
-    ParameterRow,
-    ReplanRow,
-    SeenRow,
-    SortieRow,
-    UnreachableRow,
-    VehicleRow,
-)
-from executor.analysis.plan_comparison import build_route_rows
+from executor.analysis import documents
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
 from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
+from executor.core.state.vehicle_parts import FlownLeg, LegBoundary
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
 from executor.core.telemetry import firmware
 from executor.images.index_files import build_asset_rows
+from missions import Phase
+
+
+def build_route_rows(
+    state: FleetState, factors: Mapping[str, float] = MappingProxyType({})
+) -> tuple[documents.RouteRow, ...]:
+    """Return what every vehicle flew of each of its missions; times are seconds since the launch.
+
+    Args:
+        state: At the end of the flight.
+        factors: The consumption that was planned with, by the vehicle's name, where it was known before.
+    """
+    launched_s = state.progress.launched_s or 0.0
+    rows = []
+    for vehicle in state.vehicles.values():
+        factor = factors.get(vehicle.name, 1.0)
+        for revision, legs in groupby(vehicle.assignment.flown, key=lambda leg: leg.revision):
+            scaled = [
+                replace(leg, planned=replace(leg.planned, energy_pct=factor * leg.planned.energy_pct)) for leg in legs
+            ]
+            row = _build_route_row(vehicle.name, revision, scaled, launched_s)
+            rows += [] if row is None else [row]
+    return tuple(rows)
+
+
+def error_pct(flown: float | None, planned: float) -> float | None:
+    """Return by how much more was flown than planned, in percent; None where that is not known.
+
+    >>> error_pct(110.0, 100.0)
+    10.0
+    """
+    return None if flown is None or planned <= 0.0 else round(100.0 * flown / planned - 100.0, 2)
+
+
+def _build_route_row(
+    vehicle: str, revision: int, legs: Sequence[FlownLeg], launched_s: float
+) -> documents.RouteRow | None:
+    """Return one mission's row; None if nobody heard when any of it began or ended."""
+    heard = [number for number, leg in enumerate(legs) if leg.began is not None]
+    ended = [number for number, leg in enumerate(legs) if leg.ended is not None]
+    if not heard or not ended or heard[0] > ended[-1]:
+        return None
+    legs = legs[heard[0] : ended[-1] + 1]
+    began, end = legs[0].began, legs[-1].ended
+    if began is None or end is None:
+        return None
+    planned_s = sum(leg.planned.duration_s for leg in legs)
+    planned_pct = sum(leg.planned.energy_pct for leg in legs)
+    flown_s, flown_pct = end.at_s - began.at_s, _draw_pct(began, end)
+    return documents.RouteRow(
+        vehicle=vehicle,
+        revision=revision,
+        whole=legs[0].phase is Phase.TAKEOFF and legs[-1].phase is Phase.LAND,
+        began_s=began.at_s - launched_s,
+        ended_s=end.at_s - launched_s,
+        planned_s=planned_s,
+        flown_s=flown_s,
+        time_error_pct=error_pct(flown_s, planned_s),
+        planned_pct=planned_pct,
+        flown_pct=flown_pct,
+        energy_error_pct=error_pct(flown_pct, planned_pct),
+        legs=tuple(map(_build_leg_row, legs)),
+    )
+
+
+def _build_leg_row(leg: FlownLeg) -> documents.LegRow:
+    began, ended = leg.began, leg.ended
+    return documents.LegRow.build_from(
+        leg,
+        phase=leg.phase.value,
+        planned_s=leg.planned.duration_s,
+        flown_s=None if began is None or ended is None else ended.at_s - began.at_s,
+        planned_pct=leg.planned.energy_pct,
+        flown_pct=_draw_pct(began, ended),
+    )
+
+
+def _draw_pct(began: LegBoundary | None, ended: LegBoundary | None) -> float | None:
+    if began is None or ended is None or began.given_pct is None or ended.given_pct is None:
+        return None
+    return ended.given_pct - began.given_pct
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,65 +113,43 @@ class InjectedFault:
     """In the ground station's time."""
 
 
-@dataclass(frozen=True, slots=True)
-class PreflightRecord:
-    """What was known before the flight."""
-
-    facts: Mapping[str, VehicleFacts]
-    """What each vehicle said."""
-    checks: Sequence[Check]
-    """The checklist."""
-    earlier: tuple[EarlierRow, ...] = ()
-    """Flights whose rest is flown."""
-    kept: AskedVehicles | None = None
-    """Of a flight that is taken up again: vehicles.json, which says what was known before it."""
-
-    def build_check_rows(self) -> tuple[CheckRow, ...]:
-        """Return the checklist as a document has it."""
-        return tuple(map(CheckRow.build_from, self.checks)) if self.kept is None else self.kept.checks
-
-    def firmware_of(self, name: str) -> dict[str, str | None]:
-        """Return what a vehicle is and which firmware it has."""
-        rows = () if self.kept is None else self.kept.vehicles
-        known = next((row for row in rows if row.name == name), None)
-        if known is not None:
-            return {"type": known.type, "autopilot": known.autopilot, "firmware": known.firmware}
-        return _describe_firmware(self.facts.get(name))
+NOTHING_SAID = documents.AskedVehicles(vehicles=())
 
 
-NOTHING_SAID = PreflightRecord(MappingProxyType({}), ())
+def build_vehicle_answers(
+    context: Context,
+    facts: Mapping[str, VehicleFacts],
+    checks: Sequence[Check] = (),
+    earlier: tuple[documents.EarlierRow, ...] = (),
+) -> documents.AskedVehicles:
+    """Return the content of vehicles.json: who was asked before the flight, and what each one answered.
 
-
-def build_vehicle_answers(context: Context, said: PreflightRecord) -> AskedVehicles:
-    """Return the content of vehicles.json: who was asked before the flight, and what each one answered."""
-    return AskedVehicles(
+    Args:
+        context: Of the flight.
+        facts: What each vehicle said.
+        checks: The checklist.
+        earlier: Flights whose rest is flown.
+    """
+    return documents.AskedVehicles(
         vehicles=tuple(
-            AskedVehicle.build_from(
-                facts,
+            documents.AskedVehicle.build_from(
+                one,
                 sysid=context.vehicles[name].sysid,
-                **_describe_firmware(facts),
+                type=firmware.describe_vehicle_type(one.heartbeat.vehicle_type),
+                autopilot=firmware.describe_autopilot(one.heartbeat.autopilot),
+                firmware=None if one.version is None else str(one.version),
                 link_timeout_s=context.vehicles[name].link_timeout_s,
-                pad=PadPart.build_from(context.setup.pad_of(name)),
-                gps_fix=None if facts.gps is None else facts.gps.fix,
-                gps_accuracy_m=None if facts.gps is None else facts.gps.accuracy_m,
-                parameters=dict(sorted(facts.parameters.items())),
-                stations=tuple((station.system, station.component) for station in facts.stations),
+                pad=documents.PadPart.build_from(context.setup.pad_of(name)),
+                gps_fix=None if one.gps is None else one.gps.fix,
+                gps_accuracy_m=None if one.gps is None else one.gps.accuracy_m,
+                parameters=dict(sorted(one.parameters.items())),
+                stations=tuple((station.system, station.component) for station in one.stations),
             )
-            for name, facts in said.facts.items()
+            for name, one in facts.items()
         ),
-        checks=tuple(map(CheckRow.build_from, said.checks)),
-        earlier=said.earlier,
+        checks=tuple(map(documents.CheckRow.build_from, checks)),
+        earlier=earlier,
     )
-
-
-def _describe_firmware(facts: VehicleFacts | None) -> dict[str, str | None]:
-    if facts is None:
-        return {}
-    return {
-        "type": firmware.describe_vehicle_type(facts.heartbeat.vehicle_type),
-        "autopilot": firmware.describe_autopilot(facts.heartbeat.autopilot),
-        "firmware": None if facts.version is None else str(facts.version),
-    }
 
 
 def build_report(
@@ -118,9 +158,9 @@ def build_report(
     ended_s: float,
     truths: Sequence[InjectedFault] = (),
     frames: Mapping[str, LinkCounts] = MappingProxyType({}),
-    said: PreflightRecord = NOTHING_SAID,
-    parameters: Sequence[ParameterRow] = (),
-) -> FlightReport:
+    said: documents.AskedVehicles = NOTHING_SAID,
+    parameters: Sequence[documents.ParameterRow] = (),
+) -> documents.FlightReport:
     """Return the content of report.json.
 
     Args:
@@ -130,13 +170,17 @@ def build_report(
         truths: What really happened, where a simulator knows it.
         frames: How many frames came from each vehicle, how many its sequence numbers say were lost on the way, and how
             many were not believed.
-        said: What the vehicles said before the flight, and what was found then.
+        said: vehicles.json: what the vehicles said before the flight, and what was found then.
         parameters: What was changed on board, and whether it was given back.
     """
     began_s = state.progress.launched_s if state.progress.launched_s is not None else ended_s
     never = {one.segment for one in context.unreachable}
+    asked = {row.name: row for row in said.vehicles}
+    hurt = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
+    boards = (vehicle.assignment.board for vehicle in state.vehicles.values())
+    heights = mission_checks.build_heights_document(context.setup, [one.path for one in boards if one is not None])
     uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
-    return FlightReport(
+    return documents.FlightReport(
         format="faultline-report/1",
         segments_total=context.segments,
         segments_inspected=len(state.coverage.inspected),
@@ -144,26 +188,31 @@ def build_report(
         uncovered_names=tuple(map(context.segment_name, uncovered)),
         left_over=tuple(sorted(state.coverage.left_over - set(state.coverage.inspected))),
         unreachable=tuple(
-            UnreachableRow.build_from(one, name=context.segment_name(one.segment)) for one in context.unreachable
+            documents.UnreachableRow.build_from(one, name=context.segment_name(one.segment))
+            for one in context.unreachable
         ),
         segment_names={str(segment): context.segment_name(segment) for segment in sorted(context.wanted | never)},
         finished=not uncovered,
         duration_s=ended_s - began_s,
-        faults=_build_fault_rows(state, began_s, truths),
+        faults=tuple(_build_fault_row(*one, began_s, truths) for one in (*state.replanning.mended, *hurt)),
         replans=tuple(_build_replan_row(record) for record in state.replanning.records if not record.sortie),
         vehicles=tuple(
-            _build_vehicle_row(
-                context, state, vehicle, frames.get(vehicle.name), said.firmware_of(vehicle.name), began_s
-            )
+            _build_vehicle_row(context, state, vehicle, frames.get(vehicle.name), asked.get(vehicle.name), began_s)
             for vehicle in state.vehicles.values()
         ),
-        checks=said.build_check_rows(),
+        checks=said.checks,
         parameters=tuple(parameters),
-        heights=_build_heights(context, state),
+        heights=documents.HeightsPart.model_validate(heights),
         absences=tuple(
-            AbsenceRow.build_from(absence, until_s=absence.until_s - began_s) for absence in state.listening.absences
+            documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
+            for absence in state.listening.absences
         ),
-        seen=_build_seen_rows(context, state),
+        seen=tuple(
+            documents.SeenRow.build_from(
+                row, name=row.asset, inspected_at_m=state.coverage.inspected_at_m.get(row.segment)
+            )
+            for row in build_asset_rows(context, state)
+        ),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -172,17 +221,19 @@ def build_report(
             for segment in sorted(set(state.coverage.flown) & set(state.coverage.inspected))
         ),
         not_counted=tuple(
-            NotCountedRow(vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason)
+            documents.NotCountedRow(
+                vehicle=vehicle.name, segment=segment, name=context.segment_name(segment), reason=reason
+            )
             for vehicle in state.vehicles.values()
             for segment, reason in vehicle.assignment.runs_broken
         ),
         sorties=build_sortie_rows(context, state, began_s),
-        earlier=said.earlier if said.kept is None else said.kept.earlier,
+        earlier=said.earlier,
         routes=build_route_rows(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
     )
 
 
-def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[SortieRow, ...]:
+def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tuple[documents.SortieRow, ...]:
     """Return every sortie, in the order of their take-offs; none of a flight of one each."""
     turns = {name: vehicle.turn for name, vehicle in state.vehicles.items()}
     if context.day is None and not any(turn.swaps for turn in turns.values()):
@@ -193,7 +244,7 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
         for number, one in enumerate(turn.sorties):
             then = set(turn.sorties[number + 1].before) if number + 1 < len(turn.sorties) else own
             rows.append(
-                SortieRow.build_from(
+                documents.SortieRow.build_from(
                     one,
                     vehicle=name,
                     began_s=one.began_s - began_s,
@@ -204,7 +255,7 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
     return tuple(sorted(rows, key=lambda row: row.began_s))
 
 
-def _build_replan_row(record: ReplanRecord) -> ReplanRow:
+def _build_replan_row(record: ReplanRecord) -> documents.ReplanRow:
     gain, compared = record.gain, dict[str, object]()
     if gain is not None:
         compared = {
@@ -215,19 +266,12 @@ def _build_replan_row(record: ReplanRecord) -> ReplanRow:
             "carried_route_s": gain.carried_s,
             "over_budget": gain.short,
         }
-    return ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
+    return documents.ReplanRow.build_from(record, total_s=record.ended_s - record.begun_s, **compared)
 
 
-def _build_heights(context: Context, state: FleetState) -> HeightsPart:
-    paths = [
-        vehicle.assignment.board.path for vehicle in state.vehicles.values() if vehicle.assignment.board is not None
-    ]
-    return HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
-
-
-def _build_inspection_row(context: Context, state: FleetState, segment: int) -> InspectionRow:
+def _build_inspection_row(context: Context, state: FleetState, segment: int) -> documents.InspectionRow:
     flown = state.coverage.flown[segment]
-    return InspectionRow.build_from(
+    return documents.InspectionRow.build_from(
         flown,
         segment=segment,
         name=context.segment_name(segment),
@@ -238,23 +282,10 @@ def _build_inspection_row(context: Context, state: FleetState, segment: int) -> 
     )
 
 
-def _build_fault_rows(state: FleetState, began_s: float, truths: Sequence[InjectedFault]) -> tuple[FaultRow, ...]:
-    now = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
-    return tuple(_build_fault_row(name, fault, began_s, truths) for name, fault in (*state.replanning.mended, *now))
-
-
-def _build_seen_rows(context: Context, state: FleetState) -> tuple[SeenRow, ...]:
-    at_m = state.coverage.inspected_at_m
-    return tuple(
-        SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
-        for row in build_asset_rows(context, state)
-    )
-
-
-def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> FaultRow:
+def _build_fault_row(name: str, fault: Fault, began_s: float, truths: Sequence[InjectedFault]) -> documents.FaultRow:
     known = [t.at_s for t in truths if t.vehicle in {name, "all"} and t.kind == fault.kind.value]
     before = [at_s for at_s in known if at_s <= fault.detected_s]
-    return FaultRow.build_from(
+    return documents.FaultRow.build_from(
         fault,
         vehicle=name,
         happened_s=max(before) - began_s if before else None,
@@ -274,11 +305,12 @@ def _build_vehicle_row(
     state: FleetState,
     vehicle: VehicleState,
     counts: LinkCounts | None,
-    known: Mapping[str, str | None],
+    asked: documents.AskedVehicle | None,
     began_s: float,
-) -> VehicleRow:
+) -> documents.VehicleRow:
     battery = vehicle.power.battery
-    return VehicleRow(
+    return documents.VehicleRow.build_from(
+        asked,
         name=vehicle.name,
         segments=tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name)),
         energy_used_pct=battery.given_pct,
@@ -290,19 +322,19 @@ def _build_vehicle_row(
         frames_missing=None if counts is None else counts.missing,
         frames_foreign=None if counts is None else counts.foreign,
         frames_refused=None if counts is None else dict(counts.refused),
-        **known,
     )
 
 
-def _build_last_position(context: Context, vehicle: VehicleState, began_s: float) -> LastPosition | None:
+def _build_last_position(context: Context, vehicle: VehicleState, began_s: float) -> documents.LastPosition | None:
     fix = vehicle.motion.fix
     at = None if fix is None else position_view(context, vehicle, fix.at_s)
     if fix is None or at is None:
         return None
     last = at.last_fix
-    return LastPosition.build_from(
+    return documents.LastPosition.build_from(
         at,
         alt_rel_m=at.relative_alt_m,
         at_s=fix.at_s - began_s,
-        last_fix=last and LastFix.build_from(last, alt_rel_m=last.relative_alt_m, at_s=fix.at_s - last.age_s - began_s),
+        last_fix=last
+        and documents.LastFix.build_from(last, alt_rel_m=last.relative_alt_m, at_s=fix.at_s - last.age_s - began_s),
     )

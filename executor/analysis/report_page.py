@@ -12,8 +12,7 @@ from pathlib import Path
 
 from executor.adapters.document import Document
 from executor.adapters.templates import format_value, render_template, write_page
-from executor.analysis.documents import FlightReport, InspectionRow, SeenRow
-from executor.analysis.earlier_flights import describe_total_inspected
+from executor.analysis.documents import FlightReport, InspectionRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import formatting
 from executor.core.interface.commands import Level
@@ -38,7 +37,9 @@ def write_report_page(record: FlightRecord, report: FlightReport, path: Path) ->
     Raises:
         OSError: the file cannot be written, or a picture cannot be read.
     """
-    write_page(path, render_report_page(record, report, _read_pictures(path.parent)))
+    beside = {words: path.parent / name for name, words in PICTURES.items()}
+    pictures = {words: file.read_bytes() for words, file in beside.items() if file.exists()}
+    write_page(path, render_report_page(record, report, pictures))
 
 
 def render_report_page(record: FlightRecord, report: FlightReport, pictures: Mapping[str, bytes]) -> str:
@@ -112,24 +113,20 @@ def _describe_speeds(report: FlightReport) -> list[str]:
         return []
     text = (
         f"segments were flown at {format_value(sum(row.speed_mean_m_s for row in rows) / len(rows))} m/s on average "
-        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), "
-        f"at most {format_value(max(highest))} m/s and at most "
-        f"{format_value(max(row.deviation_max_m for row in rows))} m beside the track"
+        f"({format_value(report.inspection_speed_m_s)} m/s were asked for), at most {format_value(max(highest))} m/s "
+        f"and at most {format_value(max(row.deviation_max_m for row in rows))} m beside the track"
     )
     return [text]
 
 
 def _get_named_values(names: Mapping[str, str], row: Document, columns: Iterable[str]) -> list[object]:
-    return [_replace_with_names(names, column, getattr(row, column)) for column in columns]
+    """Return the values of some columns, segments by the names of their assets."""
 
+    def named(value: object) -> object:
+        return [names.get(str(one), one) for one in value] if isinstance(value, tuple) else names.get(str(value), value)
 
-def _replace_with_names(names: Mapping[str, str], column: str, value: object) -> object:
-    """Return a value with segments by the names of their assets."""
-    if column not in {"segment", "segments", "uncovered"}:
-        return value
-    if isinstance(value, tuple):
-        return [names.get(str(one), one) for one in value]
-    return names.get(str(value), value)
+    values = ((column, getattr(row, column)) for column in columns)
+    return [named(value) if column in {"segment", "segments", "uncovered"} else value for column, value in values]
 
 
 def _add_distance_column(rows: Iterable[InspectionRow | SeenRow]) -> dict[str, str]:
@@ -146,7 +143,3 @@ def _format_time(t_s: float | None) -> str | None:
 def _format_duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes else f"{rest} s"
-
-
-def _read_pictures(folder: Path) -> dict[str, bytes]:
-    return {words: (folder / name).read_bytes() for name, words in PICTURES.items() if (folder / name).exists()}

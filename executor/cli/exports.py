@@ -2,43 +2,206 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+import numpy.typing as npt
 import typer
 
+import missions
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.flight_record import GAP_S, FlightRecord, VehicleRecord, find_last_row, read_run
 from executor.cli.console import TerminalConsole
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, FormatName
 from executor.cli.plan_inputs import write_named_file
 from executor.core.interface.commands import Level
 from executor.core.preflight.mission_checks import find_low_places
-from executor.errors import SiteError
+from executor.errors import LogError, SiteError
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
-from missions import (
-    Dialect,
-    FlightPath,
-    FlightSetup,
-    MissionFileError,
-    PlanFile,
-    dialect_for,
-    encode,
-    format_qgc_plan,
-    format_qgc_waypoints,
-    read_plan,
-)
-from missions.exports import MapFeatures, build_plan_features, format_geojson, format_gpx, format_kml
+from missions import exports
 from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
+from missions.geo import FloatArray
+from missions.inspection_height import build_first_paths
 from missions.plan_file import setup_of_plan
+from planner import is_reversed, segment_of, visit_of
 
-DRAWN: Mapping[FormatName, Callable[[MapFeatures], str]] = {
-    FormatName.KML: format_kml,
-    FormatName.GEOJSON: format_geojson,
-    FormatName.GPX: format_gpx,
+DECIMALS = 6
+"""Of a degree: more than a decimetre no position carries."""
+STEP_S = 0.5
+"""Positions that follow sooner say nothing more to who looks at a map."""
+
+
+def build_drawn_run(run: Path) -> exports.MapFeatures:
+    """Return the flight of a run directory.
+
+    Raises:
+        LogError: it holds no report, or its log cannot be read.
+        SiteError: site.toml cannot be used.
+        MissionsError: a plan file cannot be used.
+    """
+    record, first = read_run(run), missions.read_plan(RunDirectory(run).plan_path(0))
+    if first.inspection is None:
+        raise LogError(
+            f"{RunDirectory(run).plan_path(0)}: inspection: expected heights and speeds, but the plan has none"
+        )
+    pads = []
+    for one in record.vehicles:  # a home's height above mean sea level is as its vehicle said it first
+        at_m = float(one.sea_m[0] - one.track[0, 3]) if len(one.track) else first.frame.alt_m
+        pads.append(missions.Pad(one.name, *one.pad_m, at_m))
+    names = tuple(vehicle.name for vehicle in record.vehicles)
+    terrain = site_model.load_terrain(read_site(RunDirectory(run).site), run, first.build_network())
+    setup = setup_of_plan(first, first.inspection, pads=pads, terrain=terrain)
+    segments = {
+        number: {
+            "inspected_by": segment.inspected_by,
+            "inspected": None if segment.inspected_s is None else _format_time(record, segment.inspected_s),
+        }
+        for number, segment in enumerate(record.segments)
+    }
+    ways = [
+        *exports.build_segment_lines(setup, segments),
+        *_build_planned_ways(record, setup, first),
+        *_build_replanned_ways(run, record, setup, first),
+    ]
+    ways += [way for vehicle in record.vehicles for way in _build_flown_ways(record, setup.frame, vehicle)]
+    spots = [*exports.build_pad_points(setup, exports.Reference.SEA), *_build_loss_places(record, setup)]
+    return exports.MapFeatures(f"flight of {_format_time(record, 0.0)}", names, ways, spots)
+
+
+def _format_time(record: FlightRecord, t_s: float) -> str:
+    when = datetime.fromtimestamp(record.launched_unix_s + t_s, UTC)
+    return f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
+
+
+def _build_planned_ways(
+    record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
+) -> Iterator[exports.MapLine]:
+    routes = {first.vehicles[route.vehicle].name: route.visits for route in first.plan.routes}
+    for name, path in build_first_paths(setup, routes).items():
+        if path.waypoints:
+            facts: dict[str, exports.Fact] = {
+                "revision": 0,
+                "begin": _format_time(record, 0.0),
+                "segments": len(routes[name]),
+            }
+            yield exports.build_route_line(setup, path, f"{name} planned", facts, reference=exports.Reference.SEA)
+
+
+def _build_replanned_ways(
+    run: Path, record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
+) -> Iterator[exports.MapLine]:
+    """Yield what was put on board in flight, from where the vehicle began it."""
+    numbers = {segment.id: number for number, segment in enumerate(first.segments)}
+    for revision in record.revisions[1:]:
+        content = missions.read_plan(RunDirectory(run).plan_path(revision.number))
+        on_board = {route.vehicle for route in revision.routes}
+        for route in content.plan.routes:
+            vehicle = content.vehicles[route.vehicle]
+            if vehicle.name not in on_board:
+                continue
+            visits = tuple(
+                visit_of(numbers[content.segments[segment_of(visit)].id], is_reversed(visit)) for visit in route.visits
+            )
+            if vehicle.airborne:
+                up_m = vehicle.start_up_m if content.pricing is not None else None
+                path = _build_path_from_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
+            else:
+                path = missions.build_flight_path(setup, vehicle.name, visits)
+            if path.waypoints:
+                facts: dict[str, exports.Fact] = {
+                    "revision": revision.number,
+                    "begin": _format_time(record, revision.decided_s),
+                    "segments": len(visits),
+                }
+                name = f"{vehicle.name} re-plan {revision.number}"
+                yield exports.build_route_line(setup, path, name, facts, reference=exports.Reference.SEA)
+
+
+def _build_path_from_air(
+    setup: missions.FlightSetup, name: str, start_m: tuple[float, float], up_m: float | None, visits: tuple[int, ...]
+) -> missions.FlightPath:
+    """Return the path that begins where a vehicle was in the air; without its height there, in its layer."""
+    layers = setup.layers
+    here_m = (layers.surface.height_m(*start_m) if up_m is None else up_m) + layers.offset_m(name)
+    alt_rel_m = here_m - setup.frame.up_m(setup.pad_of(name).alt_m)
+    begin = missions.Waypoint(
+        missions.Phase.TRANSIT, *setup.frame.to_wgs84_deg(*start_m), alt_rel_m, setup.inspection.transit_speed_m_s
+    )
+    return missions.continue_path(setup, missions.FlightPath(name, (begin,)), 1, visits)
+
+
+def _build_flown_ways(
+    record: FlightRecord, frame: missions.LocalFrame, vehicle: VehicleRecord
+) -> Iterator[exports.MapLine]:
+    """Yield a vehicle's track since the launch, in as many pieces as it was heard in; what is reckoned for itself."""
+    kept = _thin_positions(vehicle.track[:, 0])
+    adrift = np.zeros(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else vehicle.reckoned
+    cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | (np.diff(adrift[kept].astype(np.int8)) != 0)
+    breaks = [0, *(np.flatnonzero(cuts) + 1).tolist(), len(kept)]
+    lat_lon = frame.many_to_wgs84_deg(vehicle.track[kept, 1:3]) if len(kept) else np.zeros((0, 2))
+    pieces: dict[bool, list[exports.MapLinePiece]] = {False: [], True: []}
+    for begin, end in pairwise(breaks):
+        rows = kept[begin:end]
+        if len(rows) > 1:
+            positions = tuple(
+                (round(float(lat), DECIMALS), round(float(lon), DECIMALS), float(sea_m))
+                for (lat, lon), sea_m in zip(lat_lon[begin:end], vehicle.sea_m[rows], strict=True)
+            )
+            times = tuple(_format_time(record, t_s) for t_s in vehicle.track[rows, 0].tolist())
+            pieces[bool(adrift[rows[0]])].append(exports.MapLinePiece(positions, times))
+    segments = sum(segment.inspected_by == vehicle.name for segment in record.segments)
+    told: dict[bool, tuple[str, dict[str, exports.Fact]]] = {
+        False: ("flown", {"segments": segments}), True: ("reckoned without GPS", {"known": "reckoned"}),
+    }  # fmt: skip
+    for is_adrift, (words, facts) in told.items():
+        if own := tuple(pieces[is_adrift]):
+            name = f"{vehicle.name} {words}"
+            yield exports.MapLine(exports.MapFeatureKind.FLOWN, name, own, exports.Reference.SEA, vehicle.name, facts)
+
+
+def _thin_positions(times_s: FloatArray) -> npt.NDArray[np.intp]:
+    """Return the indices of positions since the launch that are `STEP_S` apart or more."""
+    kept: list[int] = []
+    last_s = -STEP_S
+    for index, t_s in enumerate(times_s.tolist()):
+        if t_s >= 0.0 and t_s - last_s >= STEP_S:
+            kept.append(index)
+            last_s = t_s
+    return np.array(kept, dtype=np.intp)
+
+
+def _build_loss_places(record: FlightRecord, setup: missions.FlightSetup) -> Iterator[exports.MapPoint]:
+    """Yield where each vehicle that was lost was by GPS last before that was declared, and how long before."""
+    for vehicle, fault in record.losses:
+        row = find_last_row(vehicle, fault.detected_s)
+        if row is None:
+            continue
+        at_s, east_m, north_m, _ = vehicle.track[row].tolist()
+        lat_deg, lon_deg = setup.frame.to_wgs84_deg(east_m, north_m)
+        place = (round(lat_deg, DECIMALS), round(lon_deg, DECIMALS), float(vehicle.sea_m[row]))
+        facts: dict[str, exports.Fact] = {
+            "event": "fault",
+            "fault": fault.kind.value,
+            "reason": fault.reason,
+            "happened": None if fault.happened_s is None else _format_time(record, fault.happened_s),
+            "position_age_s": round(fault.detected_s - at_s, 1),
+        }
+        yield exports.MapPoint(
+            exports.MapFeatureKind.EVENT, f"{vehicle.name} lost: {fault.kind.value}", place, exports.Reference.SEA,
+            vehicle.name, _format_time(record, fault.detected_s), facts,
+        )  # fmt: skip
+
+
+DRAWN: Mapping[FormatName, Callable[[exports.MapFeatures], str]] = {
+    FormatName.KML: exports.format_kml,
+    FormatName.GEOJSON: exports.format_geojson,
+    FormatName.GPX: exports.format_gpx,
 }
 """One file of everything, in formats that show rather than fly it."""
 SUFFIXES = {FormatName.QGC: "plan", FormatName.WAYPOINTS: "waypoints"}
@@ -74,16 +237,19 @@ def export(
     if what.is_dir():
         _export_run(what, output, FormatName.KML if to is None else to)
         return
-    content = read_plan(what)
-    setup = _build_setup(content, what, site)
+    content = missions.read_plan(what)
+    setup, paths = _build_paths(content, what, site)
     to = to or FormatName.QGC
     if to in DRAWN:
-        _write(output, f"{what.stem}.{to.value}", DRAWN[to](build_plan_features(content, setup, what.stem)))
+        _write(output, f"{what.stem}.{to.value}", DRAWN[to](exports.build_plan_features(content, setup, what.stem)))
     else:
-        _export_missions(content, setup, output, to, autopilot)
+        _export_missions(content, setup, paths, output, to, autopilot)
 
 
-def _build_setup(content: PlanFile, source: Path, site: Path | None) -> FlightSetup:
+def _build_paths(
+    content: missions.PlanFile, source: Path, site: Path | None
+) -> tuple[missions.FlightSetup, Mapping[str, missions.FlightPath]]:
+    """Return heights and pads, and every vehicle's path, if they are high enough."""
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
     terrain = None
@@ -95,22 +261,26 @@ def _build_setup(content: PlanFile, source: Path, site: Path | None) -> FlightSe
         terrain = ground.terrain
     setup = setup_of_plan(content, content.inspection, terrain=terrain)
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    for line in find_low_places(setup, list(site_model.build_paths(setup, routes).values())):
+    paths = site_model.build_paths(setup, routes)
+    for line in find_low_places(setup, list(paths.values())):
         raise SiteError(f"{source}: heights: {line}")
-    return setup
+    return setup, paths
 
 
 def _export_missions(
-    content: PlanFile, setup: FlightSetup, output: Path, to: FormatName, autopilot: AutopilotName | None
+    content: missions.PlanFile,
+    setup: missions.FlightSetup,
+    paths: Mapping[str, missions.FlightPath],
+    output: Path,
+    to: FormatName,
+    autopilot: AutopilotName | None,
 ) -> None:
-    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    paths = site_model.build_paths(setup, routes)
     texts = {}
     for name, path in paths.items():
-        own = dialect_for(_autopilot_of(content, name, autopilot))
+        own = missions.dialect_for(_autopilot_of(content, name, autopilot))
         try:
             texts[name] = _mission_text(content, setup, path, to, own)
-        except MissionFileError as error:
+        except missions.MissionFileError as error:
             instead = f"; --format {FormatName.QGC.value} has a word for it" if to is not FormatName.QGC else ""
             raise SiteError(f"{name}: --format {to.value}: {own.title}: {error}{instead}") from error
     for name, text in texts.items():
@@ -120,20 +290,26 @@ def _export_missions(
         _warn(f"the plan has {what} ([fence] of its site): the upload of these files clears those on board")
 
 
-def _mission_text(content: PlanFile, setup: FlightSetup, path: FlightPath, to: FormatName, dialect: Dialect) -> str:
-    items, pad, frame = encode(path, dialect).items, setup.pad_of(path.vehicle), setup.frame
+def _mission_text(
+    content: missions.PlanFile,
+    setup: missions.FlightSetup,
+    path: missions.FlightPath,
+    to: FormatName,
+    dialect: missions.Dialect,
+) -> str:
+    items, pad, frame = missions.encode(path, dialect).items, setup.pad_of(path.vehicle), setup.frame
     home = (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
     if to is not FormatName.QGC:
-        return format_qgc_waypoints(items, dialect, home)
+        return missions.format_qgc_waypoints(items, dialect, home)
     if content.fence is None:
-        return format_qgc_plan(items, dialect, home)
+        return missions.format_qgc_plan(items, dialect, home)
     pad_m = (pad.east_m, pad.north_m)
     fence = build_fence(flown_places(pad_m, path, frame), content.fence.margin_m, top_m=0.0)
     rally = build_rally_items((pad_m,), frame) if content.fence.rally == "pad" else ()
-    return format_qgc_plan(items, dialect, home, fence=build_fence_items(fence, frame), rally=rally)
+    return missions.format_qgc_plan(items, dialect, home, fence=build_fence_items(fence, frame), rally=rally)
 
 
-def _autopilot_of(content: PlanFile, name: str, asked: AutopilotName | None) -> str:
+def _autopilot_of(content: missions.PlanFile, name: str, asked: AutopilotName | None) -> str:
     """Return in whose dialect a vehicle's mission is written, and say where that is not what the plan says."""
     planned = content.autopilots.get(name)
     if asked is None and planned is None:
@@ -148,8 +324,6 @@ def _warn(text: str) -> None:
 
 
 def _export_run(run: Path, output: Path, to: FormatName) -> None:
-    from executor.analysis.drawn_run import build_drawn_run
-
     if to not in DRAWN:
         raise SiteError(
             f"{run}: --format {to.value}: expected kml, geojson or gpx for a run directory; its plans can be exported "
@@ -159,7 +333,7 @@ def _export_run(run: Path, output: Path, to: FormatName) -> None:
 
 
 def _write(output: Path, name: str, text: str) -> None:
-    write_named_file(output, lambda: output.mkdir(parents=True, exist_ok=True))
+    write_named_file(output, lambda folder: folder.mkdir(parents=True, exist_ok=True))
     path = output / name
-    write_named_file(path, partial(write_whole, path, text.encode()))
+    write_named_file(path, lambda file: write_whole(file, text.encode()))
     print(path)

@@ -1,9 +1,10 @@
-"""The commands that fly: demo, simulate, fly."""
+"""The commands that fly, or simulate: demo, simulate, fly, day, preflight, resume, restore."""
 
 from __future__ import annotations
 
 import errno
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -13,70 +14,31 @@ import typer
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
-from executor.analysis.documents import CheckRow, FlightReport
-from executor.analysis.earlier_flights import describe_total_inspected, read_earlier_flights
+from executor.analysis.documents import CheckRow, FlightReport, describe_total_inspected, read_earlier_flights
 from executor.analysis.flight_record import FlightRecord
+from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
-from executor.cli.day import DAY_SECONDS, ObjectiveOption, plan_day_and_report
 from executor.cli.errors import OUR_ERRORS
-from executor.cli.options import (
-    DEFAULT_STRETCH_PCT,
-    FIRST_AUTOPILOT,
-    AfterOption,
-    AutopilotOption,
-    EverybodyOption,
-    FaultOption,
-    FlownPlanOption,
-    JsonOption,
-    LearnedOption,
-    NetworkOption,
-    PlanCostOption,
-    QuietOption,
-    RunOption,
-    SecondsOption,
-    SeedOption,
-    SiteArgument,
-    SolverOption,
-    StartsOption,
-    StretchOption,
-    require_finite,
-)
-from executor.cli.plan_inputs import (
-    check_can_write,
-    load_site_with_learned,
-    parse_plan_request,
-    plan_and_report,
-    plan_request_for,
-    select_flown_plan,
-)
-from executor.core.formatting import command_line
+from executor.core.formatting import command_line, format_count
 from executor.core.interface.commands import Level
+from executor.core.preflight.board_changes import KeptList, KeptParameter
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
+from executor.flight.board_record import build_parameter_rows, read_kept_lists, read_kept_parameters
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
-from executor.simulated.demo_site import (
-    OTHER_LOSS,
-    USUAL_LOSS,
-    USUAL_RADIUS_M,
-    USUAL_VEHICLES,
-    build_demo_site,
-    check_faults,
-    is_default_demo,
-    run_simulated_fleet,
-)
+from executor.simulated import simulated_fleet
 from executor.simulated.injected_faults import read_injected_faults
-from executor.site import day_flight, site_model
-from executor.site.day_summary import describe_day
-from executor.site.ground_files import read_ground
-from executor.site.ground_view import GroundView, view_for
+from executor.site import day_plans, site_model
+from executor.site.ground_view import GroundView, read_ground, view_for
+from executor.site.plan_summary import describe_day
 from executor.site.site_file import check_site, read_signing_key, read_site
-from executor.site.site_planning import DEFAULT, PlanSolver
+from executor.site.site_planning import DEFAULT
 from missions import DayPlanFile, PlanFile, is_day_plan, write_plan
 from missions.files import json_text
 from planner.sorties import Objective
@@ -91,72 +53,55 @@ DEMO_SEARCHES = 2
 
 
 def demo(
-    network: NetworkOption = None,
+    network: options.NetworkOption = None,
     radius: Annotated[
-        float,
-        typer.Option(min=1, callback=require_finite, metavar="M", help="Only segments within M metres of the depot."),
-    ] = USUAL_RADIUS_M,
-    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = USUAL_VEHICLES,
+        float, options.number_option("Only segments within M metres of the depot.", 1, metavar="M")
+    ] = simulated_fleet.USUAL_RADIUS_M,
+    vehicles: Annotated[int, typer.Option(min=2, max=50, help="Number of vehicles.")] = simulated_fleet.USUAL_VEHICLES,
     speedup: Annotated[
-        float,
-        typer.Option(
-            min=0.1,
-            max=100,
-            callback=require_finite,
-            metavar="X",
-            help="Speed of the simulation, in multiples of real time.",
-        ),
+        float, options.number_option("Speed of the simulation, in multiples of real time.", 0.1, 100, metavar="X")
     ] = 10.0,
-    seed: SeedOption = 1,
-    fault: FaultOption = None,
-    autopilot: AutopilotOption = FIRST_AUTOPILOT,
-    cost: PlanCostOption = None,
+    seed: options.SeedOption = 1,
+    fault: options.FaultOption = None,
+    autopilot: options.AutopilotOption = options.FIRST_AUTOPILOT,
+    cost: options.PlanCostOption = None,
     flat: Annotated[bool, typer.Option("--flat", help="Assume flat ground for a network without heights.")] = False,
-    run: RunOption = None,
-    as_json: JsonOption = False,
+    run: options.RunOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan, fly four simulated vehicles, lose one, re-plan, finish; leaves a run directory with pictures."""
-    content = build_demo_site(
+    content = simulated_fleet.build_demo_site(
         network=network, radius_m=radius, vehicles=vehicles, speedup=speedup, autopilot=autopilot.value, flat=flat
     )
-    usual = is_default_demo(network, radius, vehicles)
-    faults = fault if fault is not None else [USUAL_LOSS if usual else OTHER_LOSS]
+    usual = simulated_fleet.is_default_demo(network, radius, vehicles)
+    faults = fault if fault is not None else [simulated_fleet.USUAL_LOSS if usual else simulated_fleet.OTHER_LOSS]
     site = check_site(content, "demo")
     ground = site_model.load_site_model(site, Path())
-    check_faults(ground, faults)
+    simulated_fleet.check_faults(ground, faults)
     console = TerminalConsole(quiet=as_json, yes=True)
     # Nobody has looked at a plan before, and the vehicle of the story must fly.
-    wanted = replace(plan_request_for(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
+    wanted = replace(options.build_plan_request(cost), seconds=DEMO_PLAN_S, seed=seed, all_vehicles=True)
     if usual:
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
-    plan = plan_and_report(ground, console, wanted)
+    plan = plan_inputs.plan_and_report(ground, console, wanted)
     directory = create_run_directory(run)
     order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(order)
-    with run_simulated_fleet(directory, faults, seed):
+    with simulated_fleet.run_simulated_fleet(directory, faults, seed):
         flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
 def simulate(
-    site: SiteArgument,
+    site: options.SiteArgument,
     speedup: Annotated[
         float | None,
-        typer.Option(
-            min=0.1,
-            max=100,
-            callback=require_finite,
-            metavar="X",
-            help="Speed in multiples of real time, instead of the site's.",
-        ),
+        options.number_option("Speed in multiples of real time, instead of the site's.", 0.1, 100, metavar="X"),
     ] = None,
-    fault: FaultOption = None,
-    seed: SeedOption = 1,
+    fault: options.FaultOption = None,
+    seed: options.SeedOption = 1,
     wind: Annotated[
-        float,
-        typer.Option(
-            min=0.1, max=5, callback=require_finite, metavar="FACTOR", help="Factor on energy consumption, for wind."
-        ),
+        float, options.number_option("Factor on energy consumption, for wind.", 0.1, 5, metavar="FACTOR")
     ] = 1.0,
     truth: Annotated[
         Path | None,
@@ -177,7 +122,7 @@ def simulate(
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
     from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
 
-    check_can_write(truth)
+    plan_inputs.check_can_write(truth)
     if cards is not None:
         require_extra(Extra.IMAGES, "--cards")
     content = read_site(site)
@@ -189,26 +134,22 @@ def simulate(
     )  # fmt: skip
 
 
+@options.flatten_options
 def fly(
     asked: typer.Context,
     site: Annotated[Path, typer.Argument(metavar="SITE", help="The site file (TOML), or a day plan beside --site.")],
+    *,
     of: Annotated[
         Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
     ] = None,
-    plan: FlownPlanOption = None,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
-    run: RunOption = None,
+    plan: options.FlownPlanOption = None,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    planning: options.PlanOptions,
+    run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Connect, check, upload, fly and supervise; re-plan when a vehicle is lost.
 
@@ -217,27 +158,27 @@ def fly(
     changed.
     """
     site, plan = _select_site_and_plan(site, of, plan)
-    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    wanted = planning.build_request()
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     made = _PreparedSite(site, learned, after, console)
-    day, routes = select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
+    day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
 
 
 def fly_day(
-    site: SiteArgument,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    objective: ObjectiveOption = Objective.FINISH,
+    site: options.SiteArgument,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    objective: plan_inputs.ObjectiveOption = Objective.FINISH,
     seconds: Annotated[
-        float, typer.Option(min=0.1, callback=require_finite, metavar="S", help="Time for the planning.")
-    ] = DAY_SECONDS,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
-    run: RunOption = None,
+        float, options.number_option("Time for the planning.", 0.1, metavar="S")
+    ] = plan_inputs.DAY_SECONDS,
+    seed: options.SeedOption = DEFAULT.seed,
+    starts: options.StartsOption = 0,
+    run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan a working day of sorties from the bases of the site, and fly it.
 
@@ -248,11 +189,11 @@ def fly_day(
     made = _PreparedSite(site, learned, after, console)
     left = None if after is None else read_segments_left(after, made.ground)
     wanted = replace(DEFAULT, seconds=seconds, seed=seed, starts=starts, objective=objective)
-    planned = plan_day_and_report(made.ground, console, wanted, left)
+    planned = plan_inputs.plan_day_and_report(made.ground, console, wanted, left)
     console.show_progress("")
     for line in describe_day(planned):
         console.say(Level.INFO, line)
-    routes = day_flight.build_first_sorties_plan(planned, made.ground)
+    routes = day_plans.build_first_sorties_plan(planned, made.ground)
     _fly_and_finish(made.build_flight_request(routes, run, planned), console, as_json=as_json)
 
 
@@ -262,7 +203,7 @@ class _PreparedSite:
     def __init__(self, site: Path, learned: Path | None, after: Path | None, console: TerminalConsole) -> None:
         self._base, self._content = site.parent, read_site(site)
         check_backends(self._content)
-        self.ground = load_site_with_learned(self._content, self._base, learned, console)
+        self.ground = plan_inputs.load_site_with_learned(self._content, self._base, learned, console)
         self._mqtt = read_mqtt_settings(self._content.mqtt, self._base, str(site))
         self._below = view_for(self.ground, self._base)
         self._after = after
@@ -297,39 +238,34 @@ def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tu
     return of, first
 
 
+@options.flatten_options
 def preflight(
     asked: typer.Context,
-    site: SiteArgument,
-    plan: FlownPlanOption = None,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    site: options.SiteArgument,
+    *,
+    plan: options.FlownPlanOption = None,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
+    planning: options.PlanOptions,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
     from executor.flight.checklist_only import run_checklist_only
 
-    wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
+    wanted = planning.build_request()
     content = read_site(site)
     check_backends(content)
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
-    ground = load_site_with_learned(content, site.parent, learned, console)
-    day, routes = select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
+    ground = plan_inputs.load_site_with_learned(content, site.parent, learned, console)
+    day, routes = plan_inputs.select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
     order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
     found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
-    if as_json:
-        print(json_text({"ready": not stops, "checks": [CheckRow.build_from(check).to_plain() for check in found]}))
-    elif not quiet:
-        print("ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}")
+    lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
+    rows = [CheckRow.build_from(check).to_plain() for check in found]
+    plan_inputs.print_result(lambda: {"ready": not stops, "checks": rows}, () if quiet else lines, as_json=as_json)
     if stops:
         raise typer.Exit(1)
 
@@ -337,8 +273,8 @@ def preflight(
 def resume(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the flight is resumed.")] = False,
-    quiet: QuietOption = False,
-    as_json: JsonOption = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Resume a flight from its run directory after its ground station died; on another computer too."""
     from executor.flight import resume_flight as resuming
@@ -421,7 +357,7 @@ def _write_next_flight(order: FlightRequest, report: FlightReport, *, quiet: boo
 
 
 def _show_flight(run: Path, report: FlightReport) -> None:
-    from executor.analysis.read_run import read_run
+    from executor.analysis.flight_record import read_run
     from executor.analysis.report_page import write_report_page
 
     try:
@@ -436,7 +372,6 @@ def _show_flight(run: Path, report: FlightReport) -> None:
 
 
 def _draw_flight(run: Path, record: FlightRecord) -> None:
-    from executor.analysis.height_profile import build_profiles
     from executor.analysis.pictures import draw_battery_figure, draw_flight_figure, draw_profile_figure, save_figure
     from executor.flight.run_start import read_run_start
 
@@ -444,14 +379,8 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
     save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = read_run_start(run)
-        setup, routes = (
-            begun.context.setup,
-            site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan),
-        )
-        save_figure(
-            draw_profile_figure(build_profiles(setup, site_model.build_paths(setup, routes).values())),
-            RunDirectory(run).profile,
-        )
+        routes = site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan)
+        save_figure(draw_profile_figure(begun.context.setup, routes), RunDirectory(run).profile)
 
 
 def _read_kept_ground(run: Path) -> GroundView | None:
@@ -461,3 +390,47 @@ def _read_kept_ground(run: Path) -> GroundView | None:
     except LogError as error:
         _print_line(f"faultline: {error}: the map is drawn without the ground", to=sys.stderr)
         return None
+
+
+def restore(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="The run directory of the flight.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before parameters are set.")] = False,
+    quiet: options.QuietOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Restore the parameters, fences and rally points that the flight of a run directory changed on its vehicles."""
+    from executor.flight import restore_vehicles as restoring
+
+    _, waiting, lists = restoring.read_open_changes(directory)
+    if not waiting and not lists:
+        _finish(
+            directory, read_kept_parameters(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet
+        )
+        return
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    for words in (*(one.words for one in waiting), *(one.words for one in lists)):
+        console.say(Level.INFO, words)
+    counted = [format_count(len(waiting), "parameter")] if waiting else []
+    counted += list(dict.fromkeys(one.words_open for one in lists))
+    asked = " and ".join(counted)
+    if not console.confirm(f"Restore {asked}?"):
+        console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
+        raise typer.Exit(1)
+    kept, fences = fair_event_loop.run_on_fair_loop(restoring.restore_from_run(directory, console))
+    _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
+
+
+def _finish(
+    directory: Path, kept: Sequence[KeptParameter], lists: Sequence[KeptList], *, as_json: bool, quiet: bool
+) -> None:
+    stay = sum(one.is_open for one in kept) + sum(one.is_open for one in lists)
+    rows = {"parameters": [row.to_plain() for row in build_parameter_rows(kept)]}
+    if lists:
+        rows["fences"] = [
+            {"vehicle": one.vehicle, "list": one.kind.name.lower(), "restored": not one.is_open} for one in lists
+        ]
+    what = "all parameters, fences and rally points are restored" if lists else "all parameters are restored"
+    line = f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored"
+    plan_inputs.print_result(lambda: {"restored": stay == 0, **rows}, [] if quiet else [line], as_json=as_json)
+    if stay:
+        raise typer.Exit(1)

@@ -12,10 +12,10 @@ import typer
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption, QuietOption
+from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
 from executor.images.index_files import read_index, write_file_matches
 from executor.images.matching import FileMatch, Matching, add_pictures_to_report, match_files, write_assets_page
-from missions.files import json_text
 
 SHOWN = 5
 """Names of one kind that are printed; images-files.csv has all of them."""
@@ -55,10 +55,8 @@ def images(
     write_file_matches(run, COLUMNS, _build_rows(found))
     write_assets_page(RunDirectory(run).assets, index, found)
     add_pictures_to_report(RunDirectory(run).page, index, found)
-    if as_json:
-        print(json_text(_build_document(found, placed)))
-    elif not quiet:
-        print("\n".join(_describe_matching(found, placed, len(index.images))))
+    lines = () if quiet else _describe_matching(found, placed, len(index.images))
+    print_result(lambda: _build_document(found, placed), lines, as_json=as_json)
     if not found.is_complete:
         raise typer.Exit(1)
 
@@ -111,7 +109,7 @@ def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]
     if placed:
         lines.append(f"{placed} files had no position; position written")
     lines += _list_some(
-        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({_name_asset(row.asset)})" for row in found.missing]
+        "missing", [f"{row.vehicle} {row.camera} {row.sequence} ({row.asset or 'of no span'})" for row in found.missing]
     )
     lines += _list_some("doubled", [f"{copy} is {first}" for first, copy in found.doubled])
     lines += _list_some("of no picture of this flight", [str(path) for path in found.strange])
@@ -122,10 +120,6 @@ def _describe_matching(found: Matching, placed: int, pictures: int) -> list[str]
     )
     lines += _list_some("not seen", [f"{row.asset}: {row.missing or row.state}" for row in found.unseen])
     return lines
-
-
-def _name_asset(asset: str) -> str:
-    return asset or "of no span"
 
 
 def _list_some(what: str, names: Sequence[str]) -> list[str]:

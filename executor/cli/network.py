@@ -1,46 +1,126 @@
-"""The command that shows what was understood of a network's file: network."""
+"""The commands that read a network's file: `network` shows what was understood of it, `init` begins a site with it."""
 
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import tomli_w
 import typer
+from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from executor.cli.network_options import (
-    CrsOption,
-    DepotOption,
-    EncodingOption,
-    LayersOption,
-    MaxSpanOption,
-    RadiusOption,
-    SnapOption,
-    WhereOption,
-    parse_depot,
-    parse_selection,
-)
-from executor.cli.options import JsonOption
-from executor.cli.plan_inputs import check_can_draw, check_can_write, write_named_file
+import missions
+from executor.adapters.templates import render_template
+from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
+from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, write_named_file
 from executor.core import formatting
+from executor.core.formatting import command_line
+from executor.errors import SiteError
 from executor.site import site_model
-from missions import (
-    SNAP_M,
-    MendingLimits,
-    NetworkImport,
-    Pylon,
-    Remark,
-    RemarkTopic,
-    build_network_document,
-    default_network_path,
-    import_network,
-)
+from executor.site.site_tables import DepotTable, EnergyTable, InspectionTable, VehicleTable
 from missions.files import json_text, write_whole
+from planner import PRESETS
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkOptions:
+    """How a network's file is read: what `network` and `init` are asked alike."""
+
+    layer: Annotated[
+        list[str] | None,
+        typer.Option("--layer", metavar="NAME", help="The layer, sheet or folder to read; may be repeated."),
+    ] = None
+    where: Annotated[
+        str | None, typer.Option(metavar="FILTER", help='Read only lines that match, such as "voltage >= 110000".')
+    ] = None
+    crs: Annotated[
+        str | None, typer.Option(metavar="CRS", help="The reference system of a file that does not say its own.")
+    ] = None
+    encoding: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="The encoding of a CSV file or a shapefile's names, such as cp1250; tried without."
+        ),
+    ] = None
+    depot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LAT,LON,ALT",
+            help="The depot, where the network's file does not give it; or a file with it, FILE#NAME.",
+        ),
+    ] = None
+    radius: Annotated[float | None, number_option("Only segments within M metres of the depot.", 1, metavar="M")] = None
+    snap: Annotated[
+        float, number_option("Join ends of lines that are nearer than M metres.", 0.01, 50, metavar="M")
+    ] = missions.SNAP_M
+    max_span: Annotated[
+        float | None, number_option("Divide longer spans, where there are no poles.", 5, 20_000, metavar="M")
+    ] = None
+
+    @property
+    def place(self) -> tuple[float, float, float | None] | None:
+        """Where the depot is.
+
+        Raises:
+            SiteError: the option is no place.
+            NetworkError: the file with it cannot be read.
+        """
+        return None if self.depot is None else parse_depot(self.depot)
+
+    def build_selection(self) -> missions.Selection:
+        """Return what is asked of the file.
+
+        Raises:
+            SiteError: the filter is none.
+        """
+        try:
+            terms = () if self.where is None else missions.parse_where(self.where)
+        except ValueError as error:
+            raise SiteError(f"--where: {error}, got {self.where!r}") from error
+        limits = missions.MendingLimits(self.snap, self.max_span)
+        return missions.Selection(tuple(self.layer or ()), terms, self.crs, limits, self.encoding)
+
+
+def parse_depot(text: str) -> tuple[float, float, float | None]:
+    """Return where a depot is: by its figures, or as a point of a file by its name.
+
+    Raises:
+        SiteError: it is neither.
+        NetworkError: the file cannot be read.
+    """
+    try:
+        lat_deg, lon_deg, *rest = (float(word) for word in text.split(","))
+    except ValueError:
+        return _read_depot_point(text)
+    if len(rest) > 1 or not (abs(lat_deg) <= 89 and abs(lon_deg) <= 180 and all(-500 <= up <= 9000 for up in rest)):
+        raise _make_depot_error(text)
+    return lat_deg, lon_deg, rest[0] if rest else None
+
+
+def _read_depot_point(text: str) -> tuple[float, float, float | None]:
+    name, _, point = text.partition("#")
+    if not Path(name).is_file():
+        raise _make_depot_error(text)
+    found = missions.read_station_points(name)
+    if point in found or (len(found) == 1 and not point):
+        return found[point] if point else next(iter(found.values()))
+    known = ", ".join(f"#{one}" for one in list(found)[:12]) or "none"
+    raise SiteError(f"--depot: expected the name of a point in {name}, of {known}, got {text!r}")
+
+
+def _make_depot_error(text: str) -> SiteError:
+    return SiteError(
+        "--depot: expected latitude and longitude in degrees and the ground's height in metres, such as "
+        f"49.5985,15.6137,462, or FILE#NAME, got '{text}'"
+    )
+
 
 SHOWN = 5
 """Findings of one matter on the screen; the JSON has all."""
@@ -65,48 +145,34 @@ class LineRow:
     """Poles of which the structure's height is known."""
 
 
+@flatten_options
 def network(
     file: Annotated[str, typer.Argument(metavar="FILE", help="The network's file; 'default' is faultline's own.")],
+    *,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="GEOJSON", help="Write what was understood as GeoJSON.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw what was understood on a map.")] = None,
-    layer: LayersOption = None,
-    where: WhereOption = None,
-    crs: CrsOption = None,
-    encoding: EncodingOption = None,
-    depot: DepotOption = None,
-    radius: RadiusOption = None,
-    snap: SnapOption = SNAP_M,
-    max_span: MaxSpanOption = None,
+    options: NetworkOptions,
     as_json: JsonOption = False,
 ) -> None:
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    path = default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
-    place = None if depot is None else parse_depot(depot)
-    understood = import_network(
-        path,
-        parse_selection(layer, where, crs, MendingLimits(snap, max_span), encoding),
-        depot=place,
-        radius_m=radius,
-        anywhere=True,
-    )
-    if output is not None:
-        text = json.dumps(build_network_document(understood), ensure_ascii=False, indent=1, allow_nan=False)
-        write_named_file(output, lambda: write_whole(output, f"{text}\n".encode()))
-    if picture is not None:
-        from executor.analysis.pictures import draw_network_figure, save_figure
-
-        write_named_file(picture, lambda: save_figure(draw_network_figure(understood), picture))
+    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+    place, radius_m = options.place, options.radius
+    understood = missions.import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
+    document = missions.build_network_document(understood)
+    text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
+    write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))
+    draw_named_file(picture, lambda pictures: pictures.draw_network_figure(understood))
     if as_json:
         print(json_text(_build_document(understood)))
     else:
         _show(understood)
 
 
-def build_line_rows(understood: NetworkImport) -> list[LineRow]:
+def build_line_rows(understood: missions.NetworkImport) -> list[LineRow]:
     """Return the lines of a network in the order of its file; spans without a line's name are one."""
     network = understood.network
     spans: dict[str, list[int]] = {}
@@ -121,16 +187,16 @@ def build_line_rows(understood: NetworkImport) -> list[LineRow]:
     return rows
 
 
-def _build_line_row(name: str, lengths_m: Sequence[float], poles: Sequence[Pylon]) -> LineRow:
+def _build_line_row(name: str, lengths_m: Sequence[float], poles: Sequence[missions.Pylon]) -> LineRow:
     return LineRow(name, len(lengths_m), sum(lengths_m), min(lengths_m), max(lengths_m), len(poles),
         _count_known(poles, "elevation_m"), _count_known(poles, "height_m"))  # fmt: skip
 
 
-def _count_known(poles: Iterable[Pylon], key: str) -> int:
+def _count_known(poles: Iterable[missions.Pylon], key: str) -> int:
     return sum(getattr(pole, key) is not None for pole in poles)
 
 
-def _build_document(understood: NetworkImport) -> dict[str, object]:
+def _build_document(understood: missions.NetworkImport) -> dict[str, object]:
     network = understood.network
     lat_deg, lon_deg, alt_m = network.depot
     return {
@@ -148,11 +214,11 @@ def _build_document(understood: NetworkImport) -> dict[str, object]:
     }
 
 
-def _show(understood: NetworkImport) -> None:
+def _show(understood: missions.NetworkImport) -> None:
     network, console = understood.network, Console(highlight=False, soft_wrap=True)
     rows = build_line_rows(understood)
     console.print(Text(formatting.escape_controls(f"{network.source}: {understood.format}, {understood.crs}")))
-    first = [one for one in understood.found if one.matter in {RemarkTopic.WHOLE, RemarkTopic.FILTER}]
+    first = [one for one in understood.found if one.matter in {missions.RemarkTopic.WHOLE, missions.RemarkTopic.FILTER}]
     for line in _describe_findings(first):
         print(formatting.escape_controls(line))
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
@@ -182,12 +248,115 @@ def _build_cells(row: LineRow) -> tuple[Text, ...]:
     return tuple(Text(cell) for cell in cells)
 
 
-def _describe_findings(found: Sequence[Remark]) -> Iterator[str]:
-    by_matter: dict[str, list[Remark]] = {}
-    for finding in found:
-        by_matter.setdefault(finding.matter.value, []).append(finding)
-    for matter, own in by_matter.items():
+def _describe_findings(found: Sequence[missions.Remark]) -> Iterator[str]:
+    for matter in dict.fromkeys(one.matter.value for one in found):
+        own = [one for one in found if one.matter.value == matter]
         yield f"{matter} ({len(own)}):"
         yield from (f"  {finding.words}" for finding in own[:SHOWN])
         if len(own) > SHOWN:
             yield f"  {len(own) - SHOWN} more; --json has all"
+
+
+COMMENT_AT = 40
+FIRST_PORT = 14551
+
+
+def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
+    """Return the text of a site file.
+
+    Args:
+        vehicles: How many.
+        autopilot: Of all of them.
+        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
+            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
+            and `choice`, what else is said of the network's file, by its keys, None for what is not.
+    """
+    fleet = [
+        VehicleTable(
+            name=f"uav{number}",
+            connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
+            sysid=number,
+            autopilot=autopilot,
+        )
+        for number in range(1, vehicles + 1)
+    ]
+    return render_template(
+        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=fleet, drones=PRESETS,
+        autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
+    )  # fmt: skip
+
+
+def _render_row(key: str, value: object, comment: str = "") -> str:
+    text = tomli_w.dumps({key: value}).strip()
+    if isinstance(value, float | tuple):
+        text = f"{key} = {_shorten_figures(value)}"
+    return _append_comment(text, comment) if comment else text
+
+
+def _shorten_figures(value: float | tuple[float, ...]) -> object:
+    """Return figures without a fraction that is 0."""
+    if isinstance(value, tuple):
+        return [_shorten_figures(one) for one in value]
+    return int(value) if value.is_integer() else value
+
+
+def _append_comment(text: str, comment: str) -> str:
+    return f"{text:{COMMENT_AT - 1}} # {comment}"
+
+
+@flatten_options
+def init(
+    network: Annotated[
+        str,
+        typer.Argument(
+            metavar="NETWORK", help="The network's file, of any format; 'default' is faultline's own network."
+        ),
+    ],
+    *,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="SITE", help="Write the site file there; it must not exist yet."),
+    ] = None,
+    vehicles: Annotated[int, typer.Option(min=1, max=50, help="Number of vehicles.")] = 3,
+    autopilot: Annotated[AutopilotName, typer.Option(help="Autopilot of all vehicles.")] = FIRST_AUTOPILOT,
+    options: NetworkOptions,
+) -> None:
+    """Write a commented site file to start from."""
+    check_can_write(output)
+    if output is not None and output.exists():
+        raise SiteError(f"{output}: expected a new file, this one exists already")
+    place, radius = options.place, options.radius
+    known = _read_network(network, options.build_selection(), place, radius)
+    file = network
+    if network != site_model.DEFAULT_NETWORK:
+        file = Path(os.path.relpath(network, output.parent if output is not None else Path())).as_posix()
+    table = None if place is None else _build_depot_table(place)
+    choice = {key: getattr(options, key) for key in ("layer", "where", "crs", "encoding")}
+    choice |= {"snap_m": None if options.snap == missions.SNAP_M else options.snap, "max_span_m": options.max_span}
+    text = render_site_template(
+        vehicles, autopilot.value, file=file, has_heights=known.has_heights, depot=table, radius_m=radius, choice=choice
+    )
+    if output is None:
+        print(text, end="")
+        return
+    write_named_file(output, lambda path: write_whole(path, text.encode()))
+    print(f"{output}: {len(known.segments)} segments, {vehicles} vehicles; next: {command_line('plan', output)}")
+
+
+def _read_network(
+    file: str, chosen: missions.Selection, depot: tuple[float, float, float | None] | None, radius_m: float | None
+) -> missions.Network:
+    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+    try:
+        return missions.import_network(path, chosen, depot=depot, radius_m=radius_m).network
+    except missions.NetworkError as error:
+        if depot is None and ": depot: " in str(error):
+            raise SiteError(f"{error}; --depot LAT,LON,ALT says where it is") from error
+        raise
+
+
+def _build_depot_table(place: tuple[float, float, float | None]) -> DepotTable:
+    try:
+        return DepotTable(lat_deg=place[0], lon_deg=place[1], alt_m=place[2])
+    except ValidationError as error:
+        raise SiteError(f"--depot: expected a place on the Earth, got {place}") from error

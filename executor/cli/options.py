@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import StrEnum
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from executor.site.site_planning import DEFAULT, WINDOW_UP_TO, PlanSolver
+from executor.site.site_planning import DEFAULT, WINDOW_UP_TO, PlanRequest, PlanSolver
 from missions import AUTOPILOTS
 from planner import Cost
 
@@ -19,6 +23,39 @@ def require_finite(value: float | None) -> float | None:
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter(f"expected a finite number, got {value}.")
     return value
+
+
+def number_option(text: str, low: float, high: float | None = None, *names: str, metavar: str | None = None) -> Any:  # noqa: ANN401 - as typer's own
+    """Return an option for a finite number between two bounds.
+
+    Args:
+        text: Its help.
+        low: The lowest that it may be.
+        high: The highest.
+        names: What it is called, if not as its parameter.
+        metavar: What the help calls its value.
+    """
+    return typer.Option(*names, min=low, max=high, callback=require_finite, metavar=metavar, help=text)
+
+
+def flatten_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command that is called with each option for itself where it has a dataclass of options."""
+    hints, parameters, groups = get_type_hints(command, include_extras=True), list[Parameter](), dict[str, list[str]]()
+    for one in signature(command).parameters.values():
+        hint = hints[one.name]
+        own = get_type_hints(hint, include_extras=True) if is_dataclass(hint) else {one.name: hint}
+        defaults = {part.name: part.default for part in fields(hint)} if is_dataclass(hint) else {one.name: one.default}
+        parameters += [Parameter(key, one.kind, default=defaults[key], annotation=own[key]) for key in defaults]
+        groups |= {one.name: list(defaults)} if is_dataclass(hint) else {}
+
+    @wraps(command)
+    def flat(**given: object) -> None:
+        made = {name: hints[name](**{key: given.pop(key) for key in keys}) for name, keys in groups.items()}
+        command(**given, **made)
+
+    flat.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    flat.__annotations__ = {one.name: one.annotation for one in parameters}
+    return flat
 
 
 class PlanCostName(StrEnum):
@@ -60,10 +97,7 @@ CostOption = Annotated[
     Cost,
     typer.Option(help="What to minimise: minmax, the longest route; minsum, all routes together; mincomb, both."),
 ]
-SecondsOption = Annotated[
-    float,
-    typer.Option(min=0.01, max=MOST_SECONDS, callback=require_finite, help="Time limit of the solver, in seconds."),
-]
+SecondsOption = Annotated[float, number_option("Time limit of the solver, in seconds.", 0.01, MOST_SECONDS)]
 SeedOption = Annotated[
     int, typer.Option(min=0, max=MOST_SEED, help="Random seed; the same seed reproduces the result.")
 ]
@@ -75,29 +109,8 @@ PlanCostOption = Annotated[
         f"the window, or minmax for one vehicle, for more than {WINDOW_UP_TO} segments and for other solvers."
     ),
 ]
-SolverOption = Annotated[
-    PlanSolver,
-    typer.Option(
-        help="search, faultline's own; grasp, the paper's, as a baseline; exact, proven optima up to 18 segments."
-    ),
-]
-StretchOption = Annotated[
-    float,
-    typer.Option(
-        min=0,
-        max=1000,
-        callback=require_finite,
-        metavar="PCT",
-        help="With --cost window: how much longer than the shortest possible the longest route may be, in percent. A "
-        "larger window costs flight time.",
-    ),
-]
-EverybodyOption = Annotated[
-    bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
-]
 StartsOption = Annotated[int, typer.Option(min=0, max=256, help="Parallel searches; 0 for one per processor.")]
 DEFAULT_REPLAN_COST = DEFAULT.cost or Cost.MINMAX
-DEFAULT_STRETCH_PCT = 100 * DEFAULT.stretch
 AutopilotOption = Annotated[AutopilotName, typer.Option(help="Autopilot that the simulated vehicles behave like.")]
 NetworkOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="GeoJSON or a graph file; by default faultline's own network.")
@@ -140,3 +153,46 @@ DaskOption = Annotated[
 JobsOption = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Processes on this computer; by default one per processor.")
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """How a first plan is made: what `plan`, `preflight` and `fly` are asked alike."""
+
+    cost: PlanCostOption = None
+    solver: Annotated[
+        PlanSolver,
+        typer.Option(
+            help="search, faultline's own; grasp, the paper's, as a baseline; exact, proven optima up to 18 segments."
+        ),
+    ] = PlanSolver.SEARCH
+    stretch: Annotated[
+        float,
+        number_option(
+            "With --cost window: how much longer than the shortest possible the longest route may be, in percent. A "
+            "larger window costs flight time.", 0, 1000, metavar="PCT",
+        ),
+    ] = 100 * DEFAULT.stretch  # fmt: skip
+    all_vehicles: Annotated[
+        bool, typer.Option("--all-vehicles", help="Use every vehicle; keep none on the ground as a spare.")
+    ] = False
+    seconds: SecondsOption = DEFAULT.seconds
+    seed: SeedOption = DEFAULT.seed
+    starts: StartsOption = 0
+
+    def build_request(self) -> PlanRequest:
+        """Return what is asked for.
+
+        Raises:
+            PlanFileError: the solver cannot do it.
+        """
+        return replace(
+            build_plan_request(self.cost), seconds=self.seconds, seed=self.seed, solver=self.solver,
+            all_vehicles=self.all_vehicles, stretch=self.stretch / 100, starts=self.starts,
+        )  # fmt: skip
+
+
+def build_plan_request(cost: PlanCostName | None) -> PlanRequest:
+    """Return what is asked for by a cost, or by none."""
+    chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
+    return replace(DEFAULT, cost=chosen, usual=cost is None)

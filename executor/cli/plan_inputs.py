@@ -1,58 +1,33 @@
-"""What commands that plan have in common."""
+"""What commands that plan have in common, for a flight and for the working days of `--day`."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
+import missions
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned_document import describe_learned, read_learned
 from executor.cli.console import TerminalConsole
-from executor.cli.options import PlanCostName
+from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_option
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
 from executor.flight.next_flight import read_segments_left
-from executor.site import day_flight, site_model, site_planning
+from executor.site import day_plans, plan_summary, site_model, site_planning
+from executor.site.campaigns import CampaignRunner, open_campaign_runner
+from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
+from executor.site.learned_files import describe_learned, read_learned
 from executor.site.site_file import Site
-from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver
-from missions import DayPlanFile, PlanFile, check_plan, is_day_plan, read_day_plan, read_plan
-from planner import Cost, Progress
-
-
-def parse_plan_request(
-    cost: PlanCostName | None,
-    solver: PlanSolver,
-    stretch_pct: float,
-    all_vehicles: bool,
-    seconds: float,
-    seed: int,
-    starts: int,
-) -> PlanRequest:
-    """Return what the options that `plan`, `preflight` and `fly` share ask for.
-
-    Raises:
-        PlanFileError: the solver cannot do it.
-    """
-    return replace(
-        plan_request_for(cost),
-        seconds=seconds,
-        seed=seed,
-        solver=solver,
-        all_vehicles=all_vehicles,
-        stretch=stretch_pct / 100,
-        starts=starts,
-    )
-
-
-def plan_request_for(cost: PlanCostName | None) -> PlanRequest:
-    """Return what is asked for by a cost, or by none."""
-    chosen = None if cost is None or cost is PlanCostName.WINDOW else Cost(cost.value)
-    return replace(DEFAULT, cost=chosen, usual=cost is None)
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import PlanRequest
+from missions.files import json_text
+from planner import Progress, sorties, split_flights
 
 
 def load_site_with_learned(
@@ -88,7 +63,7 @@ def load_site_with_learned(
     return site_model.load_site_model(site, base, known)
 
 
-PLANNING = ("cost", "solver", "stretch", "all_vehicles", "seconds", "seed", "starts", "after")
+PLANNING = (*(one.name for one in fields(PlanOptions)), "after")
 
 
 def select_flown_plan(
@@ -99,7 +74,7 @@ def select_flown_plan(
     *,
     plan: Path | None,
     after: Path | None = None,
-) -> tuple[DayPlanFile | None, PlanFile]:
+) -> tuple[missions.DayPlanFile | None, missions.PlanFile]:
     """Return the plan of a flight: the file that was looked at, or else what `plan` makes with the same options.
 
     Args:
@@ -120,12 +95,12 @@ def select_flown_plan(
     for name in PLANNING:
         if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
-    day = read_day_plan(plan) if is_day_plan(plan) else None
+    day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
     if day is None:
-        content = read_plan(plan)
+        content = missions.read_plan(plan)
         site_planning.check_plan_fits(content, ground, str(plan))
     else:
-        content = day_flight.build_first_sorties_plan(day, ground)
+        content = day_plans.build_first_sorties_plan(day, ground)
     console.say(Level.INFO, f"the {'plan' if day is None else 'day'} is that of {plan}")
     return day, content
 
@@ -138,7 +113,7 @@ def is_option_given(asked: typer.Context, name: str) -> bool:
 
 def plan_and_report(
     ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
-) -> PlanFile:
+) -> missions.PlanFile:
     """Plan a site, or some of its segments, and say how it goes.
 
     Raises:
@@ -147,36 +122,29 @@ def plan_and_report(
     """
     task = site_model.build_first_task(ground, segments)
     wanted = wanted.adapt_to_task(task)
-    progressed = announce_plan(ground, console, wanted, len(task.segment_ids))
+    progressed = announce_planning(console, wanted, (len(task.segment_ids), len(ground.names)))
     content = site_planning.plan_site(ground, wanted, progressed, task)
     console.show_progress("")
-    for line in check_plan(content, search_window=False):
+    for line in missions.check_plan(content, search_window=False):
         raise SiteError(f"the plan of --solver {wanted.solver.value} is invalid: {line}")
     return content
 
 
-def announce_plan(
-    ground: site_model.SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: int
-) -> Callable[[Progress], None]:
-    """Say what is planned for one flight, and return how to say how far it is."""
-    name, unit = ("window", "earliest s") if wanted.cost is None else (wanted.cost.value, wanted.cost.value)
-    return announce_planning(console, (segments, len(ground.names)), name, unit, wanted.length)
-
-
 def announce_planning(
-    console: TerminalConsole, sizes: tuple[int, int], name: str, unit: str, length: str, where: str = ""
+    console: TerminalConsole, wanted: PlanRequest, sizes: tuple[int, int], chosen_by: str = "", where: str = ""
 ) -> Callable[[Progress], None]:
     """Say what is planned, and return how to say how far it is.
 
     Args:
         console: Where.
+        wanted: How it is planned.
         sizes: How many segments, and how many vehicles.
-        name: What the plan is chosen by.
-        unit: What its value is called.
-        length: How long it is searched.
+        chosen_by: What the plan is chosen by, if not by its cost.
         where: From where and when.
     """
-    console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {length})")
+    name = chosen_by or ("window" if wanted.cost is None else wanted.cost.value)
+    unit = "earliest s" if name == "window" else name
+    console.say(Level.INFO, f"planning {sizes[0]} segments for {sizes[1]} vehicles {where}({name}, {wanted.length})")
 
     def progressed(progress: Progress) -> None:
         console.show_progress(
@@ -186,16 +154,35 @@ def announce_planning(
     return progressed
 
 
-def write_named_file(path: Path, write: Callable[[], object]) -> None:
-    """Write a file that the user named.
+def write_named_file(path: Path | None, write: Callable[[Path], object]) -> None:
+    """Write a file that the user named, if one was named.
 
     Raises:
         SiteError: it cannot be written.
     """
     try:
-        write()
+        if path is not None:
+            write(path)
     except OSError as error:
         raise SiteError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def draw_named_file(path: Path | None, draw: Callable[[Any], Any]) -> None:
+    """Draw a picture that the user named, if one was named; `draw` gets the module of pictures, loaded only then.
+
+    Raises:
+        SiteError: it cannot be written.
+    """
+    if path is not None:
+        from executor.analysis import pictures
+
+        write_named_file(path, partial(pictures.save_figure, draw(pictures)))
+
+
+def print_result(document: Callable[[], object], lines: Iterable[str], *, as_json: bool) -> None:
+    """Print what a command found: its document, or its lines for people."""
+    for line in [json_text(document())] if as_json else lines:
+        print(line)
 
 
 def check_can_draw(option: str, path: Path | None) -> None:
@@ -225,3 +212,209 @@ def check_can_write(*paths: Path | None) -> None:
             raise SiteError(f"{path}: cannot be written: there is no directory {path.parent}")
         if not os.access(path if path.exists() else path.parent, os.W_OK):
             raise SiteError(f"{path}: cannot be written: permission denied")
+
+
+DAY_SECONDS = 20.0
+"""Of a day's search where nobody said how long."""
+MOST_SPARES = 5
+ObjectiveOption = Annotated[
+    sorties.Objective, typer.Option(help="Day plan objective: earliest finish, least flight time or fewest sorties.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class DayOptions:
+    """What is asked of days of many sorties, and of days in which vehicles are lost."""
+
+    day: Annotated[
+        bool,
+        typer.Option(
+            "--day", help="Plan working days of many sorties from the bases of the site; -o is then a day plan file."
+        ),
+    ] = False
+    objective: ObjectiveOption = sorties.Objective.FINISH
+    mtbf_hours: Annotated[
+        float | None,
+        number_option(
+            "With --day: mean flight hours between failures of one vehicle; says how many vehicles and packs it takes",
+            0.01, metavar="HOURS",
+        ),
+    ] = None  # fmt: skip
+    probability: Annotated[
+        str, typer.Option(metavar="PCT,PCT", help="With --mtbf-hours: the chances to finish that are asked for.")
+    ] = "95,99"
+    samples: Annotated[
+        int,
+        typer.Option(min=1, max=1_000_000, metavar="N", help="With --mtbf-hours: how many times the days are flown."),
+    ] = 300
+    dask: DaskOption = None
+    jobs: JobsOption = None
+
+
+def parse_shares(text: str) -> list[float]:
+    """Return the chances of `--probability` as shares.
+
+    Raises:
+        SiteError: it is not a list of percentages.
+    """
+    try:
+        shares = [float(part) / 100 for part in text.split(",")]
+    except ValueError:
+        shares = []
+    if not shares or not all(0 < share < 1 for share in shares):
+        raise SiteError(f"--probability: expected percentages between 0 and 100 such as 95,99, got '{text}'")
+    return shares
+
+
+def plan_day(
+    ground: SiteModel,
+    console: TerminalConsole,
+    wanted: PlanRequest,
+    asked: DayOptions,
+    output: Path | None,
+    picture: Path | None,
+    left: Sequence[int] | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Plan the days of a site and tell; exit 1 if segments are left over.
+
+    Raises:
+        SiteError: the site or an option cannot be used.
+        ExecutorError: a process or a worker was lost.
+    """
+    shares, mtbf_h = parse_shares(asked.probability), asked.mtbf_hours
+    with open_campaign_runner(jobs=asked.jobs, dask=asked.dask) as fly:
+        content = plan_day_and_report(ground, console, wanted, left)
+        spares = _evaluate_spares(content, console, asked, fly, wanted.seed, shares)
+    console.show_progress("")
+    heights = plan_summary.compute_planned_heights(ground, name_sortie_rounds(content))
+    write_named_file(output, lambda path: missions.write_plan(path, content))
+    draw_named_file(picture, lambda pictures: pictures.draw_gantt_figure(content))
+    lines = [*plan_summary.describe_day(content), *heights.lines]
+    if spares:
+        lines.append(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
+        lines += plan_summary.describe_spares(content, spares, shares)
+
+    def document() -> dict[str, object]:
+        return build_day_document(content, spares, shares, mtbf_h) | heights.to_json()
+
+    print_result(document, lines, as_json=as_json)
+    if content.plan.uncovered or content.unreachable:
+        raise typer.Exit(1)
+
+
+def plan_day_and_report(
+    ground: SiteModel, console: TerminalConsole, wanted: PlanRequest, segments: Sequence[int] | None = None
+) -> missions.DayPlanFile:
+    """Plan the days of a site, or of some of its segments, and say how it goes.
+
+    Raises:
+        SiteError: the site or an option cannot be used, or the plan does not hold what it must.
+    """
+    content, name = build_day_problem(ground, segments), wanted.objective.value
+    what = f"from {len(content.bases)} bases on {len(content.days)} days at most "
+    told = announce_planning(console, wanted, (len(content.segments), len(content.vehicles)), name, what)
+
+    def progressed(progress: Progress) -> None:
+        told(
+            progress if wanted.objective is sorties.Objective.SWAPS else replace(progress, value=progress.value / 3600)
+        )
+
+    content = solve_day(content, wanted, list_spares(ground), progressed)
+    for line in missions.check_day_plan(content):
+        raise SiteError(f"the day plan is invalid: {line}")
+    return add_loss_windows(content, console, wanted.seed)
+
+
+def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, seed: int) -> missions.DayPlanFile:
+    """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
+    if content.plan.uncovered or not content.evaluation.count:
+        return content
+
+    def told(done: int, of: int) -> None:
+        console.show_progress(f"losses checked: {done} of {of}")
+
+    return replace(
+        content, windows=sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
+    )
+
+
+def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:
+    """Search anew for the time from which on each vehicle of days may be lost, and print it."""
+    console = TerminalConsole(quiet=as_json, yes=True)
+    found = add_loss_windows(replace(content, windows=()), console, seed)
+    console.show_progress("")
+    lines = list(plan_summary.describe_loss_windows(found))
+    print_result(
+        lambda: {"windows": missions.build_plan_document(found)["windows"]},
+        lines or ["no window: segments are left over, or nothing is flown"],
+        as_json=as_json,
+    )
+
+
+def _evaluate_spares(
+    content: missions.DayPlanFile,
+    console: TerminalConsole,
+    asked: DayOptions,
+    fly: CampaignRunner,
+    seed: int,
+    shares: Sequence[float],
+) -> list[sorties.SparesEstimate]:
+    """Return what each number of spares comes to, up to the first that is enough; none where nobody asked for it."""
+    if asked.mtbf_hours is None:
+        return []
+    instance, found = content.build_instance(), list[sorties.SparesEstimate]()
+    busy_s = [sum(own) for own in content.evaluation.lasts_s]
+    order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
+    for count in range(MOST_SPARES + 1):
+
+        def told(done: int, of: int, count: int = count) -> None:
+            console.show_progress(f"{count} spares: {done} of {of} times flown")
+
+        chosen = tuple(order[number % len(order)] for number in range(count))
+        campaign = sorties.SurvivalCampaign(sorties.add_spares(instance, chosen), content.plan, asked.mtbf_hours, seed)
+        parts = split_flights(asked.samples, 0, per_chunk=sorties.DAYS_PER_CHUNK)
+        lives = sorties.summarise_samples(fly(sorties.simulate_days, campaign, parts, told))
+        found.append(sorties.SparesEstimate(chosen, lives))
+        if lives.finished.estimate >= max(shares):
+            break
+    return found
+
+
+def build_day_document(
+    content: missions.DayPlanFile, spares: list[sorties.SparesEstimate], shares: list[float], mtbf_h: float | None
+) -> dict[str, object]:
+    """Return what `--json` says of days: the plan of them, and what it asks for."""
+    document = missions.build_plan_document(content)
+    # What plans of days called these before there was one format.
+    document |= {"objective": content.objective.value, "sorties": document["routes"]}
+    document["needs"] = [asdict(one) for one in plan_summary.compute_base_needs(content)]
+    document["left_over"] = [asdict(one) for one in plan_summary.find_left_over(content)]
+    if mtbf_h is None:
+        return document
+    fleet = sum(1 for own in content.plan.sorties if own)
+    document["mtbf_h"] = mtbf_h
+    document["rule_packs"] = {
+        place.name: plan_summary.compute_rule_packs(content, number) for number, place in enumerate(content.bases)
+    }
+    document["fleets"] = [
+        {
+            "vehicles": fleet + len(one.spares), "spares": [content.vehicles[row].name for row in one.spares],
+            "probability": one.lives.finished.estimate, "low_95": one.lives.finished.low,
+            "high_95": one.lives.finished.high, "expected_losses": one.lives.losses, "samples": one.lives.samples,
+        }
+        for one in spares
+    ]  # fmt: skip
+    enough = [(share, plan_summary.find_enough_spares(spares, share)) for share in shares]
+    document["needed"] = [
+        {
+            "probability": share,
+            "vehicles": None if one is None else fleet + len(one.spares),
+            "packs": None if one is None else dict(
+                zip((place.name for place in content.bases), one.lives.packs_for_share(share), strict=True)
+            ),
+        }
+        for share, one in enough
+    ]  # fmt: skip
+    return document

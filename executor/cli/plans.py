@@ -1,93 +1,27 @@
-"""The commands about plans: plan, check, window, replan."""
+"""The commands about plans: plan, check, window, replan, risk."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+import missions
+import planner
+from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
-from executor.cli.day import (
-    DAY_SECONDS,
-    DayOption,
-    MtbfOption,
-    ObjectiveOption,
-    ProbabilityOption,
-    SamplesOption,
-    SurvivalOptions,
-    plan_day,
-    print_loss_windows,
-)
-from executor.cli.options import (
-    DEFAULT_REPLAN_COST,
-    DEFAULT_STRETCH_PCT,
-    MOST_SECONDS,
-    AfterOption,
-    CostOption,
-    DaskOption,
-    EverybodyOption,
-    JobsOption,
-    JsonOption,
-    LearnedOption,
-    PlanArgument,
-    PlanCostName,
-    PlanCostOption,
-    SecondsOption,
-    SeedOption,
-    SiteArgument,
-    SolverOption,
-    StartsOption,
-    StretchOption,
-    require_finite,
-)
-from executor.cli.plan_inputs import (
-    announce_plan,
-    check_can_draw,
-    check_can_write,
-    is_option_given,
-    load_site_with_learned,
-    parse_plan_request,
-    plan_and_report,
-    write_named_file,
-)
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
-from executor.site import site_model, site_planning
-from executor.site.campaign_runner import open_campaign_runner
-from executor.site.ground_view import GroundView, view_for
-from executor.site.plan_summary import (
-    but_left_over,
-    describe_distances,
-    describe_left_over,
-    describe_routes,
-    describe_window,
-    find_left_over,
-    summarise_plan,
-)
-from executor.site.planned_heights import PlannedHeights, compute_planned_heights
+from executor.site import plan_summary, site_model, site_planning
+from executor.site.campaigns import describe_policy, open_campaign_runner, sweep_mtbf
+from executor.site.ground_view import view_for
 from executor.site.site_file import read_site
-from executor.site.site_planning import DEFAULT, PlanRequest, PlanSolver, read_search_params
-from missions import (
-    DayPlanFile,
-    PlanFile,
-    build_plan_document,
-    check_day_plan,
-    check_plan,
-    read_any_plan,
-    read_plan,
-    write_plan,
-)
-from missions.files import json_text
-from planner import ReplanWindow, find_repairs_at, replan_window
-from planner.sorties import Objective
-
-if TYPE_CHECKING:
-    from executor.analysis.pictures import FrontPoint
+from executor.site.site_planning import PlanRequest
 
 SearchOption = Annotated[
     Path | None,
@@ -109,29 +43,43 @@ FrontOption = Annotated[
         "directory, with a plan file for each.",
     ),
 ]
+MtbfOption = Annotated[
+    float, options.number_option("Mean flight hours between failures of one vehicle.", 0.01, metavar="HOURS")
+]
+SpreadOption = Annotated[
+    float,
+    options.number_option(
+        "Standard deviation of a vehicle's true consumption, in percent of the planned; re-plans count with the "
+        "planned one.", 0, 50, metavar="PCT",
+    ),
+]  # fmt: skip
+ReserveOption = Annotated[
+    float,
+    options.number_option(
+        "Reserve beyond the budget, in percent of a full battery; a vehicle that has used up both is lost.", 0, 100,
+        metavar="PCT",
+    ),
+]  # fmt: skip
+SamplesOption = Annotated[int, typer.Option(min=1, max=100_000_000, metavar="N", help="Number of simulated flights.")]
+LossesOption = Annotated[
+    int, typer.Option(min=1, max=50, metavar="K", help="Re-plan at most this many losses in one flight.")
+]  # fmt: skip
+PictureOption = Annotated[
+    Path | None, typer.Option(metavar="PNG", help="Draw the chance over a range of mean times between failures.")
+]
 
 
+@options.flatten_options
 def plan(
     asked: typer.Context,
-    site: SiteArgument,
-    cost: PlanCostOption = None,
-    solver: SolverOption = PlanSolver.SEARCH,
-    stretch: StretchOption = DEFAULT_STRETCH_PCT,
-    all_vehicles: EverybodyOption = False,
-    seconds: SecondsOption = DEFAULT.seconds,
-    seed: SeedOption = DEFAULT.seed,
-    starts: StartsOption = 0,
+    site: options.SiteArgument,
+    *,
+    planning: options.PlanOptions,
     search: SearchOption = None,
     front: FrontOption = False,
-    day: DayOption = False,
-    objective: ObjectiveOption = Objective.FINISH,
-    mtbf_hours: MtbfOption = None,
-    probability: ProbabilityOption = "95,99",
-    samples: SamplesOption = 300,
-    dask: DaskOption = None,
-    jobs: JobsOption = None,
-    after: AfterOption = None,
-    learned: LearnedOption = None,
+    days: plan_inputs.DayOptions,
+    after: options.AfterOption = None,
+    learned: options.LearnedOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file.")
     ] = None,
@@ -140,95 +88,51 @@ def plan(
         Path | None,
         typer.Option(metavar="PNG", help="Draw each vehicle's flight from the side, over the ground of [terrain]."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan a route for each vehicle within its budget; exit 1 if segments are left over.
 
     `fly --plan` flies exactly this plan; `preflight` and `fly` with the same options make one by the same rules.
     """
-    _check_options_fit(asked, day=day)
-    wanted = parse_plan_request(
-        PlanCostName.WINDOW if front else cost, solver, stretch, all_vehicles, seconds, seed, starts
-    )
+    _check_options_fit(asked, day=days.day)
+    wanted = (replace(planning, cost=options.PlanCostName.WINDOW) if front else planning).build_request()
     if search is not None:
-        wanted = replace(wanted, params=read_search_params(search))
-    check_can_write(None if front else output)
-    check_can_draw("--picture", picture)
+        wanted = replace(wanted, params=site_planning.read_search_params(search))
+    plan_inputs.check_can_write(None if front else output)
+    plan_inputs.check_can_draw("--picture", picture)
     console = TerminalConsole(quiet=as_json, yes=True)
-    ground = load_site_with_learned(read_site(site), site.parent, learned, console)
-    _check_can_profile(profile, site, front=front, over_raster=ground.terrain is not None)
+    ground = plan_inputs.load_site_with_learned(read_site(site), site.parent, learned, console)
+    plan_inputs.check_can_draw("--profile", profile)
+    if profile is not None and (front or ground.terrain is None):
+        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
     left = None if after is None else next_flight.read_segments_left(after, ground)
-    if day:
-        seconds = seconds if is_option_given(asked, "seconds") else DAY_SECONDS
-        wanted = replace(wanted, seconds=seconds, objective=objective)
-        with open_campaign_runner(jobs=jobs, dask=dask) as runner:
-            survival = SurvivalOptions(mtbf_hours, probability, samples, runner)
-            plan_day(ground, console, wanted, survival, output, picture, left, as_json=as_json)
+    if days.day:
+        seconds = planning.seconds if plan_inputs.is_option_given(asked, "seconds") else plan_inputs.DAY_SECONDS
+        wanted = replace(wanted, seconds=seconds, objective=days.objective)
+        plan_inputs.plan_day(ground, console, wanted, days, output, picture, left, as_json=as_json)
         return
     if front:
         _plan_front(ground, console, wanted, output, picture, as_json=as_json)
         return
-    _plan_flight(ground, console, wanted, left, (site, learned), (output, picture, profile), as_json=as_json)
-
-
-def _plan_flight(
-    ground: site_model.SiteModel,
-    console: TerminalConsole,
-    wanted: PlanRequest,
-    left: Sequence[int] | None,
-    came_from: tuple[Path, Path | None],
-    kept: tuple[Path | None, Path | None, Path | None],
-    *,
-    as_json: bool,
-) -> None:
-    """Plan one flight and tell; the site's file and what was learned, then the plan's, picture's and profile's file."""
-    (site, learned), (output, picture, profile) = came_from, kept
     below = None if picture is None else view_for(ground, site.parent)
-    content = plan_and_report(ground, console, wanted, left)
-    heights = compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
-    if output is not None:
-        write_named_file(output, lambda: write_plan(output, content))
-    _draw(ground, content, (picture, below), profile)
+    content = plan_inputs.plan_and_report(ground, console, wanted, left)
+    heights = _compute_heights(ground, content)
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
+    plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_plan_figure(content, below))
+    routes = site_model.name_routes(ground, content.build_task(), content.plan)
+    plan_inputs.draw_named_file(profile, lambda pictures: pictures.draw_profile_figure(ground.setup, routes))
     _print_plan(content, as_json=as_json, heights=heights)
-    if not as_json:
-        _print_how_to_fly(site, output, learned)
+    if output is not None and not as_json:
+        known = () if learned is None else ("--learned", learned)
+        print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
     if content.plan.uncovered or content.unreachable:
         raise typer.Exit(1)
 
 
-def _print_how_to_fly(site: Path, plan: Path | None, learned: Path | None) -> None:
-    if plan is None:
-        return
-    known = () if learned is None else ("--learned", learned)
-    print(f"flown as it is by: {command_line('fly', site, '--plan', plan, *known)}")
-
-
-def _check_can_profile(profile: Path | None, site: Path, *, front: bool, over_raster: bool) -> None:
-    check_can_draw("--profile", profile)
-    if profile is not None and (front or not over_raster):
-        raise SiteError(f"--profile: expected one plan, without --front, of a site with [terrain], got {site}")
-
-
-def _draw(
-    ground: site_model.SiteModel, content: PlanFile, chart: tuple[Path | None, GroundView | None], profile: Path | None
-) -> None:
-    picture, below = chart
-    if picture is not None:
-        from executor.analysis.pictures import draw_plan_figure, save_figure
-
-        write_named_file(picture, lambda: save_figure(draw_plan_figure(content, below), picture))
-    if profile is not None:
-        _draw_profile(ground, content, profile)
-
-
-def _draw_profile(ground: site_model.SiteModel, content: PlanFile, path: Path) -> None:
-    from executor.analysis.height_profile import build_profiles
-    from executor.analysis.pictures import draw_profile_figure, save_figure
-
-    setup = site_model.build_flight_setup(ground)
-    paths = site_model.build_paths(setup, site_model.name_routes(ground, content.build_task(), content.plan))
-    flown = build_profiles(setup, paths.values())
-    write_named_file(path, lambda: save_figure(draw_profile_figure(flown), path))
+def _compute_heights(ground: site_model.SiteModel, content: missions.PlanFile) -> plan_summary.PlannedHeights:
+    return plan_summary.compute_planned_heights(
+        ground, [site_model.name_routes(ground, content.build_task(), content.plan)]
+    )
 
 
 NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
@@ -238,11 +142,11 @@ ONLY_BY_LOSSES = ("dask", "jobs")
 
 def _check_options_fit(asked: typer.Context, *, day: bool) -> None:
     for name in NOT_BY_DAY if day else ONLY_BY_DAY:
-        if is_option_given(asked, name):
+        if plan_inputs.is_option_given(asked, name):
             beside = "none beside --day" if day else "--day beside it"
             raise SiteError(f"--{name.replace('_', '-')}: expected {beside}")
     for name in ONLY_BY_LOSSES:
-        if is_option_given(asked, name) and not is_option_given(asked, "mtbf_hours"):
+        if plan_inputs.is_option_given(asked, name) and not plan_inputs.is_option_given(asked, "mtbf_hours"):
             raise SiteError(f"--{name}: expected --mtbf-hours beside it")
 
 
@@ -256,76 +160,62 @@ def _plan_front(
     as_json: bool,
 ) -> None:
     plans = site_planning.plan_front(
-        ground, wanted, announce_plan(ground, console, wanted, len(ground.network.segments))
+        ground,
+        wanted,
+        plan_inputs.announce_planning(console, wanted, (len(ground.network.segments), len(ground.names))),
     )
     console.show_progress("")
-    heights = [
-        compute_planned_heights(ground, [site_model.name_routes(ground, content.build_task(), content.plan)])
-        for content in plans
-    ]
+    heights = [_compute_heights(ground, content) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
-    if output is not None:
-        write_named_file(output, lambda: output.mkdir(parents=True, exist_ok=True))
-        for number, content in enumerate(plans, start=1):
-            write_named_file(output, partial(write_plan, output / f"plan-{number:02d}.json", content))
-    if as_json:
-        print(json_text({"front": [build_plan_document(content) for content in plans]}))
+    plan_inputs.write_named_file(output, lambda path: path.mkdir(parents=True, exist_ok=True))
+    for number, content in enumerate(plans if output is not None else (), start=1):
+        plan_inputs.write_named_file(output, partial(_write_numbered, number, content))
     references = {} if as_json and picture is None else site_planning.plan_references(ground, wanted)
-    if picture is not None:
-        from executor.analysis.pictures import draw_front_figure, save_figure
-
-        points = [_build_front_point(content) for content in plans]
-        others = {
-            name: _build_front_point(content) for name, content in references.items() if content.window is not None
-        }
-        write_named_file(picture, lambda: save_figure(draw_front_figure(points, others), picture))
-    if not as_json:
-        print("         longest route   all energy   any loss from   window")
-        for number, content in enumerate(plans, start=1):
-            _print_trade(str(number), content)
-        for name, content in references.items():
-            _print_trade(name, content)
-        for line in dict.fromkeys(line for one in heights for line in one.warnings):
-            print(f"warning: {line}")
+    others = {name: content for name, content in references.items() if content.window is not None}
+    plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_front_figure(plans, others))
+    named = {**{str(number): content for number, content in enumerate(plans, start=1)}, **references}
+    lines = ["         longest route   all energy   any loss from   window"]
+    lines += [_describe_trade(name, content) for name, content in named.items()]
+    lines += dict.fromkeys(f"warning: {line}" for one in heights for line in one.warnings)
+    plan_inputs.print_result(
+        lambda: {"front": [missions.build_plan_document(content) for content in plans]}, lines, as_json=as_json
+    )
 
 
-def _build_front_point(content: PlanFile) -> FrontPoint:
-    from executor.analysis.pictures import FrontPoint
-
-    earliest_s = 0.0 if content.window is None else content.window.earliest_s
-    return FrontPoint(max(content.durations_s), earliest_s, sum(content.energies_pct))
+def _write_numbered(number: int, content: missions.PlanFile, folder: Path) -> None:
+    missions.write_plan(folder / f"plan-{number:02d}.json", content)
 
 
-def _print_trade(name: str, content: PlanFile) -> None:
+def _describe_trade(name: str, content: missions.PlanFile) -> str:
     longest_s, energy_pct, found = max(content.durations_s), sum(content.energies_pct), content.window
     text = f"{name:>7}  {longest_s / 60:9.1f} min  {energy_pct:9.1f} %"
-    print(text if found is None else f"{text}  {found.earliest_s / 60:10.1f} min  {found.window_pct:5.1f} %")
+    return text if found is None else f"{text}  {found.earliest_s / 60:10.1f} min  {found.window_pct:5.1f} %"
 
 
-def check(plan: PlanArgument, as_json: JsonOption = False) -> None:
+def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
-    content = read_any_plan(plan)
-    wrong = check_day_plan(content) if isinstance(content, DayPlanFile) else check_plan(content)
-    if as_json:
-        print(json_text({"ok": not wrong, "wrong": wrong}))
-    else:
-        for line in wrong or ["every figure is right"]:
-            print(line)
+    content = missions.read_any_plan(plan)
+    wrong = (
+        missions.check_day_plan(content) if isinstance(content, missions.DayPlanFile) else missions.check_plan(content)
+    )
+    plan_inputs.print_result(
+        lambda: {"ok": not wrong, "wrong": wrong}, wrong or ["every figure is right"], as_json=as_json
+    )
     if wrong:
         raise typer.Exit(1)
 
 
 def window(
-    plan: PlanArgument,
-    seed: SeedOption = 0,
+    plan: options.PlanArgument,
+    seed: options.SeedOption = 0,
     picture: Annotated[
         Path | None,
         typer.Option(
             metavar="PNG", help="Draw battery consumption over time, with the re-plans of the earliest losses."
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Compute from when on the fleet can finish without any one vehicle, and which loss breaks it before.
 
@@ -333,98 +223,196 @@ def window(
     that was found and checked. The certified time is a bound: before it at least one loss certainly has none. Of a plan
     of days: from when on each vehicle may be lost for good.
     """
-    check_can_draw("--picture", picture)
-    content = read_any_plan(plan)
-    if isinstance(content, DayPlanFile):
+    plan_inputs.check_can_draw("--picture", picture)
+    content = missions.read_any_plan(plan)
+    if isinstance(content, missions.DayPlanFile):
         if picture is not None:
             raise SiteError("--picture: expected none for a plan of days; `plan --day --picture` draws its sorties")
-        print_loss_windows(content, seed, as_json=as_json)
+        plan_inputs.print_loss_windows(content, seed, as_json=as_json)
         return
-    found = replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
+    found = planner.replan_window(content.build_instance(), content.plan, seed=seed, fly_again=content.fly_again)
     if picture is not None:
-        from executor.analysis.pictures import draw_window_figure, save_figure
-
         again = content.fly_again
-        repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again)
-        write_named_file(picture, lambda: save_figure(draw_window_figure(content, found, repairs), picture))
-    _print_window(content, found, as_json=as_json)
+        repairs = planner.find_repairs_at(
+            content.build_instance(), content.plan, found.earliest_s, seed=seed, fly_again=again
+        )
+        plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_window_figure(content, found, repairs))
+    plan_inputs.print_result(
+        lambda: _build_window_document(content, found), _describe_found_window(content, found), as_json=as_json
+    )
 
 
 def replan(
-    plan: PlanArgument,
+    plan: options.PlanArgument,
     lost: Annotated[str, typer.Option(metavar="NAME", help="The vehicle that is lost.")],
     at: Annotated[
         float,
-        typer.Option(
-            min=0,
-            max=MOST_SECONDS,
-            callback=require_finite,
-            metavar="SECONDS",
-            help="Time of the loss, from the start of the plan.",
+        options.number_option(
+            "Time of the loss, from the start of the plan.", 0, options.MOST_SECONDS, metavar="SECONDS"
         ),
     ],
-    cost: CostOption = DEFAULT_REPLAN_COST,
-    seconds: SecondsOption = 2.0,
-    seed: SeedOption = 1,
+    cost: options.CostOption = options.DEFAULT_REPLAN_COST,
+    seconds: options.SecondsOption = 2.0,
+    seed: options.SeedOption = 1,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the new plan to this file.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
-    check_can_write(output)
-    result = site_planning.preview_loss(read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
-    if output is not None:
-        write_named_file(output, lambda: write_plan(output, result.plan))
+    plan_inputs.check_can_write(output)
+    result = site_planning.preview_loss(missions.read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, result.plan))
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
         raise typer.Exit(1)
 
 
-def _print_window(content: PlanFile, found: ReplanWindow, *, as_json: bool) -> None:
+def _build_window_document(content: missions.PlanFile, found: planner.ReplanWindow) -> dict[str, object]:
+    figures = ("window_pct", "earliest_s", "certified_earliest_s", "certified_window_pct", "longest_route_s")
     breaking = found.breaking
-    if as_json:
-        print(
-            json_text({
-                "window_pct": found.window_pct,
-                "earliest_s": found.earliest_s,
-                "certified_earliest_s": found.certified_earliest_s,
-                "certified_window_pct": found.certified_window_pct,
-                "longest_route_s": found.longest_route_s,
-                "breaking": None if breaking is None else {
-                    "vehicle": content.vehicles[breaking.vehicle].name,
-                    "from_s": breaking.from_s,
-                    "to_s": breaking.to_s,
-                },
-            })
-        )  # fmt: skip
-        return
-    print(
+    return {key: getattr(found, key) for key in figures} | {
+        "breaking": None if breaking is None else {
+            "vehicle": content.vehicles[breaking.vehicle].name, "from_s": breaking.from_s, "to_s": breaking.to_s,
+        },
+    }  # fmt: skip
+
+
+def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWindow) -> Iterator[str]:
+    breaking = found.breaking
+    yield (
         f"re-plan window {found.window_pct:.1f} %: from {found.earliest_s:.0f} s the fleet can absorb the loss of "
-        f"any one vehicle{but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
+        f"any one vehicle{plan_summary.but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
         name = content.vehicles[breaking.vehicle].name
-        print(
+        yield (
             f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
             f"{breaking.to_s:.0f} s"
         )
-        print(
+        yield (
             f"certified: not every loss can be re-planned before {found.certified_earliest_s:.0f} s, so no window of "
             f"this plan is larger than {found.certified_window_pct:.1f} %"
         )
 
 
-def _print_plan(content: PlanFile, *, as_json: bool, heights: PlannedHeights | None = None) -> None:
-    if as_json:
-        more = {} if heights is None else heights.to_json()
-        left = {"left_over": [asdict(one) for one in find_left_over(content)]}
-        print(json_text({**build_plan_document(content), **left, **more}))
+def _print_plan(
+    content: missions.PlanFile, *, as_json: bool, heights: plan_summary.PlannedHeights | None = None
+) -> None:
+    def document() -> dict[str, object]:
+        left = {"left_over": [asdict(one) for one in plan_summary.find_left_over(content)]}
+        return {**missions.build_plan_document(content), **left, **({} if heights is None else heights.to_json())}
+
+    lines = (
+        *plan_summary.describe_routes(content), plan_summary.summarise_plan(content),
+        f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s",
+        *plan_summary.describe_window(content), *plan_summary.describe_distances(content),
+        *(() if heights is None else heights.lines), *plan_summary.describe_left_over(content),
+    )  # fmt: skip
+    plan_inputs.print_result(document, lines, as_json=as_json)
+
+
+def risk(
+    plan: options.PlanArgument,
+    mtbf: MtbfOption,
+    battery_spread: SpreadOption = 0.0,
+    reserve: ReserveOption = 15.0,
+    samples: SamplesOption = 100_000,
+    seed: options.SeedOption = 1,
+    max_losses: LossesOption = 2,
+    dask: options.DaskOption = None,
+    jobs: options.JobsOption = None,
+    picture: PictureOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Estimate the probability of a complete inspection, as planned and with re-plans after losses.
+
+    A vehicle in the air fails at random, once in HOURS flight hours on average, or when its battery is used up. The
+    others take over what a lost vehicle has not finished, where a re-plan is found that inspects everything; without
+    one it is left over. The same seed gives the same answer for any number of processes.
+    """
+    plan_inputs.check_can_draw("--picture", picture)
+    content = missions.read_plan(plan)
+    names = [vehicle.name for vehicle in content.vehicles]
+    console = TerminalConsole(quiet=as_json, yes=True)
+    swept: tuple[planner.RiskEstimate, ...] = ()
+
+    def done(flown: int, total: int) -> None:
+        console.show_progress(f"{flown} of {total} flights")
+
+    with open_campaign_runner(jobs=jobs, dask=dask) as fly:
+        console.show_progress("checking each first loss")
+        wanted = planner.build_risk_campaign(
+            content.build_instance(), content.plan, mtbf_h=(mtbf,), battery_spread_pct=battery_spread,
+            reserve_pct=reserve,
+            max_losses=max_losses, fly_again=content.fly_again,
+        )  # fmt: skip
+        (found,) = planner.estimate_risks(
+            wanted, fly(planner.simulate_chunk, wanted, planner.split_flights(samples, seed), done)
+        )
+        if picture is not None:
+            sweep, chunks = sweep_mtbf(wanted, seed, flights=samples)
+            swept = planner.estimate_risks(sweep, fly(planner.simulate_chunk, sweep, chunks, done))
+    console.show_progress("")
+    plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_risk_figure(swept, found))
+    plan_inputs.print_result(
+        lambda: build_risk_document(wanted, found, names, seed), _describe_risk(found, names), as_json=as_json
+    )
+
+
+def build_risk_document(
+    flown: planner.RiskCampaign, found: planner.RiskEstimate, names: Sequence[str], seed: int
+) -> dict[str, object]:
+    """Return an answer as JSON has it."""
+    worst = found.worst
+    return {
+        "mtbf_h": found.mtbf_h,
+        "battery_spread_pct": flown.battery_spread_pct,
+        "reserve_pct": flown.reserve_pct,
+        "flights": found.flights,
+        "seed": seed,
+        "finishing": [
+            {
+                "losses_replanned": replans,
+                "probability": chance.estimate,
+                "low_95": chance.low,
+                "high_95": chance.high,
+                "expected_uninspected_m": undone_m,
+            }
+            for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True))
+        ],
+        "expected_losses": found.expected_losses,
+        "flights_with_losses": dict(zip(("none", "one", "two_or_more"), found.losses_share, strict=True)),
+        "failures": {
+            "share_by_vehicle": dict(zip(names, found.blame_share, strict=True)),
+            "most": None
+            if worst is None
+            else {
+                "vehicle": names[worst.vehicle], "from_s": worst.from_s, "to_s": worst.to_s, "share": worst.share,
+            },
+        },
+    }  # fmt: skip
+
+
+def _describe_risk(found: planner.RiskEstimate, names: Sequence[str]) -> Iterator[str]:
+    yield f"everything inspected, {found.flights} flights, one failure in {found.mtbf_h:g} flight hours:"
+    for replans, (chance, undone_m) in enumerate(zip(found.finished, found.undone_m, strict=True)):
+        yield (
+            f"  {describe_policy(replans):<32}{100 * chance.estimate:7.2f} %  (95 %: {100 * chance.low:.2f} to "
+            f"{100 * chance.high:.2f} %), {undone_m:.1f} m left on average"
+        )
+    none, one, more = (100 * share for share in found.losses_share)
+    yield (
+        f"losses: {found.expected_losses:.3f} a flight; none in {none:.2f} % of the flights, one in {one:.2f} %, "
+        f"more in {more:.2f} %"
+    )
+    if found.worst is None:
+        yield "every flight finished"
         return
-    for line in (*describe_routes(content), summarise_plan(content)):
-        print(line)
-    print(f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s")
-    for line in (*describe_window(content), *describe_distances(content)):
-        print(line)
-    for line in (*(() if heights is None else heights.lines), *describe_left_over(content)):
-        print(line)
+    worst = found.worst
+    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in zip(names, found.blame_share, strict=True))
+    yield f"losses without a re-plan: {shares}"
+    yield (
+        f"most of them: {names[worst.vehicle]} between {worst.from_s:.0f} and {worst.to_s:.0f} s "
+        f"({100 * worst.share:.0f} %)"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.options import JsonOption
-from executor.cli.plan_inputs import write_named_file
+from executor.cli.plan_inputs import print_result, write_named_file
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
@@ -23,9 +23,9 @@ from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_l
 from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import DecisionComparison, replay_run
+from executor.site.learned_files import PacksDocument, read_packs
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
-from executor.site.site_packs import PacksDocument, read_packs
 from missions.files import json_text, write_whole
 from planner import PRESETS
 
@@ -87,13 +87,9 @@ def replay_logs(
     if output is not None:
         _write(done, output)
     history = None if packs is None else _update_packs(done, packs, known)
-    if as_json:
-        print(json_text(build_replay_document(done)))
-    else:
-        for one in done:
-            _print(one)
-        for line in () if history is None else format_pack_lines(history):
-            print(line)
+    lines = [line for one in done for line in _describe(one)]
+    lines += [] if history is None else format_pack_lines(history)
+    print_result(lambda: build_replay_document(done), lines, as_json=as_json)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.is_same for one in done):
         raise typer.Exit(1)
@@ -108,7 +104,7 @@ def _update_packs(done: Sequence[_ReplayedLog], path: Path, site: Site | None) -
         tables = () if own is None else own.vehicle
         labels = {table.sysid: table.pack for table in tables if table.pack is not None}
         known = merge_packs([one.replay], known, labels)
-    write_named_file(path, lambda: known.write(path))
+    write_named_file(path, known.write)
     return known
 
 
@@ -195,47 +191,47 @@ BY: Mapping[Actor, str] = MappingProxyType(
 """Who changed a mode, for people."""
 
 
-def _print(done: _ReplayedLog) -> None:
+def _describe(done: _ReplayedLog) -> Iterator[str]:
     found = done.replay
-    print(f"{found.path}: {found.lasted_s / 60:.1f} min")
+    yield f"{found.path}: {found.lasted_s / 60:.1f} min"
     for note in found.notes:
-        print(f"  {note}")
+        yield f"  {note}"
     if done.comparison is not None and done.comparison.is_same:
-        print(f"  the same {done.comparison.logged} decisions as the flight")
+        yield f"  the same {done.comparison.logged} decisions as the flight"
 
     def at(usec: int) -> str:
         return f"{(usec - found.began_usec) / 1e6:.1f} s"
 
     for vehicle in found.vehicles:
-        print(f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min")
-        _print_vehicle(vehicle, at)
+        yield f"  {vehicle.name} (system {vehicle.sysid}, {vehicle.autopilot}), flown {vehicle.flown_s / 60:.1f} min"
+        yield from _describe_vehicle(vehicle, at)
     skipped = [f"{name.replace('_', ' ')} {count}" for name, count in found.skipped.counts().items() if count]
     if skipped:
-        print(f"  skipped: {', '.join(skipped)}")
+        yield f"  skipped: {', '.join(skipped)}"
 
 
-def _print_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> None:
+def _describe_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> Iterator[str]:
     for one in vehicle.declarations:
-        print(f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}")
+        yield f"    declared  {at(one.t_usec):>9}  {one.kind.value:<12}  {one.reason:<16}  {one.evidence}"
     for mode in vehicle.modes:
         why = f": {mode.why}" if mode.why else ""
-        print(f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}")
+        yield f"    mode      {at(mode.t_usec):>9}  {mode.mode:<12}  {BY[mode.by]}{why}"
     for two in vehicle.degraded:
         span = f"{at(two.from_usec)} to {at(two.to_usec)}"
-        print(f"    degraded  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}")
+        yield f"    degraded  {span:>9}  {two.kind.value}, {two.reason}: {two.evidence}"
     if not vehicle.declarations:
-        print("    no declaration")
+        yield "    no declaration"
 
 
 def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
     from executor.replay.timeline import draw_replay, write_replay_page
 
-    write_named_file(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+    write_named_file(folder, lambda path: path.mkdir(parents=True, exist_ok=True))
     for one in done:
-        name = one.replay.path.resolve().name
-        picture, page = folder / f"{name}.png", folder / f"{name}.html"
-        write_named_file(folder, partial(draw_replay, one.replay, picture))
-        write_named_file(folder, partial(write_replay_page, one.replay, picture, page))
+        picture = folder / f"{one.replay.path.resolve().name}.png"
+        page = folder / f"{one.replay.path.resolve().name}.html"
+        write_named_file(picture, partial(draw_replay, one.replay))
+        write_named_file(page, partial(write_replay_page, one.replay, picture))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:
@@ -244,8 +240,7 @@ def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_
     found = learn_from_logs([path for path in paths if not path.is_dir()])
     drone, base = ("mavic3", PRESETS["mavic3"]) if site is None else (site.energy.drone, drone_of(site))
     content = format_learned_toml(found, drone, base)
-    if output is not None:
-        write_named_file(output, lambda: write_whole(output, content.encode()))
+    write_named_file(output, lambda path: write_whole(path, content.encode()))
     if as_json:
         print(json_text({"system": found.system, "left_out": found.others, **build_learned_table(found)}))
     elif output is None:

@@ -16,7 +16,7 @@ from executor.core.interface.commands import Level
 from executor.core.preflight.board_changes import Change, ChangeStage, Items, KeptList, KeptParameter
 from executor.errors import PreflightFailed
 from executor.flight.flight_request import Console
-from executor.site.tables.aircraft import AutopilotKey
+from executor.site.site_tables import AutopilotKey
 from missions import MissionItem, MissionKind
 
 

@@ -10,10 +10,9 @@ from executor.core.preflight.failsafe_parameters import LinkFailsafe
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.flight_request import FlightRequest
-from executor.site import day_flight
+from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
-from executor.site.site_areas import build_places
-from executor.site.site_bases import base_places_m
+from executor.site.site_parts import base_places_m, build_places
 
 
 def build_checklist(
@@ -72,5 +71,5 @@ def build_checklist(
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
-    later = frozenset[int]() if order.day is None else day_flight.find_later_segments(order.day)
+    later = frozenset[int]() if order.day is None else day_plans.find_later_segments(order.day)
     return found + build_plan_checks(plan, len(context.setup.network.segments), later)

@@ -17,7 +17,7 @@ from executor.flight.flight_request import Console, FlightRequest
 from executor.flight.parameter_changes import read_changes
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.site.plan_summary import build_plan_checks
-from executor.site.tables.aircraft import VehicleTable
+from executor.site.site_tables import VehicleTable
 from missions import dialect_for
 
 

@@ -10,7 +10,6 @@ from typing import Protocol
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import EarlierRow
-from executor.analysis.learned_document import build_learned_document
 from executor.analysis.report import InjectedFault
 from executor.core.context import Context
 from executor.core.interface.commands import Level
@@ -18,8 +17,8 @@ from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.flight.mqtt_settings import MqttSettings
 from executor.site import site_model
-from executor.site.ground_files import write_ground
-from executor.site.ground_view import GroundView, view_for
+from executor.site.ground_view import GroundView, view_for, write_ground
+from executor.site.learned_files import build_learned_document
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, write_plan

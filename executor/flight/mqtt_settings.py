@@ -12,8 +12,8 @@ from secrets import token_hex
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.errors import SiteError
+from executor.site.flight_tables import MqttTable
 from executor.site.site_file import read_secret
-from executor.site.tables.links import MqttTable
 
 
 @dataclass(frozen=True, slots=True)

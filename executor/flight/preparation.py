@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 from executor.adapters.clock import SystemClock
@@ -19,10 +20,9 @@ from executor.flight.concurrency import run_concurrently, run_for_each
 from executor.flight.flight_request import Console, FlightRequest
 from executor.flight.run_start import build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
-from executor.site import site_model
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
-from executor.site.tables.aircraft import VehicleTable
+from executor.site.site_tables import VehicleTable
 from missions import FlightSetup, dialect_for, encode
 
 
@@ -86,7 +86,7 @@ def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> Flight
         position = facts[name].position
         east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
         pads.append(vehicle_checks.pad_from(facts[name], east_m, north_m))
-    return site_model.build_flight_setup(ground, pads)
+    return replace(ground.setup, pads=tuple(pads))
 
 
 async def upload_first_missions(

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from executor import supervised
@@ -24,9 +25,8 @@ from executor.adapters.eventlog import (
 from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.log_end import count_lines_after, is_flight_finished, read_last_event_s
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
-from executor.analysis.learned_document import read_learned_before
-from executor.analysis.report import NOTHING_SAID, PreflightRecord, build_report
+from executor.analysis.documents import AskedVehicles, FlightReport, read_report, read_vehicle_answers
+from executor.analysis.report import NOTHING_SAID, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
 from executor.core.interface.events import Reopened, SolveEnded
@@ -43,6 +43,7 @@ from executor.flight.run_flight import FlightResult, FlightSession
 from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.simulated.injected_faults import read_injected_faults
+from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel, load_site_model
 from executor.site.site_planning import check_plan_belongs
@@ -337,9 +338,8 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
             solver = run_flight.make_solver_process(order, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = FlightSession(
-                    left.begun.context, left.state, links, clock, log, solver, _read_preflight_record(run), left.legacy
-                )
+                said = partial(_read_preflight_record, run)
+                seat = FlightSession(left.begun.context, left.state, links, clock, log, solver, said, left.legacy)
                 return await run_flight.supervise(order, console, seat, reopened)
             finally:
                 await starting
@@ -362,8 +362,8 @@ def _note_undone_command(log: EventLog, command: Command, at_s: float) -> None:
         log.note(at_s, command=to_plain(command), carried_out=False)
 
 
-def _read_preflight_record(run: Path) -> PreflightRecord:
+def _read_preflight_record(run: Path) -> AskedVehicles:
     """Return what was known before the flight, as vehicles.json has it."""
     with suppress(LogError):
-        return PreflightRecord({}, (), kept=read_vehicle_answers(run))
+        return read_vehicle_answers(run)
     return NOTHING_SAID

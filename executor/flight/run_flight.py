@@ -16,10 +16,8 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
-from executor.analysis.documents import FlightReport
-from executor.analysis.flown_packs import build_flown_packs
-from executor.analysis.learned_document import learn_from_flight
-from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
+from executor.analysis.documents import AskedVehicles, FlightReport
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
@@ -47,7 +45,8 @@ from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
 from executor.runtime.loss_judging import keep_judging
-from executor.site import day_flight
+from executor.site import day_plans
+from executor.site.learned_files import build_flown_packs, learn_from_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
 from missions.fences import Fence
@@ -128,7 +127,7 @@ async def _check_and_supervise(
         boards,
         tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
         fences,
-        {} if order.day is None else day_flight.sorties_ahead_of(order.day),
+        {} if order.day is None else day_plans.sorties_ahead_of(order.day),
     )
     log = EventLog(
         RunDirectory(run).events,
@@ -136,7 +135,8 @@ async def _check_and_supervise(
         speedup=clock.speedup,
         told=make_warning_sink(console),
     )
-    seat = FlightSession(context, state, links, clock, log, solver, PreflightRecord(facts, found, order.earlier))
+    said = partial(build_vehicle_answers, context, facts, found, order.earlier)
+    seat = FlightSession(context, state, links, clock, log, solver, said)
     flown: FlightResult | None = None
     try:
         flown = await supervise(order, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
@@ -189,8 +189,8 @@ async def _prepare_launch(
     # Before the missions: PX4 holds a mission against the fence that is on board.
     await fencing.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await upload_first_missions(context, links, clock, beginning.boards, console)
-    build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
-    later = [] if order.day is None else day_flight.describe_later_sorties(order.day)
+    seat.said().write(RunDirectory(order.run).vehicles)
+    later = [] if order.day is None else day_plans.describe_later_sorties(order.day)
     text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
     if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(order.plan), *later)):
         raise PreflightFailed("not confirmed; nothing has moved")
@@ -219,7 +219,8 @@ class FlightSession:
     clock: SystemClock
     log: EventLog
     solver: SolverProcess
-    said: PreflightRecord
+    said: Callable[[], AskedVehicles]
+    """What was known before the flight, with what was found until now."""
     legacy: InheritedRecord = NOTHING_LEFT
     """What the process before this one left."""
 
@@ -266,7 +267,7 @@ async def supervise(
     given_back, _ = await restore_board(order.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
     report = build_report(
-        context, flight.state, ended_s, order.truths(clock), frames, seat.said, build_parameter_rows(given_back)
+        context, flight.state, ended_s, order.truths(clock), frames, seat.said(), build_parameter_rows(given_back)
     )
     for line in write_results(order.run, order.ground, context, flight.state, report, clock.began_unix_s):
         console.say(Level.WARNING, line)

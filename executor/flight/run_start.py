@@ -8,7 +8,6 @@ from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicle, read_vehicle_answers
-from executor.analysis.learned_document import read_learned_before
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
@@ -16,7 +15,8 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
-from executor.site import day_flight, site_model
+from executor.site import day_plans, site_model
+from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import check_plan_belongs
@@ -47,13 +47,13 @@ def read_run_start(run: Path) -> RunStart:
     check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
-    setup = site_model.build_flight_setup(ground, pads)
+    setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
     dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
     context, boards = build_context_and_boards(ground, setup, plan, day, own, parameters)
-    ahead = {} if day is None else day_flight.sorties_ahead_of(day)
+    ahead = {} if day is None else day_plans.sorties_ahead_of(day)
     return RunStart(
         ground,
         plan,
@@ -88,7 +88,7 @@ def build_context_and_boards(
     task = plan.build_task()
     context = site_model.build_context(ground, setup, task, own, performances)
     if day is not None:
-        context = replace(context, day=day_flight.build_day_rules(day))
+        context = replace(context, day=day_plans.build_day_rules(day))
     routes = site_model.name_routes(ground, task, plan.plan)
     paths = site_model.build_paths(context.setup, routes, context.vehicles)
     return context, {

@@ -18,9 +18,8 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import ConnectionFailed, LogError, SiteError
 from executor.flight.flight_request import FlightRequest, MessageSink
 from executor.runtime.flight_loop import Flight
-from executor.site.ground_files import encode_ground, read_ground_files
-from executor.site.ground_view import GroundView, compute_shown_area
-from executor.site.tables.links import WebTable
+from executor.site.flight_tables import WebTable
+from executor.site.ground_view import GroundView, compute_shown_area, encode_ground, read_ground_files
 from executor.supervised import report_on_loop
 
 LEAST_TOKEN = 16

@@ -17,7 +17,7 @@ from executor.core.battery.resting_voltage import Chemistry, PackFacts
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.vehicle_state import FaultKind, VehicleState
-from executor.site.site_packs import FORMAT, PackEntry, PacksDocument
+from executor.site.learned_files import FORMAT, PackEntry, PacksDocument
 
 TRACE_S = 3.0
 MOST_SAMPLES = 4000

@@ -1,24 +1,126 @@
-"""`faultline simulate`: the site's fleet as simulated vehicles."""
+"""What is simulated: a site's fleet (`faultline simulate`), the cards of its cameras, the whole story of the demo."""
 
 from __future__ import annotations
 
 import asyncio
+import math
+import random
 import signal
+import socket
+import subprocess
+import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 
-from executor.simulated.cards import SimulatedCards
+import numpy as np
+
+from executor.adapters.run_directory import RunDirectory
+from executor.images import exif
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import dialect_for
-from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
-from simulator.faults import parse_fault
-from simulator.fleet import run_fleet
+from missions import Network, default_network_path, dialect_for, read_network
+from missions.geo import FloatArray
+from simulator.camera import CapturedImage, format_picture_name
+from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle, parse_fault
+from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.truth import Truth, TruthWriter
-from simulator.vehicle import SimulatedVehicle
+
+SIZE_PX = (160, 120)
+VIEW_DEG = 70.0
+GROUND, SKY, WIRE = (96, 120, 72), (170, 195, 220), (30, 30, 30)
+NEAREST_M = 0.5
+EXPOSURE_S = 0.001
+
+
+@dataclass(slots=True)
+class SimulatedCards:
+    """The cards of a simulated fleet."""
+
+    folder: Path
+    network: Network
+    unix_s: float
+    """Seconds since 1970 when the simulation begins."""
+    ahead_s: Mapping[str, float] = field(default_factory=dict)
+    """By how much the clocks of a vehicle's cameras are ahead, by its name."""
+    places: bool = True
+    """Whether the cameras know where they are."""
+
+    def write(self, vehicle: str, shot: CapturedImage) -> Path:
+        """Write one picture.
+
+        Raises:
+            OSError: there is no room, or the folder cannot be made.
+        """
+        from PIL import Image, ImageDraw
+
+        folder = self.folder / f"{vehicle}-{shot.camera}"
+        folder.mkdir(parents=True, exist_ok=True)
+        image = Image.new("RGB", SIZE_PX, SKY)
+        draw = ImageDraw.Draw(image)
+        horizon_px = SIZE_PX[1] / 2 - _focal_px() * math.tan(math.radians(max(-80.0, min(80.0, -shot.pitch_deg))))
+        draw.rectangle((0, max(0.0, horizon_px), *SIZE_PX), fill=GROUND)
+        for ends in self._project_spans(shot):
+            draw.line([tuple(end) for end in ends.tolist()], fill=WIRE, width=2)
+        draw.text((4, 4), f"{vehicle} {shot.number}", fill=WIRE)
+        tags = image.getexif()
+        for tag, value in ((exif.MAKE, "faultline"), (exif.MODEL, shot.camera)):
+            tags[tag] = value
+        taken = datetime.fromtimestamp(self.unix_s + shot.t_s + self.ahead_s.get(vehicle, 0.0), UTC)
+        details = {
+            exif.ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", exif.SUBSECOND: f"{taken.microsecond // 1000:03d}",
+            exif.EXPOSURE: EXPOSURE_S, exif.SERIAL: "0001",
+        }  # fmt: skip
+        tags.get_ifd(exif.DETAILS).update(details)
+        if self.places:
+            tags.get_ifd(exif.GPS).update(exif.build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
+        path = folder / format_picture_name(shot.number)
+        image.save(path, "JPEG", quality=60, exif=tags)
+        return path
+
+    def _project_spans(self, shot: CapturedImage) -> list[FloatArray]:
+        """Return the spans that are in sight, (2, 2) float64 each, in pixels."""
+        network, frame = self.network, self.network.frame
+        here_m = np.array([*frame.to_local_m(shot.lat_deg, shot.lon_deg), shot.alt_msl_m])
+        tops_m = np.array([
+            frame.alt_m + shot.up_m - 15.0 if pylon.elevation_m is None else pylon.elevation_m + (pylon.height_m or 0.0)
+            for pylon in network.pylons
+        ])  # fmt: skip
+        seen = []
+        for segment in network.segments:
+            ends = np.column_stack((network.positions_m[[segment.a, segment.b]], tops_m[[segment.a, segment.b]]))
+            pixels = _project_leg(ends - here_m, shot.pitch_deg, shot.yaw_deg)
+            if pixels is not None:
+                seen.append(pixels)
+        return seen
+
+
+def _focal_px() -> float:
+    return SIZE_PX[0] / 2 / math.tan(math.radians(VIEW_DEG) / 2)
+
+
+def _project_leg(offsets_m: FloatArray, pitch_deg: float, yaw_deg: float) -> FloatArray | None:
+    """Return (2, 2) pixels of a leg before the camera, cut off at it; None where all of it is behind."""
+    pitch, yaw = math.radians(pitch_deg), math.radians(yaw_deg)
+    ahead = np.array([math.cos(pitch) * math.sin(yaw), math.cos(pitch) * math.cos(yaw), math.sin(pitch)])
+    right = np.array([math.cos(yaw), -math.sin(yaw), 0.0])
+    depths = offsets_m @ ahead
+    if depths.max() <= NEAREST_M:
+        return None
+    if depths.min() < NEAREST_M:
+        near, far = (0, 1) if depths[0] < depths[1] else (1, 0)
+        share = (NEAREST_M - depths[near]) / (depths[far] - depths[near])
+        offsets_m = offsets_m.copy()
+        offsets_m[near] += share * (offsets_m[far] - offsets_m[near])
+        depths = offsets_m @ ahead
+    up = np.cross(right, ahead)
+    across, above = offsets_m @ right / depths, offsets_m @ up / depths
+    focal_px = _focal_px()
+    return np.column_stack((SIZE_PX[0] / 2 + focal_px * across, SIZE_PX[1] / 2 - focal_px * above)).clip(-1e4, 1e4)
+
 
 SIGNING_EPOCH_UNIX_S = 1420070400
 """2015-01-01: the times of signatures count from there."""
@@ -41,7 +143,7 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, or a connection, that cannot be simulated.
     """
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe
@@ -133,3 +235,118 @@ async def _run_until_signal(
         with suppress(NotImplementedError):
             loop.add_signal_handler(number, stop.set)
     await run_fleet(fleet, stop=stop, on_truth=happened, watched=lived)
+
+
+USUAL_VEHICLES = 4
+"""With these the whole of the default network is flown below the ceiling of a site."""
+USUAL_RADIUS_M = 700.0
+USUAL_BUDGET_PCT = 28.0
+"""Of the usual demo: so tight that it matters how a plan was chosen."""
+USUAL_LOSS = "uav1:silent@450s"
+"""After this one a plan chosen by MinComb leaves segments over; one chosen for its window does not."""
+OTHER_LOSS = "uav2:silent@40%"
+SIMULATED_CEILING_M = 1000.0
+LISTENING = range(14_551, 15_000)
+"""Ports of vehicles that are planned for and never opened."""
+ENDS_S = 10.0
+"""Real seconds that the simulated fleet may take to end."""
+
+
+def build_demo_site(
+    *, network: Path | None, radius_m: float, vehicles: int, speedup: float, autopilot: str, flat: bool = False,
+    ports: Sequence[int] = (),
+) -> dict[str, object]:  # fmt: skip
+    """Return the content of a site file for a simulated fleet; `flat` claims so of its ground.
+
+    Its vehicles answer on the ports given, or else on free ones.
+    """
+    table: dict[str, object] = {"file": "default" if network is None else str(network.resolve()), "radius_m": radius_m}
+    budget = {"budget_pct": USUAL_BUDGET_PCT} if is_default_demo(network, radius_m, vehicles) else {}
+    site: dict[str, object] = {
+        "network": table,
+        "flight": {"speedup": speedup, "fly_again": "auto"},  # nobody stands at these pads
+        "vehicle": [table | budget for table in build_vehicle_tables(ports or find_free_ports(vehicles), autopilot)],
+    }
+    inspection: dict[str, object] = {"heights": "flat"} if flat else {}
+    if network is not None or vehicles > USUAL_VEHICLES:
+        # Over hills, and with so many layers, the highest return is above 120 m; a simulation needs no permit for that.
+        inspection["ceiling_m"] = SIMULATED_CEILING_M
+    if inspection:
+        site["inspection"] = inspection
+    if network is not None and not _is_json(network):
+        # A graph file says nothing of where it lies: the demo puts it where the default network is.
+        frame = read_network(default_network_path()).frame
+        site["depot"] = {"lat_deg": frame.lat_deg, "lon_deg": frame.lon_deg, "alt_m": frame.alt_m}
+    return site
+
+
+def build_vehicle_tables(ports: Sequence[int], autopilot: str) -> list[dict[str, object]]:
+    """Return the vehicles of a site file, which answer on these ports of this computer."""
+    return [
+        {"name": f"uav{number}", "connection": f"udpin://127.0.0.1:{port}", "sysid": number, "autopilot": autopilot}
+        for number, port in enumerate(ports, start=1)
+    ]
+
+
+def is_default_demo(network: Path | None, radius_m: float, vehicles: int) -> bool:
+    """Return whether this is the demo that is flown where nothing else is asked for."""
+    return (network, radius_m, vehicles) == (None, USUAL_RADIUS_M, USUAL_VEHICLES)
+
+
+def _is_json(network: Path) -> bool:
+    """Return whether a file is GeoJSON, which has places of its own; one that is not there is the reader's concern."""
+    try:
+        with network.open("rb") as file:
+            return file.read(64).lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    except OSError:
+        return False
+
+
+UNASKED = range(20_000, 32_000)
+"""Below the ports that Linux (32768 on), macOS and Windows (49152 on) choose by themselves."""
+
+
+def find_free_ports(count: int) -> list[int]:
+    """Return UDP ports of this computer that nobody uses, and that no socket is given unasked.
+
+    The simulated vehicles call from ports that the system chooses: of forty one may be the next one's otherwise.
+    """
+    found: list[int] = []
+    with ExitStack() as stack:
+        for port in random.sample(UNASKED, len(UNASKED)):
+            if len(found) == count:
+                break
+            plug = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            with suppress(OSError):
+                plug.bind(("127.0.0.1", port))
+                found.append(port)
+    return found
+
+
+def check_faults(ground: SiteModel, faults: Sequence[str]) -> None:
+    """Check the faults before anything is started.
+
+    Raises:
+        SimulatorError: one of them cannot be read, or names a vehicle that does not fly.
+    """
+    fleet_of(ground, speedup=1.0, faults=faults, seed=0, wind=1.0, failsafe=False)
+
+
+@contextmanager
+def run_simulated_fleet(run: Path, faults: Sequence[str], seed: int) -> Iterator[None]:
+    """Run `faultline simulate` beside the flight; Ctrl-C in the terminal does not reach it."""
+    command = [sys.executable, "-m", "executor", "simulate", str(RunDirectory(run).site), "--seed", str(seed)]
+    command += ["--truth", str(RunDirectory(run).truths), "--failsafe"]
+    for fault in faults:
+        command += ["--fault", fault]
+    with (run / "simulator.log").open("wb") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=output, start_new_session=True)
+        try:
+            yield
+        finally:
+            process.terminate()
+            try:
+                process.wait(ENDS_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()

@@ -9,7 +9,8 @@ import hashlib
 import os
 import re
 import tomllib
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,48 +18,37 @@ from pydantic import Field, ValidationError, model_validator
 
 from executor.core.telemetry.autopilot_component import AUTOPILOT
 from executor.errors import SiteError
-from executor.site.tables.aircraft import EnergyTable, VehicleTable
-from executor.site.tables.area_tables import AreaTable, PlaceTable
-from executor.site.tables.camera_tables import CameraTable, LookTable
-from executor.site.tables.day_tables import BaseTable, DayTable
-from executor.site.tables.fence_table import FenceTable
-from executor.site.tables.fields import SiteTable
-from executor.site.tables.flight import FaultsTable, FlightTable
-from executor.site.tables.ground import DepotTable, InspectionTable, NetworkTable
-from executor.site.tables.learned import LearnedTable
-from executor.site.tables.links import LinkTable, MqttTable, SigningTable, WebTable
-from executor.site.tables.map import MapTable
-from executor.site.tables.terrain_table import TerrainTable
+from executor.site import flight_tables, site_tables
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
 """Where every key stands."""
 
 
-class Site(SiteTable):
+class Site(site_tables.SiteTable):
     """The whole file."""
 
-    depot: DepotTable | None = None
-    network: NetworkTable
-    terrain: TerrainTable | None = None
-    inspection: InspectionTable = InspectionTable()
-    energy: EnergyTable = EnergyTable()
-    area: tuple[AreaTable, ...] = ()
-    place: tuple[PlaceTable, ...] = ()
-    vehicle: Annotated[tuple[VehicleTable, ...], Field(min_length=1)]
-    flight: FlightTable = FlightTable()
-    faults: FaultsTable = FaultsTable()
-    fence: FenceTable | None = None
-    signing: SigningTable | None = None
-    link: LinkTable = LinkTable()
-    mqtt: MqttTable | None = None
-    web: WebTable = WebTable()
-    map: MapTable | None = None
-    learned: LearnedTable | None = None
-    camera: tuple[CameraTable, ...] = ()
-    look: tuple[LookTable, ...] = ()
-    day: DayTable | None = None
-    base: tuple[BaseTable, ...] = ()
+    depot: site_tables.DepotTable | None = None
+    network: site_tables.NetworkTable
+    terrain: site_tables.TerrainTable | None = None
+    inspection: site_tables.InspectionTable = site_tables.InspectionTable()
+    energy: site_tables.EnergyTable = site_tables.EnergyTable()
+    area: tuple[site_tables.AreaTable, ...] = ()
+    place: tuple[site_tables.PlaceTable, ...] = ()
+    vehicle: Annotated[tuple[site_tables.VehicleTable, ...], Field(min_length=1)]
+    flight: flight_tables.FlightTable = flight_tables.FlightTable()
+    faults: flight_tables.FaultsTable = flight_tables.FaultsTable()
+    fence: flight_tables.FenceTable | None = None
+    signing: flight_tables.SigningTable | None = None
+    link: flight_tables.LinkTable = flight_tables.LinkTable()
+    mqtt: flight_tables.MqttTable | None = None
+    web: flight_tables.WebTable = flight_tables.WebTable()
+    map: site_tables.MapTable | None = None
+    learned: site_tables.LearnedTable | None = None
+    camera: tuple[site_tables.CameraTable, ...] = ()
+    look: tuple[site_tables.LookTable, ...] = ()
+    day: flight_tables.DayTable | None = None
+    base: tuple[flight_tables.BaseTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -68,30 +58,35 @@ class Site(SiteTable):
         return content
 
     @model_validator(mode="after")
-    def _check_terrain(self) -> Site:
-        if self.terrain is not None and self.inspection.heights == "flat":
-            raise ValueError(
-                "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
-            )
+    def _check_together(self) -> Site:
+        checks = (
+            self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(),
+            self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
+            self._check_connections(),
+        )  # fmt: skip
+        for text in chain.from_iterable(checks):
+            raise ValueError(text)
         return self
 
-    @model_validator(mode="after")
-    def _check_distinct(self) -> Site:
+    def _check_terrain(self) -> Iterator[str]:
+        if self.terrain is not None and self.inspection.heights == "flat":
+            yield "inspection.heights: expected 'known' beside [terrain], which knows the ground, got 'flat'"
+
+    def _check_vehicles(self) -> Iterator[str]:
+        """Yield what vehicles have, and one alone may have."""
         for key in ("name", "sysid"):
             seen: dict[object, str] = {}
             for index, vehicle in enumerate(self.vehicle):
                 value = getattr(vehicle, key)
                 if value in seen:
-                    raise ValueError(
-                        f"vehicle[{index}].{key}: expected a {key} of its own, got {value}, which is also the "
-                        f"{key} of vehicle '{seen[value]}'"
+                    yield (
+                        f"vehicle[{index}].{key}: expected a {key} of its own, got {value}, which is also the {key} of "
+                        f"vehicle '{seen[value]}'"
                     )
                 seen[value] = vehicle.name
-        return self
 
-    @model_validator(mode="after")
-    def _check_places(self) -> Site:
-        _check_own_names("place", [place.name for place in self.place])
+    def _check_places(self) -> Iterator[str]:
+        yield from _check_own_names("place", [place.name for place in self.place])
         pads = [place.name for place in self.place if place.kind == "pad"]
         taken: dict[str, str] = {}
         for index, vehicle in enumerate(self.vehicle):
@@ -99,112 +94,94 @@ class Site(SiteTable):
                 continue
             if vehicle.pad not in pads:
                 known = ", ".join(map(repr, pads)) or "which there is none of"
-                raise ValueError(
-                    f"vehicle[{index}].pad: expected the name of a [[place]] of kind 'pad', {known}, "
-                    f"got '{vehicle.pad}'"
+                yield (
+                    f"vehicle[{index}].pad: expected the name of a [[place]] of kind 'pad', {known}, got "
+                    f"'{vehicle.pad}'"
                 )
             if vehicle.pad in taken:
-                raise ValueError(
+                yield (
                     f"vehicle[{index}].pad: expected a pad of its own, got '{vehicle.pad}', which is also the pad of "
                     f"vehicle '{taken[vehicle.pad]}'"
                 )
             taken[vehicle.pad] = vehicle.name
-        return self
 
-    @model_validator(mode="after")
-    def _check_cameras(self) -> Site:
+    def _check_cameras(self) -> Iterator[str]:
         vehicles, cameras = {vehicle.name for vehicle in self.vehicle}, [camera.name for camera in self.camera]
-        _check_own_names("camera", cameras)
+        yield from _check_own_names("camera", cameras)
         for index, camera in enumerate(self.camera):
             for number, name in enumerate(camera.vehicles):
                 if name not in vehicles:
-                    raise ValueError(
-                        f"camera[{index}].vehicles[{number}]: expected the name of a vehicle, got '{name}'"
-                    )
+                    yield f"camera[{index}].vehicles[{number}]: expected the name of a vehicle, got '{name}'"
         for index, look in enumerate(self.look):
             if look.camera not in cameras:
-                raise ValueError(f"look[{index}].camera: expected the name of a [[camera]], got '{look.camera}'")
-        return self
+                yield f"look[{index}].camera: expected the name of a [[camera]], got '{look.camera}'"
 
-    @model_validator(mode="after")
-    def _check_bases(self) -> Site:
+    def _check_bases(self) -> Iterator[str]:
         vehicles, stands = {one.name for one in self.vehicle}, dict[str, str]()
-        _check_own_names("base", [one.name for one in self.base])
+        yield from _check_own_names("base", [one.name for one in self.base])
         for index, base in enumerate(self.base):
+            yield from _check_known(f"base[{index}].vehicles", base.vehicles, vehicles)
             for name in base.vehicles:
-                _check_named(f"base[{index}].vehicles", name, vehicles)
                 if name in stands:
-                    raise ValueError(
+                    yield (
                         f"base[{index}].vehicles: expected each vehicle at one base, got '{name}', which stands at "
                         f"'{stands[name]}'"
                     )
                 stands[name] = base.name
         for one in self.vehicle:
             if self.base and one.name not in stands:
-                raise ValueError(f"base: expected every vehicle at one, got none for '{one.name}'")
-        return self
+                yield f"base: expected every vehicle at one, got none for '{one.name}'"
 
-    @model_validator(mode="after")
-    def _check_day(self) -> Site:
+    def _check_day(self) -> Iterator[str]:
         vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
-        day = self.day or DayTable()
+        day = self.day or flight_tables.DayTable()
         for index, road in enumerate(day.road):
-            for name in road.between:
-                _check_named(f"day.road[{index}].between", name, bases)
+            yield from _check_known(f"day.road[{index}].between", road.between, bases)
         for index, quiet in enumerate(day.quiet):
-            for name in quiet.vehicles:
-                _check_named(f"day.quiet[{index}].vehicles", name, vehicles)
+            yield from _check_known(f"day.quiet[{index}].vehicles", quiet.vehicles, vehicles)
         for index, other in enumerate(day.vehicle):
-            _check_named(f"day.vehicle[{index}].name", other.name, vehicles)
-        return self
+            yield from _check_known(f"day.vehicle[{index}].name", [other.name], vehicles)
 
-    @model_validator(mode="after")
-    def _check_signing(self) -> Site:
+    def _check_signing(self) -> Iterator[str]:
         for index, vehicle in enumerate(self.vehicle):
             if self.signing is not None and vehicle.backend == "mavsdk":
-                raise ValueError(
-                    f"vehicle[{index}].backend: expected 'native' beside [signing], got 'mavsdk', which does not sign"
-                )
-        return self
+                yield f"vehicle[{index}].backend: expected 'native' beside [signing], got 'mavsdk', which does not sign"
 
-    @model_validator(mode="after")
-    def _check_radios(self) -> Site:
+    def _check_radios(self) -> Iterator[str]:
         names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
         for index, radio in enumerate(self.link.radios or ()):
             if radio.component == AUTOPILOT and radio.system in names:
-                raise ValueError(
+                yield (
                     f"link.radios[{index}]: expected a radio, got system {radio.system} component {AUTOPILOT}, the "
                     f"autopilot of vehicle '{names[radio.system]}'"
                 )
-        return self
 
-    @model_validator(mode="after")
-    def _check_connections(self) -> Site:
-        first: dict[str, VehicleTable] = {}
+    def _check_connections(self) -> Iterator[str]:
+        first: dict[str, site_tables.VehicleTable] = {}
         for index, vehicle in enumerate(self.vehicle):
             other = first.setdefault(vehicle.link.exclusive_resource, vehicle)
             if other.link != vehicle.link:
-                raise ValueError(
+                yield (
                     f"vehicle[{index}].connection: expected a port of its own, or '{other.link}' as vehicle "
                     f"'{other.name}' has it, got '{vehicle.connection}'"
                 )
             if other.backend != vehicle.backend:
-                raise ValueError(
+                yield (
                     f"vehicle[{index}].backend: expected '{other.backend}', as vehicle '{other.name}' on the same "
                     f"connection has it, got '{vehicle.backend}'"
                 )
-        return self
 
 
-def _check_own_names(table: str, names: Sequence[str]) -> None:
+def _check_own_names(table: str, names: Sequence[str]) -> Iterator[str]:
     for index, name in enumerate(names):
         if name in names[:index]:
-            raise ValueError(f"{table}[{index}].name: expected a name of its own, got '{name}' again")
+            yield f"{table}[{index}].name: expected a name of its own, got '{name}' again"
 
 
-def _check_named(key: str, name: str, known: Set[str]) -> None:
-    if name not in known:
-        raise ValueError(f"{key}: expected one of {', '.join(sorted(known)) or 'no name at all'}, got '{name}'")
+def _check_known(key: str, names: Sequence[str], known: Set[str]) -> Iterator[str]:
+    for name in names:
+        if name not in known:
+            yield f"{key}: expected one of {', '.join(sorted(known)) or 'no name at all'}, got '{name}'"
 
 
 def read_signing_key(site: Site, base: Path) -> bytes | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 
+import missions
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.pack_history import PackHistory
 from executor.core.battery.resting_voltage import PackFacts
@@ -17,43 +18,24 @@ from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
-from executor.site.camera_tasks import build_looks, build_pylon_wishes
-from executor.site.site_areas import build_places, load_areas
-from executor.site.site_bases import base_places_m, find_base_pads
+from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
-from executor.site.site_packs import SitePacks, load_site_packs
-from executor.site.tables.aircraft import VehicleTable
-from missions import (
-    Dialect,
-    FlightModel,
-    FlightPath,
-    FlightSetup,
-    Inspection,
-    MendingLimits,
-    Network,
-    Pad,
-    Performance,
-    Pricing,
-    Remark,
-    Selection,
-    Task,
-    build_open_task,
-    build_priced_instance,
-    check_line_heights,
-    default_network_path,
-    dialect_for,
-    import_network,
-    parse_where,
-    plan_flight_setup,
-    with_heights,
+from executor.site.site_parts import (
+    base_places_m,
+    build_looks,
+    build_places,
+    build_pylon_wishes,
+    find_base_pads,
+    load_areas,
 )
+from executor.site.site_tables import VehicleTable
 from missions.area_rules import apply_areas
 from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
 from missions.line_heights import add_ground_heights, add_structure_heights
 from missions.pads import column_radius_m
-from missions.plan_file import PlanFence, PlanTerrain
+from missions.plan_file import PlanTerrain
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s
@@ -76,11 +58,11 @@ class SiteModel:
     """What is known before any vehicle answers."""
 
     site: Site
-    network: Network
-    inspection: Inspection
+    network: missions.Network
+    inspection: missions.Inspection
     drone: Drone
     travel: Travel
-    setup: FlightSetup
+    setup: missions.FlightSetup
     """Heights, and pads that are chosen around the depot and the bases."""
     terrain: Terrain | None = None
     """The ground between the lines, where a raster knows it."""
@@ -108,9 +90,9 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
-    file = default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
+    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
     depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    understood = import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    understood = missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
@@ -119,17 +101,17 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
         depot_known = network.frame.alt_m != 0.0 or (site.depot is not None and site.depot.alt_m is not None)
         network, found = add_ground_heights(network, terrain.elevation, depot_known=depot_known)
         found = (*terrain.elevation.remarks, *found)
-    network = with_heights(network, flat=site.inspection.heights == "flat")
+    network = missions.with_heights(network, flat=site.inspection.heights == "flat")
     worth_a_look = (
         *describe_remarks(understood.found),
         *found,
-        *check_line_heights(network, tallest_m=site.network.tallest_m),
+        *missions.check_line_heights(network, tallest_m=site.network.tallest_m),
     )
     ground = build_site_model(site, network, worth_a_look, base, terrain)
     return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
 
 
-def load_terrain(site: Site, base: Path, network: Network) -> Terrain | None:
+def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
     """Read the ground around a network; None where the site names no raster.
 
     Raises:
@@ -156,33 +138,27 @@ def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
     )
 
 
-def plan_fence(site: Site) -> PlanFence | None:
-    """Return what plan files say of the fences that vehicles are given; None where they are given none."""
-    table = site.fence
-    return None if table is None or not table.enabled else PlanFence(table.margin_m, table.rally)
-
-
-def build_selection(site: Site) -> Selection:
+def build_selection(site: Site) -> missions.Selection:
     """Return what a site wants of its network's file."""
     table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
-    where = () if table.where is None else parse_where(table.where)
-    return Selection(layers, where, table.crs, MendingLimits(table.snap_m, table.max_span_m), table.encoding)
+    where = () if table.where is None else missions.parse_where(table.where)
+    return missions.Selection(
+        layers, where, table.crs, missions.MendingLimits(table.snap_m, table.max_span_m), table.encoding
+    )
 
 
-def describe_remarks(found: Iterable[Remark]) -> Iterator[str]:
+def describe_remarks(found: Sequence[missions.Remark]) -> Iterator[str]:
     """Yield a line for each matter that was found of a network's file: the first of it, and how many there are."""
-    by_matter: dict[str, list[Remark]] = {}
-    for finding in found:
-        by_matter.setdefault(finding.matter.value, []).append(finding)
-    for matter, own in by_matter.items():
+    for matter in dict.fromkeys(one.matter.value for one in found):
+        own = [one for one in found if one.matter.value == matter]
         more = f"; {len(own) - 1} more in 'faultline network'" if len(own) > 1 else ""
         yield f"{matter}: {own[0].words}{more}"
 
 
 def build_site_model(
     site: Site,
-    network: Network,
+    network: missions.Network,
     worth_a_look: tuple[str, ...] = (),
     base: Path = Path(),
     terrain: Terrain | None = None,
@@ -196,11 +172,12 @@ def build_site_model(
     table, drone = site.inspection, drone_of(site)
     _check_speeds(site, drone)
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
-    inspection = inspection_of(site, network)
+    said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
+    inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
-    setup = plan_flight_setup(
+    setup = missions.plan_flight_setup(
         network, names, inspection, stated=stated, areas=found.areas, terrain=terrain,
         bases=find_base_pads(site, network),
     )  # fmt: skip
@@ -208,14 +185,10 @@ def build_site_model(
     setup = replace(setup, looks=build_looks(site, network, pylons))
     if found.areas or alternates:
         setup = apply_areas(setup, found.areas, alternates)
-    remarks = (*worth_a_look, *found.remarks, *_summarise_higher_viewpoints(higher))
+    # One line for all viewpoints that are flown higher than asked.
+    raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
+    remarks = (*worth_a_look, *found.remarks, *raised)
     return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
-
-
-def _summarise_higher_viewpoints(higher: Sequence[str]) -> Iterator[str]:
-    """Yield one line for all viewpoints that are flown higher than asked."""
-    if higher:
-        yield f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -229,12 +202,6 @@ def _check_speeds(site: Site, drone: Drone) -> None:
                 f"inspection.{key}: expected at most {max(0.0, most_m_s - wind_m_s):.1f} m/s, what the battery of a "
                 f"{drone.name} can give{against}, got {asked_m_s:g}"
             )
-
-
-def inspection_of(site: Site, network: Network) -> Inspection:
-    """Return how a network is to be flown."""
-    said = site.inspection.model_dump(include={one.name for one in fields(Inspection)})
-    return Inspection(**said, flat=network.flat)
 
 
 def drone_of(site: Site) -> Drone:
@@ -257,7 +224,7 @@ def budget_pct_of(known: PackHistory | None, drone: Drone, vehicle: VehicleTable
 
 def find_empty_pct(known: PackHistory | None, drone: Drone, vehicle: VehicleTable) -> float:
     """Return what a vehicle's autopilot reports when its pack is empty."""
-    counts = not dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
+    counts = not missions.dialect_for(vehicle.autopilot).rounds_twice  # PX4 without a capacity reads it off the voltage
     return 0.0 if known is None else known.empty_reading_pct(drone.capacity_ah, counts=counts)
 
 
@@ -276,7 +243,9 @@ def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, tab
     )
 
 
-def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, without: Collection[str] = ()) -> Task:
+def build_first_task(
+    ground: SiteModel, segments: Iterable[int] | None = None, without: Collection[str] = ()
+) -> missions.Task:
     """Return the problem of a first plan, with the budgets of the site file.
 
     Args:
@@ -289,7 +258,7 @@ def build_first_task(ground: SiteModel, segments: Iterable[int] | None = None, w
     """
     vehicles = [one for one in build_vehicles(ground) if one.name not in without]
     wanted, never = select_reachable(ground, segments)
-    return replace(build_open_task(build_pricing(ground), wanted, vehicles), unreachable=never)
+    return replace(missions.build_open_task(build_pricing(ground), wanted, vehicles), unreachable=never)
 
 
 def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
@@ -297,7 +266,7 @@ def build_vehicles(ground: SiteModel) -> tuple[Vehicle, ...]:
     return tuple(
         Vehicle(
             one.name, (0.0, 0.0), budget_pct_of(ground.packs.fitted.get(one.name), ground.drone, one),
-            consumption_factor_of(ground, one.name),
+            ground.learned[one.name].consumption.factor if one.name in ground.learned else 1.0,
         )
         for one in ground.site.vehicle
     )  # fmt: skip
@@ -321,26 +290,12 @@ def select_reachable(
     return tuple(sorted(wanted - {one.segment for one in never})), never
 
 
-def consumption_factor_of(ground: SiteModel, name: str) -> float:
-    """Return what a vehicle uses relative to the energy model, as far as it is known."""
-    return ground.learned[name].consumption.factor if name in ground.learned else 1.0
-
-
-def build_flight_setup(ground: SiteModel, pads: Sequence[Pad] | None = None) -> FlightSetup:
-    """Return heights and pads; pads are chosen around depot and bases unless the vehicles' places are known.
-
-    Raises:
-        MissionsError: the pads leave no room.
-    """
-    return ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
-
-
 def build_pricing(
     ground: SiteModel,
-    setup: FlightSetup | None = None,
-    performances: Mapping[str, Performance] = MappingProxyType({}),
+    setup: missions.FlightSetup | None = None,
+    performances: Mapping[str, missions.Performance] = MappingProxyType({}),
     speeds_m_s: Mapping[str, tuple[float, float]] = MappingProxyType({}),
-) -> Pricing:
+) -> missions.Pricing:
     """Return what flights take.
 
     Args:
@@ -355,10 +310,10 @@ def build_pricing(
     power = build_steady_wind(ground.drone, fastest_m_s, table.wind_m_s)
     models = {}
     for vehicle in ground.site.vehicle:
-        known, usual = ground.learned.get(vehicle.name), dialect_for(vehicle.autopilot).performance
+        known, usual = ground.learned.get(vehicle.name), missions.dialect_for(vehicle.autopilot).performance
         if known is not None and known.performance is not None:
             usual = known.performance
-        models[vehicle.name] = FlightModel(
+        models[vehicle.name] = missions.FlightModel(
             performances.get(vehicle.name, usual), power, *speeds_m_s.get(vehicle.name, usual_m_s),
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
@@ -370,14 +325,17 @@ def build_pricing(
     from_layer = {
         segment: extra_time_s(look, slowest, slow_m_s, in_layer=True) for segment, look in pylons if look.deepest_m
     }
+    dialects = [missions.dialect_for(vehicle.autopilot) for vehicle in ground.site.vehicle]
     barred = {name: looks for name in ground.names if (looks := setup.looks.find_barred_segments(name))}
-    return Pricing(
+    return missions.Pricing(
         setup.tracks_up_m,
         bases,
         models,
         pads_m,
         column_radius_m(setup.layers.layer_m),
-        loss_reaction_s(ground.site)
+        # After a loss everybody flies on as planned for so long: the slowest way to find one is a silent link.
+        max(link_timeout_s(ground.site, dialect) for dialect in dialects)
+        + horizon_s(ground.site)
         + max((line_clear_time_s(setup, models[name], name) for name in setup.steps_m), default=0.0),
         kept_out=setup.kept_out,
         relief=setup.layers.relief,
@@ -387,11 +345,6 @@ def build_pricing(
         deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
         steps_m=setup.steps_m,
     )
-
-
-def loss_reaction_s(site: Site) -> float:
-    """Return how long after a loss everybody flies on as planned: the slowest way to find a loss is a silent link."""
-    return max(link_timeout_s(site, dialect_for(vehicle.autopilot)) for vehicle in site.vehicle) + horizon_s(site)
 
 
 def horizon_s(site: Site) -> float:
@@ -405,7 +358,7 @@ def stall_s(speedup: float) -> float:
     return STALL_REAL_S * speedup if speedup > 1 else 0.0
 
 
-def link_timeout_s(site: Site, dialect: Dialect, own: LinkFailsafe | None = None) -> float:
+def link_timeout_s(site: Site, dialect: missions.Dialect, own: LinkFailsafe | None = None) -> float:
     """Return the silence after which a vehicle of a site is lost: see `effective_link_timeout_s`."""
     return effective_link_timeout_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
 
@@ -415,17 +368,17 @@ def build_limits(site: Site) -> Limits:
     return Limits(**site.faults.model_dump(include={one.name for one in fields(Limits)}))
 
 
-def name_routes(ground: SiteModel, task: Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
+def name_routes(ground: SiteModel, task: missions.Task, plan: Plan) -> Mapping[str, tuple[int, ...]]:
     """Return each vehicle's visits of the network by its name."""
     routes = task.plan_to_network(plan).routes
     return {ground.names[route.vehicle]: route.visits for route in routes}
 
 
 def build_paths(
-    setup: FlightSetup,
+    setup: missions.FlightSetup,
     routes: Mapping[str, tuple[int, ...]],
     vehicles: Mapping[str, VehicleSetup] = MappingProxyType({}),
-) -> Mapping[str, FlightPath]:
+) -> Mapping[str, missions.FlightPath]:
     """Return the flight path of every vehicle that has something to do.
 
     Args:
@@ -436,7 +389,7 @@ def build_paths(
     return build_first_paths(setup, routes, find_layer_bound_vehicles(vehicles))
 
 
-def adjust_task_to_layers(ground: SiteModel, task: Task, plan: Plan) -> Task:
+def adjust_task_to_layers(ground: SiteModel, task: missions.Task, plan: Plan) -> missions.Task:
     """Return the task as its plan is flown: with the segments that vehicles inspect in their layers after all.
 
     A plan is made as if everybody came down to every line, which takes the longest.
@@ -449,23 +402,15 @@ def adjust_task_to_layers(ground: SiteModel, task: Task, plan: Plan) -> Task:
         high = {segment_of(visit) for visit in routes[name]} - find_low_segments(path, routes[name])
         layered[name] = layered.get(name, frozenset()) | {numbers[segment] for segment in high}
     pricing = replace(task.pricing, layered=layered)
-    return replace(task, instance=build_priced_instance(pricing, task.instance.vehicles), pricing=pricing)
-
-
-def fencing_of(site: Site) -> FenceRules | None:
-    """Return what a site says of fences; None if it says nothing."""
-    table = site.fence
-    if table is None:
-        return None
-    return FenceRules(table.enabled, table.margin_m, table.height_margin_m, table.action, table.rally)
+    return replace(task, instance=missions.build_priced_instance(pricing, task.instance.vehicles), pricing=pricing)
 
 
 def build_context(
     ground: SiteModel,
-    setup: FlightSetup,
-    task: Task,
+    setup: missions.FlightSetup,
+    task: missions.Task,
     own: Mapping[str, LinkFailsafe] = MappingProxyType({}),
-    performances: Mapping[str, Performance] = MappingProxyType({}),
+    performances: Mapping[str, missions.Performance] = MappingProxyType({}),
 ) -> Context:
     """Return everything that the decisions in flight may look at.
 
@@ -479,7 +424,7 @@ def build_context(
     site = ground.site
     vehicles: dict[str, VehicleSetup] = {}
     for table in site.vehicle:
-        dialect, pad = dialect_for(table.autopilot), setup.pad_of(table.name)
+        dialect, pad = missions.dialect_for(table.autopilot), setup.pad_of(table.name)
         failsafe, known = own.get(table.name), ground.learned.get(table.name)
         one = VehicleSetup(
             name=table.name,
@@ -518,6 +463,6 @@ def build_context(
         infers=site.flight.inferred == "count",
         offer_s=site.flight.offer_s,
         horizon_s=horizon_s(site),
-        fencing=fencing_of(site),
+        fencing=None if site.fence is None else FenceRules(**site.fence.model_dump()),
         camera_home=site.faults.camera == "home",
     )

@@ -32,6 +32,7 @@ from missions import (
 )
 from missions.areas import Area, AreaKind
 from missions.inspection_height import Routes, rearrange_routes
+from missions.plan_file import PlanFence
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -248,9 +249,11 @@ def build_site_plan_file(
     content = make_plan_file(
         ground.network, task, ground.travel, plan, cost, solved, window=window, inspection=ground.inspection,
     )  # fmt: skip
+    fence = ground.site.fence
     return replace(
         content, fly_again=may_fly_again(ground), terrain=site_model.build_plan_terrain(ground),
-        autopilots={one.name: one.autopilot for one in ground.site.vehicle}, fence=site_model.plan_fence(ground.site),
+        autopilots={one.name: one.autopilot for one in ground.site.vehicle},
+        fence=PlanFence(fence.margin_m, fence.rally) if fence is not None and fence.enabled else None,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hin
 
 from executor.adapters.web.documents import BesideFleet, BesideVehicle, PageAssets, PageChart
 from executor.core.fleet_view import FleetView
-from executor.site.ground_files import GroundDocument
+from executor.site.ground_view import GroundDocument
 from scripts.pages.schemas import docstrings
 
 TYPES = "../executor/adapters/web/documents.d.ts"

@@ -140,7 +140,7 @@ def site_page() -> str:
     words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
-        MADE.format(what="site models (executor/site/site_file.py and executor/site/tables)"),
+        MADE.format(what="site models (executor/site/site_file.py, site_tables.py and flight_tables.py)"),
         "",
         "# Site file",
         "",

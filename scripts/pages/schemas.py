@@ -12,31 +12,27 @@ from typing import Any
 from pydantic import BaseModel
 
 from executor.adapters.mqtt import intake, payloads
-from executor.analysis import documents, learned_document
+from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
-from executor.site import site_file
-from executor.site.tables import (
-    aircraft,
-    area_tables,
-    camera_tables,
-    day_tables,
-    fence_table,
-    flight,
-    ground,
-    links,
-    terrain_table,
+from executor.site import flight_tables, learned_files, site_file, site_tables
+from missions import (
+    areas,
+    flight_model,
+    geo,
+    plan_file,
+    plan_json,
+    pricing,
+    setup,
+    terrain,
 )
-from executor.site.tables import learned as learned_table
-from executor.site.tables import map as map_table
-from missions import areas, flight_model, geo, plan_file, plan_json, pricing, setup, terrain
 from missions import shortest_ways as ways
 from planner import moves
 
 FILES: dict[str, type[BaseModel]] = {
     "dayplan": plan_json.DayPlanDocument,
-    "learned": learned_document.LearnedDocument,
+    "learned": learned_files.LearnedDocument,
     "plan": plan_json.PlanDocument,
     "report": documents.FlightReport,
     "site": site_file.Site,
@@ -54,20 +50,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": payloads.TelemetryMessage,
     "vehicle-state": payloads.VehicleStateMessage,
 }
-SITE = (
-    site_file,
-    aircraft,
-    area_tables,
-    camera_tables,
-    day_tables,
-    fence_table,
-    flight,
-    ground,
-    learned_table,
-    links,
-    map_table,
-    terrain_table,
-)
+SITE = (site_file, site_tables, flight_tables)
 """The modules that the site file's keys are in."""
 PLAN = (
     areas,
@@ -93,7 +76,7 @@ def schemas() -> dict[str, str]:
         asset_status,
         *PLAN,
         documents,
-        learned_document,
+        learned_files,
         *SITE,
     )
     words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}

@@ -14,13 +14,12 @@ from shapely.geometry import Point, Polygon
 
 from benchmarks.virtual_day import DayScenario, VirtualDay
 from benchmarks.virtual_flight import FlightObservers, fly_virtual
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
-from executor.site.day_flight import build_first_sorties_plan
-from executor.site.day_problem import build_day_problem, solve_day
+from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from simulator.autopilot import STEP_S
 from simulator.config import AutopilotKind
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.simulator.harness import sim_vehicle
 
 SLICE_S = STEP_S

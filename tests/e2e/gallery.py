@@ -39,8 +39,7 @@ from executor.core.state.fleet_state import Briefing, CheckLine, FleetState, Ope
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
-from executor.site.ground_files import encode_ground
-from executor.site.ground_view import GroundView
+from executor.site.ground_view import GroundView, encode_ground
 from missions import Segment, Window, build_flight_path
 from tests.executor.builders import ground_for, site_of, with_facts
 from tests.fakes.flight import Story
@@ -92,7 +91,7 @@ def fleet(
     plain = network_of(list(places_m), list(pairs))
     segments = tuple(Segment(one.id, one.a, one.b, f"P{41 + one.a}-P{41 + one.b}") for one in plain.segments)
     ground = ground_for(site_of(tuple(ROUTES), **tables), replace(plain, segments=segments, source="gallery"))
-    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    setup, task = ground.setup, site_model.build_first_task(ground)
     context = site_model.build_context(ground, setup, task)
     boards: dict[str, OnboardMission | None] = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)

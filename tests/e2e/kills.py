@@ -25,8 +25,7 @@ from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from missions import Pad, write_plan
 from planner import Cost
-from simulator.fleet import run_fleet
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle, run_fleet
 from tests.e2e.flights import called, ended, notes, said_in, site_file
 from tests.e2e.judge import passes, segments_of
 
@@ -149,7 +148,7 @@ async def flown(folder: Path, seed: int) -> Outcome:
     write_plan(
         plan, site_planning.plan_site(ground, site_planning.PlanRequest(Cost.MINMAX, 0.3, seed, all_vehicles=True))
     )
-    setup, run = site_model.build_flight_setup(ground), folder / "run"
+    setup, run = ground.setup, folder / "run"
     witness = Witness({name: setup.pad_of(name) for name in ground.names})
     moments: list[str] = []
     async with _in_the_air(ground, faults, seed, witness):

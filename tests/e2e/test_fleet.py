@@ -13,10 +13,10 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned_document import build_learned_document, read_learned
 from executor.core.battery.kalman import Prior
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.replay.run_replay import replay_run
+from executor.site.learned_files import build_learned_document, read_learned
 from planner import PRESETS
 from simulator.truth import read_truths
 from tests.e2e.flights import (

@@ -17,8 +17,7 @@ from executor.simulated.simulated_fleet import fleet_of
 from executor.site import site_model
 from executor.site.site_file import read_site
 from simulator.config import SimFleet
-from simulator.fleet import run_fleet
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle, run_fleet
 from tests.e2e.flights import called, ended, said_in, site_file
 from tests.patience import PATIENCE_S
 

@@ -13,7 +13,7 @@ from playwright.async_api import expect
 
 from executor.core.context import DayRules
 from executor.core.fleet_view import build_fleet_view
-from executor.site.ground_files import encode_ground
+from executor.site.ground_view import encode_ground
 from missions import BreakingLoss, Window
 from tests.e2e.gallery import LAYOUTS, PLACES_M, Shown, browsing, scene_of
 from tests.executor.builders import with_facts

@@ -52,7 +52,7 @@ def fleet_of(
 ) -> Fleet:
     """Return a fleet over a line due east of the depot, pylons every 100 m; an empty route stays on the ground."""
     ground = ground_for(site_of(tuple(routes), autopilot, **tables), line_east(pylons))
-    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    setup, task = ground.setup, site_model.build_first_task(ground)
     context = site_model.build_context(ground, setup, task)
     boards = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)

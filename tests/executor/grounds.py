@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from executor.site.ground_view import GroundView, compute_shown_area
-from executor.site.hillshade import compute_hillshade
+from executor.site.ground_view import GroundView, compute_hillshade, compute_shown_area
 from missions.geo import FloatArray
 from missions.readers.background_files import Background, choose_grid_size
 

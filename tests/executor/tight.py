@@ -39,7 +39,7 @@ def tight_plan(seed: int, *, budget_pct: float = 9.0, **flight: object) -> tuple
         update={"vehicle": [table.model_copy(update={"budget_pct": budget_pct}) for table in site.vehicle]}
     )
     ground = ground_for(site, branching(SEGMENTS, seed))
-    setup, task = site_model.build_flight_setup(ground), site_model.build_first_task(ground)
+    setup, task = ground.setup, site_model.build_first_task(ground)
     plan = task.plan_to_network(solve(task.instance, cost=Cost.MINMAX, stop=Iterations(20_000), seed=seed).plan)
     context = site_model.build_context(ground, setup, task)
     boards = {

@@ -28,9 +28,9 @@ MODULES = {
         ("executor/core/**/*.py", "executor/analysis/flight_record.py", "missions/autopilots/dialect.py"),
         (
             "tests/executor/core",
-            "tests/executor/site/test_planned_heights.py",
+            "tests/executor/site/test_plan_summary_heights.py",
             "tests/executor/analysis/test_flight_record.py",
-            "tests/executor/analysis/test_read_run.py",
+            "tests/executor/analysis/test_flight_record_read_run.py",
             "tests/executor/replay/test_log_replay.py",
             "tests/executor/flight/test_publication.py",
             "tests/properties/test_outbox.py",

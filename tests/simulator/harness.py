@@ -10,13 +10,14 @@ from missions.items import Frame, MissionItem
 from simulator.airframe import Event
 from simulator.autopilot import STEP_S, Autopilot
 from simulator.config import AutopilotKind, SimVehicle
-from simulator.enums import MavCommand
+from simulator.fleet import make_autopilot
 from simulator.messages import (
     Body,
     Command,
     FieldValue,
     Heartbeat,
     ItemReceived,
+    MavCommand,
     MissionCount,
     MissionRequest,
     MissionRequestList,
@@ -25,7 +26,6 @@ from simulator.messages import (
     Received,
 )
 from simulator.truth import Truth
-from simulator.vehicle import make_autopilot
 
 GCS = Peer(255, 190)
 OTHER = Peer(254, 190)

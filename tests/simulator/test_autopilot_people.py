@@ -6,12 +6,10 @@ import math
 
 import pytest
 
-from simulator.config import AutopilotKind, SimFleet
-from simulator.enums import MavCommand, Severity
-from simulator.errors import FaultSpecError
-from simulator.faults import parse_fault
+from simulator.config import AutopilotKind, FaultSpecError, SimFleet, parse_fault
+from simulator.messages import MavCommand, Severity
 from tests.simulator.harness import LAND, sim_vehicle
-from tests.simulator.test_vehicle import KINDS, Flight
+from tests.simulator.test_fleet_vehicle import KINDS, Flight
 
 LOITERS = {AutopilotKind.ARDUPILOT: "LOITER", AutopilotKind.PX4: "POSCTL"}
 DRIFTS = {AutopilotKind.ARDUPILOT: "ALT_HOLD", AutopilotKind.PX4: "ALTCTL"}

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.config import AutopilotKind, Endpoint, SimFleet, parse_vehicle_endpoint
-from simulator.errors import EndpointError, FaultSpecError, FleetError
-from simulator.faults import parse_fault
+from simulator.config import (
+    AutopilotKind,
+    Endpoint,
+    EndpointError,
+    FaultSpecError,
+    FleetError,
+    SimFleet,
+    parse_fault,
+    parse_vehicle_endpoint,
+)
 from simulator.params import defaults_for
 from tests.simulator.harness import sim_vehicle
 
@@ -37,40 +44,16 @@ def test_another_connection_is_refused_in_one_line(connection: str) -> None:
     assert repr(connection) in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"sysid": 0}, "sysid is 0, expected 1 to 254"),
-        ({"sysid": 255}, "sysid is 255, expected 1 to 254"),
-        ({"charge_pct": 0.0}, "charge_pct is 0.0"),
-        ({"charge_pct": float("nan")}, "charge_pct is nan"),
-        ({"health": 0.0}, "health is 0.0"),
-        ({"consumption": -1.0}, "consumption is -1.0"),
-        ({"home_lat_deg": 95.0}, "home_lat_deg is 95.0"),
-        ({"home_alt_m": float("nan")}, "home_alt_m is nan"),
-    ],
-)
-def test_a_bad_figure_is_named(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(FleetError) as caught:
-        sim_vehicle(AutopilotKind.PX4, **changes)
-    assert words in str(caught.value)
-
-
 def test_an_unknown_parameter_is_named() -> None:
     vehicle = sim_vehicle(AutopilotKind.PX4, parameters={"RTL_ALT": 1500})
     with pytest.raises(FleetError, match="no parameter 'RTL_ALT', expected one of BAT1_CAPACITY"):
         defaults_for(vehicle, 5000)
 
 
-def test_vehicles_must_be_told_apart() -> None:
+def test_vehicles_must_be_told_apart_by_where_they_listen() -> None:
     one = sim_vehicle(AutopilotKind.PX4)
-    for twin, words in (
-        (sim_vehicle(AutopilotKind.PX4, sysid=12, connection="udpin://127.0.0.1:1"), "name uav1"),
-        (sim_vehicle(AutopilotKind.PX4, name="uav2", connection="udpin://127.0.0.1:1"), "sysid 11"),
-        (sim_vehicle(AutopilotKind.PX4, name="uav2", sysid=12), "connection udpout://127.0.0.1:14550"),
-    ):
-        with pytest.raises(FleetError, match=words):
-            SimFleet((one, twin))
+    with pytest.raises(FleetError, match=r"connection udpout://127\.0\.0\.1:14550"):
+        SimFleet((one, sim_vehicle(AutopilotKind.PX4, name="uav2", sysid=12)))
 
 
 def test_several_vehicles_may_call_one_port() -> None:
@@ -79,13 +62,6 @@ def test_several_vehicles_may_call_one_port() -> None:
         for number in (1, 2, 3)
     )
     assert len(SimFleet(vehicles).vehicles) == 3
-
-
-def test_an_empty_fleet_and_a_bad_speed_are_refused() -> None:
-    with pytest.raises(FleetError, match="at least one vehicle"):
-        SimFleet(())
-    with pytest.raises(FleetError, match="speedup is 0"):
-        SimFleet((sim_vehicle(AutopilotKind.PX4),), speedup=0)
 
 
 def test_a_fault_of_nobody_is_refused() -> None:

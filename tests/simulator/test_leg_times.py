@@ -9,9 +9,8 @@ import pytest
 
 from missions.items import MissionItem
 from simulator.config import AutopilotKind
+from simulator.leg_trajectories import Axis, LegLimits, SCurve, braking_speed_m_s, overlap_s
 from simulator.physics import Vector
-from simulator.px4_velocity_smoothing import Axis, braking_speed_m_s
-from simulator.scurves import LegLimits, SCurve, overlap_s
 from tests.simulator.harness import Operator, land, numbered, speed, takeoff, waypoint
 
 AP, PX4 = AutopilotKind.ARDUPILOT, AutopilotKind.PX4

@@ -8,8 +8,7 @@ import pytest
 
 from missions.items import Command, Frame, MissionItem
 from simulator.config import AutopilotKind
-from simulator.enums import MavCommand
-from simulator.messages import MissionClearAll, MissionCount, MissionSetCurrent
+from simulator.messages import MavCommand, MissionClearAll, MissionCount, MissionSetCurrent
 from simulator.px4 import Px4
 from tests.simulator.harness import (
     OTHER,

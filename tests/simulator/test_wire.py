@@ -7,9 +7,10 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from simulator import enums
+from simulator import messages
 from simulator.config import AutopilotKind
 from simulator.messages import (
+    MESSAGE_IDS,
     MissionRequest,
     ParamRequestRead,
     Ping,
@@ -18,7 +19,6 @@ from simulator.messages import (
     build_message,
     split_status_text,
 )
-from simulator.streams import MESSAGE_IDS
 from simulator.wire import READERS, Codec
 from tests.simulator.harness import Operator, numbered, rtl, speed, takeoff, waypoint
 
@@ -40,9 +40,9 @@ def test_every_message_of_a_flight_packs_and_reads_back(kind: AutopilotKind) -> 
     op.send(ParamRequestRead("", 0))
     op.send(Timesync(0, 123))
     op.send(Ping(1, 2, 0))
-    op.command(enums.MavCommand.GET_MESSAGE_INTERVAL, 33)
+    op.command(messages.MavCommand.GET_MESSAGE_INTERVAL, 33)
     for number in MESSAGE_IDS.values():
-        op.command(enums.MavCommand.REQUEST_MESSAGE, number)
+        op.command(messages.MavCommand.REQUEST_MESSAGE, number)
     op.run_until(lambda: not op.vehicle.frame.armed)
     others = (
         {"EKF_STATUS_REPORT", "WIND", "FENCE_STATUS"} if kind is AutopilotKind.PX4 else {"WIND_COV", "ESTIMATOR_STATUS"}
@@ -116,7 +116,7 @@ def test_numbers_are_pymavlinks() -> None:
         "LandedState": "MAV_LANDED_STATE_",
     }
     for enum_name, prefix in prefixes.items():
-        for member in getattr(enums, enum_name):
+        for member in getattr(messages, enum_name):
             assert getattr(dialect, prefix + member.name) == member.value
     for name in READERS:
         assert hasattr(dialect, f"MAVLink_{name.lower()}_message")

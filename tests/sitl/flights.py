@@ -220,7 +220,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     order = FlightRequest(ground.site, folder, ground, plan, folder / "run", lambda _: ())
     order.run.mkdir()
     write_run_start(order)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(
         pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
     )

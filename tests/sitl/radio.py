@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 from pymavlink.dialects.v20 import common as mav
 
-from simulator.channel import QUEUE_BYTES
+from simulator.fleet import QUEUE_BYTES
 
 HOST = "127.0.0.1"
 DATAGRAM = 65536

@@ -119,7 +119,7 @@ def fly_a_day(autopilot: Autopilot, tmp_path: Path, more: dict[str, object]) -> 
     site, day, run = tmp_path / "site.toml", tmp_path / "day.json", tmp_path / "run"
     site.write_text(tomli_w.dumps(tables))
     ground = site_model.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
     assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]

@@ -86,7 +86,7 @@ def test_after_a_flight_and_after_a_death(autopilot: Autopilot, tmp_path: Path) 
     site, run, again = tmp_path / "site.toml", tmp_path / "run", tmp_path / "again"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
     ground = site_model.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         # Once they are ready they set nothing by themselves until they fly.

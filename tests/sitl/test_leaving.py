@@ -88,7 +88,7 @@ def test_who_is_given_a_mission_as_the_operator_leaves_has_a_whole_one(autopilot
     site, run = tmp_path / "site.toml", tmp_path / "run"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
     ground = site_model.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset(NAMES))
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         said = asyncio.run(left_in_an_upload(site, run, vehicles))

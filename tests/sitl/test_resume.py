@@ -46,7 +46,7 @@ def test_killed_in_flight(autopilot: Autopilot, tmp_path: Path) -> None:
     site, run = tmp_path / "site.toml", tmp_path / "run"
     site.write_text(tomli_w.dumps(content.model_dump(exclude_none=True, mode="json")))
     ground = site_model.load_site_model(content, tmp_path)
-    pads = {pad.vehicle: pad for pad in site_model.build_flight_setup(ground).pads}
+    pads = {pad.vehicle: pad for pad in ground.setup.pads}
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted):
         report = asyncio.run(flown_with_a_death(site, run))

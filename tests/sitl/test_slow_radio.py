@@ -18,7 +18,7 @@ from executor.flight import open_links
 from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.simulated.demo_site import build_demo_site
+from executor.simulated.simulated_fleet import build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
@@ -67,7 +67,7 @@ def test_a_checklist_and_missions_over_a_slow_radio(autopilot: Autopilot, tmp_pa
     if autopilot.binary is None:
         pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
     ground = ground_of(tmp_path, autopilot)
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     pads = {pad.vehicle: pad for pad in setup.pads}
     wanted = Wanted(pads, ground.network.frame, 1.0, {}, frozenset())
     order = FlightRequest(ground.site, tmp_path, ground, shared(ground), tmp_path, lambda _: ())

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from executor.analysis.flight_record import SegmentRecord
-from executor.analysis.read_run import read_run
+from executor.analysis.flight_record import SegmentRecord, read_run
 from tests.e2e.judge import wrongly_counted
 from tests.sitl.flights import NAMES, VICTIM, Flown
 

@@ -9,7 +9,7 @@ from enum import Enum
 
 from executor.core.interface.intents import Action, IntentRecord
 from executor.core.state.fleet_state import FleetState
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 
 MISSION = {
     "ardupilot": {"hold": "LOITER", "soft": "ALT_HOLD", "pause": "BRAKE", "mission": "AUTO"},

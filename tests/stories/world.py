@@ -33,10 +33,9 @@ from executor.runtime.flight_loop import Flight
 from executor.site import site_model
 from missions import Network, dialect_for, encode
 from planner import PRESETS
-from simulator.config import AutopilotKind, SimVehicle
-from simulator.faults import parse_fault
+from simulator.config import AutopilotKind, SimVehicle, parse_fault
+from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
-from simulator.vehicle import SimulatedVehicle
 from tests.executor.builders import ground_for, site_of
 from tests.fakes.solver import FakeSolver
 from tests.missions.builders import line_east
@@ -117,7 +116,7 @@ class Sky(MemoryFlight, World):
         flight = {"fly_again": "ask", "offer_s": OFFER_S, **story.tables.get("flight", {})}
         site = site_of(tuple(story.fleet), autopilot, **{**story.tables, "flight": flight})
         self._ground = ground_for(site, self._network())
-        self._setup = site_model.build_flight_setup(self._ground)
+        self._setup = self._ground.setup
         radios = {table.name: self._radio(self._craft(table.name, table.sysid)) for table in site.vehicle}
         super().__init__(radios, FakeSolver(takes_s=story.solve_s), Sink())
         self.shown: list[Shown] = []

@@ -12,6 +12,7 @@ from benchmarks.virtual.radio import MemoryRadio
 from executor.adapters.mavlink.codec import DecodedFrame
 from executor.adapters.mavlink.link import discard_frame
 from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
+from simulator.fleet import STATION, SimulatedVehicle
 from simulator.messages import (
     ItemReceived,
     MissionCount,
@@ -21,7 +22,6 @@ from simulator.messages import (
 )
 from simulator.messages import Received as Order
 from simulator.truth import Truth
-from simulator.vehicle import STATION, SimulatedVehicle
 from simulator.wire import Codec as Transmitter
 from tests.storm.plot import Happening
 

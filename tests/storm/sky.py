@@ -22,7 +22,7 @@ from executor.errors import ConnectionFailed
 from executor.runtime.flight_loop import Flight
 from missions import Network
 from simulator.config import SimVehicle
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.stories.story import Answers, Story
 from tests.stories.world import Flown, Sky
 from tests.storm.air import STEP_S, Air, suffers

@@ -224,7 +224,7 @@ export interface PageVehicle {
 export interface HillshadePart {
   file: string;
   interval_m: number;
-  contours: ContourPart[];
+  contours: Contour[];
   heights: GroundHeightsPart;
 }
 
@@ -346,9 +346,10 @@ export interface PageRoute {
   segments: number[];
 }
 
-/** A line of one height, above mean sea level. */
-export interface ContourPart {
+/** One line of one height. */
+export interface Contour {
   height_m: number;
+  /** East and north. */
   places_m: [number, number][];
   bold: boolean;
 }

@@ -10,15 +10,15 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from executor.analysis.pictures.battery_figure import draw_battery_figure
-from executor.analysis.pictures.front_figure import FrontPoint, draw_front_figure
-from executor.analysis.pictures.gantt_figure import draw_gantt_figure
-from executor.analysis.pictures.map_figures import draw_flight_figure, draw_plan_figure
-from executor.analysis.pictures.network_figure import draw_network_figure
-from executor.analysis.pictures.profile_figure import draw_profile_figure
-from executor.analysis.pictures.risk_figure import draw_risk_figure
+from executor.analysis.pictures.battery_figure import draw_battery_figure, draw_window_figure
+from executor.analysis.pictures.chart_figures import (
+    draw_front_figure,
+    draw_gantt_figure,
+    draw_profile_figure,
+    draw_risk_figure,
+)
+from executor.analysis.pictures.map_figures import draw_flight_figure, draw_network_figure, draw_plan_figure
 from executor.analysis.pictures.style import DPI
-from executor.analysis.pictures.window_figure import draw_window_figure
 from missions.files import write_whole
 
 

@@ -1,4 +1,4 @@
-"""The map of a plan, and the map of a flight beside the plan that it began with."""
+"""The maps: of a network, of a plan, and of a flight beside the plan that it began with."""
 
 from __future__ import annotations
 
@@ -10,31 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from executor.analysis.flight_record import (
-    GAP_S,
-    FlightRecord,
-    Place,
-    PlannedRoute,
-    SegmentRecord,
-    VehicleRecord,
-    build_launch_revision,
-    find_abandoned_segments,
-    find_last_row,
-)
-from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m, to_place
-from executor.analysis.pictures.map_background import draw_below
-from executor.analysis.pictures.map_sheet import (
-    MapSheet,
-    build_area_handles,
-    draw_areas,
-    draw_ground,
-    draw_legend,
-    make_sheet,
-)
+from executor.analysis import flight_record
+from executor.analysis.pictures import map_sheet
 from executor.analysis.pictures.style import (
+    COLOURS,
     FAINT,
     INK,
     LOSS,
@@ -46,7 +29,7 @@ from executor.analysis.pictures.style import (
 )
 from executor.core.formatting import format_flight_time
 from executor.site.ground_view import GroundView
-from missions import PlanFile
+from missions import NetworkImport, PlanFile
 from missions.geo import FloatArray
 from missions.pricing import DEPOT_M
 
@@ -75,25 +58,25 @@ AGAIN = _RouteStyle(1.5, 1.0, dashed=True)
 def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Figure:
     """Return the map of a plan, over the ground if that is known."""
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
-    routes = build_launch_revision(content).routes
+    routes = flight_record.build_launch_revision(content).routes
     handles = [
         *_build_vehicle_handles(styles),
         *_build_first_handles(),
         *_build_ground_handles(pads=False),
-        *build_area_handles(content.areas),
+        *map_sheet.build_area_handles(content.areas),
     ]
     places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
-    sheet = make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
-    sheet = draw_below(sheet, ground, np.concatenate(places))
-    draw_areas(sheet.panels[0], content.areas)
+    sheet = map_sheet.make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
+    sheet = map_sheet.draw_below(sheet, ground, np.concatenate(places))
+    map_sheet.draw_areas(sheet.panels[0], content.areas)
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
-    draw_legend(sheet, handles)
+    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
-def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -> Figure:
+def draw_flight_figure(record: flight_record.FlightRecord, ground: GroundView | None = None) -> Figure:
     """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
     ends = np.array(_get_segment_ends(record.segments)).reshape(-1, 2, 2)
@@ -104,17 +87,17 @@ def draw_flight_figure(record: FlightRecord, ground: GroundView | None = None) -
         *_build_flown_handles(record),
         *_build_ground_handles(pads=True),
     ]
-    handles += build_area_handles(record.areas)
+    handles += map_sheet.build_area_handles(record.areas)
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
     names = ["First plan", "As flown"]
-    sheet = make_sheet(shown, _compose_title(record), names, len(handles))
-    sheet = draw_below(sheet, ground, shown)
+    sheet = map_sheet.make_sheet(shown, _compose_title(record), names, len(handles))
+    sheet = map_sheet.draw_below(sheet, ground, shown)
     for axes in sheet.panels:
-        draw_areas(axes, record.areas)
+        map_sheet.draw_areas(axes, record.areas)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
-    draw_legend(sheet, handles)
+    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
@@ -125,7 +108,7 @@ def _describe_choice(content: PlanFile) -> str:
     return f"{content.cost_name} {content.cost_value:.2f}"
 
 
-def _compose_title(record: FlightRecord) -> str:
+def _compose_title(record: flight_record.FlightRecord) -> str:
     """Return in a line what became of the flight."""
     total, missing = (count + len(record.never) for count in (len(record.segments), len(record.uncovered_segments)))
     text = f"{total - missing} of {total} segments inspected"
@@ -134,32 +117,34 @@ def _compose_title(record: FlightRecord) -> str:
 
 
 def _draw_first(
-    sheet: MapSheet,
+    sheet: map_sheet.MapSheet,
     axes: Axes,
     ends_m: FloatArray,
-    routes: Sequence[PlannedRoute],
+    routes: Sequence[flight_record.PlannedRoute],
     styles: Mapping[str, VehicleStyle],
-    pads_m: Sequence[Place],
+    pads_m: Sequence[flight_record.Place],
 ) -> None:
-    draw_ground(axes, ends_m, pads_m)
+    map_sheet.draw_ground(axes, ends_m, pads_m)
     for route in routes:
         _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
-    middles = {route.vehicle: _compute_middles_m(_split_inspected_lines_m(route)) for route in routes}
+    inspected = {route.vehicle: zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True) for route in routes}
+    middles = {name: _compute_middles_m(lines) for name, lines in inspected.items()}
     placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
     _label_vehicles(axes, sheet, placer, middles, styles)
 
 
 def _draw_flown(
-    sheet: MapSheet,
+    sheet: map_sheet.MapSheet,
     axes: Axes,
-    record: FlightRecord,
+    record: flight_record.FlightRecord,
     styles: Mapping[str, VehicleStyle],
     ends_m: FloatArray,
-    pads_m: Sequence[Place],
+    pads_m: Sequence[flight_record.Place],
 ) -> None:
-    draw_ground(axes, ends_m, pads_m)
-    for left in find_abandoned_segments(record):
-        _draw_reassigned(axes, left.segment)
+    map_sheet.draw_ground(axes, ends_m, pads_m)
+    for segment, _ in flight_record.find_abandoned_segments(record):
+        ends = zip(segment.a_m, segment.b_m, strict=True)
+        axes.plot(*ends, color=PAPER, lw=LEFT_PT, zorder=2, path_effects=make_dark_edge(LEFT_PT))
     for vehicle in record.vehicles:
         _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
     for revision in record.revisions[1:]:
@@ -169,7 +154,7 @@ def _draw_flown(
         axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
     placer = _make_placer(sheet, ends_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles))
     _label_events(axes, sheet, placer, record, styles)
-    inspected: dict[str, list[SegmentRecord]] = {}
+    inspected: dict[str, list[flight_record.SegmentRecord]] = {}
     for segment in record.segments:
         if segment.inspected_by is not None:
             inspected.setdefault(segment.inspected_by, []).append(segment)
@@ -177,7 +162,7 @@ def _draw_flown(
     _label_vehicles(axes, sheet, placer, middles, styles)
 
 
-def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
+def _draw_route(axes: Axes, route: flight_record.PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
     way = np.array(route.way_m)
     # From the start on, every other leg is an inspection; the rest is transit.
     for first, width_pt in ((0, look.transit_pt), (1, look.inspecting_pt)):
@@ -193,27 +178,26 @@ def _draw_route(axes: Axes, route: PlannedRoute, style: VehicleStyle, look: _Rou
                   solid_capstyle="round")  # fmt: skip
 
 
-def _draw_track(axes: Axes, vehicle: VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
+def _draw_track(axes: Axes, vehicle: flight_record.VehicleRecord, style: VehicleStyle, *, edged: bool) -> None:
     track = vehicle.track
     if len(track) == 0:
         return
-    gaps = np.flatnonzero(np.diff(track[:, 0]) > GAP_S) + 1
+    gaps = np.flatnonzero(np.diff(track[:, 0]) > flight_record.GAP_S) + 1
     shown = np.insert(track[:, 1:3], gaps, np.nan, axis=0)
     effects = make_white_edge(5.4) if edged else []
     axes.plot(shown[:, 0], shown[:, 1], color=style.colour, lw=3.4, alpha=0.5, zorder=3, solid_capstyle="round",
               path_effects=effects)  # fmt: skip
 
 
-def _draw_reassigned(axes: Axes, segment: SegmentRecord) -> None:
-    effects = make_dark_edge(LEFT_PT)
-    axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=PAPER, lw=LEFT_PT, zorder=2, path_effects=effects)
-
-
 def _label_events(
-    axes: Axes, sheet: MapSheet, placer: LabelPlacer, record: FlightRecord, styles: Mapping[str, VehicleStyle]
+    axes: Axes,
+    sheet: map_sheet.MapSheet,
+    placer: map_sheet.LabelPlacer,
+    record: flight_record.FlightRecord,
+    styles: Mapping[str, VehicleStyle],
 ) -> None:
     for vehicle, fault in record.losses:
-        row = find_last_row(vehicle, fault.detected_s)
+        row = flight_record.find_last_row(vehicle, fault.detected_s)
         if row is not None:
             place_m = vehicle.track[row, 1:3]
             axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
@@ -228,17 +212,17 @@ def _label_events(
         _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(group)), words, LOSS)
 
 
-def _group_handovers(record: FlightRecord) -> list[tuple[str, str, list[SegmentRecord]]]:
-    found: dict[tuple[str, str], list[SegmentRecord]] = {}
-    for left in find_abandoned_segments(record):
-        if left.segment.inspected_by is not None:
-            found.setdefault((left.left_by, left.segment.inspected_by), []).append(left.segment)
+def _group_handovers(record: flight_record.FlightRecord) -> list[tuple[str, str, list[flight_record.SegmentRecord]]]:
+    found: dict[tuple[str, str], list[flight_record.SegmentRecord]] = {}
+    for segment, left_by in flight_record.find_abandoned_segments(record):
+        if segment.inspected_by is not None:
+            found.setdefault((left_by, segment.inspected_by), []).append(segment)
     return [(left_by, by, segments) for (left_by, by), segments in found.items()]
 
 
-def group_connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecord]]:
+def group_connected(segments: Iterable[flight_record.SegmentRecord]) -> list[list[flight_record.SegmentRecord]]:
     """Return the segments in groups that hang together, each in the order given."""
-    groups: list[tuple[set[Place], list[SegmentRecord]]] = []
+    groups: list[tuple[set[flight_record.Place], list[flight_record.SegmentRecord]]] = []
     for segment in segments:
         ends = {(round(end[0], 1), round(end[1], 1)) for end in (segment.a_m, segment.b_m)}
         touched = [group for group in groups if group[0] & ends]
@@ -249,7 +233,7 @@ def group_connected(segments: Iterable[SegmentRecord]) -> list[list[SegmentRecor
 
 
 def _draw_callout(
-    axes: Axes, sheet: MapSheet, placer: LabelPlacer, anchors_m: FloatArray, words: str, colour: str
+    axes: Axes, sheet: map_sheet.MapSheet, placer: map_sheet.LabelPlacer, anchors_m: FloatArray, words: str, colour: str
 ) -> None:
     lines = words.split("\n")
     size_m = (
@@ -273,36 +257,37 @@ def _draw_callout(
 
 def _label_vehicles(
     axes: Axes,
-    sheet: MapSheet,
-    placer: LabelPlacer,
+    sheet: map_sheet.MapSheet,
+    placer: map_sheet.LabelPlacer,
     middles: Mapping[str, FloatArray],
     styles: Mapping[str, VehicleStyle],
 ) -> None:
     """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
     for name, places in middles.items():
         others = [other for key, other in middles.items() if key != name]
-        best = find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
+        best = map_sheet.find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
         _draw_callout(axes, sheet, placer, places[best : best + 1], name, styles[name].colour)
 
 
-def _make_placer(sheet: MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> LabelPlacer:
+def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> map_sheet.LabelPlacer:
     """Return a placer that keeps off the segments and off (n, 2) ways."""
     step_m = 0.05 * sheet.m_per_in
-    drawn = [sample_line_m(to_place(a_m), to_place(b_m), step_m) for a_m, b_m in ends_m]
+    drawn = [map_sheet.sample_line_m(map_sheet.to_place(a_m), map_sheet.to_place(b_m), step_m) for a_m, b_m in ends_m]
     for way in ways_m:
-        drawn += [sample_line_m(to_place(here), to_place(there), step_m) for here, there in itertools.pairwise(way)]
-    return LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
+        drawn += [
+            map_sheet.sample_line_m(map_sheet.to_place(here), map_sheet.to_place(there), step_m)
+            for here, there in itertools.pairwise(way)
+        ]
+    return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
 
 
-def _split_inspected_lines_m(route: PlannedRoute) -> list[tuple[Place, Place]]:
-    return list(zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True))
-
-
-def _get_segment_ends(segments: Iterable[SegmentRecord]) -> list[tuple[Place, Place]]:
+def _get_segment_ends(
+    segments: Iterable[flight_record.SegmentRecord],
+) -> list[tuple[flight_record.Place, flight_record.Place]]:
     return [(segment.a_m, segment.b_m) for segment in segments]
 
 
-def _compute_middles_m(ends_m: Iterable[tuple[Place, Place]]) -> FloatArray:
+def _compute_middles_m(ends_m: Iterable[tuple[flight_record.Place, flight_record.Place]]) -> FloatArray:
     return np.array([np.mean(pair, axis=0) for pair in ends_m]).reshape(-1, 2)
 
 
@@ -317,13 +302,13 @@ def _build_first_handles() -> list[Artist]:
     ]
 
 
-def _build_flown_handles(record: FlightRecord) -> list[Artist]:
+def _build_flown_handles(record: flight_record.FlightRecord) -> list[Artist]:
     handles: list[Artist] = [Line2D([], [], color=INK, lw=3.4, alpha=0.4, label="flown")]
     if len(record.revisions) > 1:
         handles.append(Line2D([], [], color=INK, lw=AGAIN.inspecting_pt, ls=style_of(0).dashes, label="re-planned"))
     if record.losses:
         handles.append(Line2D([], [], ls="", marker="X", ms=11, mfc=LOSS, mec=PAPER, label="lost"))
-    if find_abandoned_segments(record):
+    if flight_record.find_abandoned_segments(record):
         handles.append(
             Line2D([], [], color=PAPER, lw=6.0, label="left by a lost vehicle", path_effects=make_dark_edge(6.0))
         )
@@ -340,3 +325,56 @@ def _build_ground_handles(*, pads: bool) -> list[Artist]:
     if pads:
         handles.append(Line2D([], [], ls="", marker="s", ms=4.5, mfc=PAPER, mec=INK, label="pads"))
     return handles
+
+
+NAMED_POLES = 60
+"""Beyond so many, their names hide each other."""
+DOTTED_POLES = 1000
+"""Beyond so many, their dots hide the lines' colours."""
+LETTERS = 24
+"""Of a line's name below the map."""
+
+
+def draw_network_figure(understood: NetworkImport) -> Figure:
+    """Return the map of a network; the longest lines have colours of their own."""
+    network = understood.network
+    lines = [understood.lines.get(segment.label, "") for segment in network.segments]
+    lengths_m: dict[str, float] = {}
+    for line, length_m in zip(lines, network.lengths_m.tolist(), strict=True):
+        lengths_m[line] = lengths_m.get(line, 0.0) + length_m
+    longest = sorted(lengths_m, key=lambda line: -lengths_m[line])[: len(COLOURS)]
+    colours = {line: COLOURS[number] for number, line in enumerate(longest)}
+    handles: list[Artist] = [
+        Line2D([], [], color=colour, lw=3.0, label=_shorten_name(line)) for line, colour in colours.items()
+    ]
+    if len(lengths_m) > len(longest):
+        handles.append(Line2D([], [], color=FAINT, lw=3.0, label=f"{len(lengths_m) - len(longest)} more lines"))
+    if len(network.pylons) <= DOTTED_POLES:
+        handles.append(Line2D([], [], ls="", marker="o", ms=4, mfc=INK, mec=INK, label="poles"))
+    if understood.has_depot:
+        handles.append(Line2D([], [], ls="", marker="*", ms=11, mfc=INK, mec=PAPER, label="depot"))
+    shown_m = network.positions_m
+    if understood.has_depot:
+        shown_m = np.concatenate((shown_m, np.zeros((1, 2))))
+    title = f"{len(network.segments)} spans, {network.lengths_m.sum() / 1000:.1f} km, {len(network.pylons)} poles"
+    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], len(handles))
+    axes = sheet.panels[0]
+    shades = [colours.get(line, FAINT) for line in lines]
+    axes.add_collection(LineCollection(list(network.ends_m), colors=shades, linewidths=2.0, zorder=2), autolim=False)
+    if len(network.pylons) <= DOTTED_POLES:
+        axes.plot(network.positions_m[:, 0], network.positions_m[:, 1], ls="", marker="o", ms=3.0, color=INK, zorder=3)
+    if understood.has_depot:
+        axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
+    if len(network.pylons) <= NAMED_POLES:
+        for pylon, (east_m, north_m) in zip(network.pylons, network.positions_m.tolist(), strict=True):
+            axes.annotate(_shorten_name(pylon.id), (east_m, north_m), xytext=(4, 4),
+            textcoords="offset points", fontsize=7,
+                          color=INK, path_effects=make_white_edge(2.0), zorder=5)  # fmt: skip
+    map_sheet.draw_legend(sheet, handles)
+    return sheet.figure
+
+
+def _shorten_name(name: str) -> str:
+    """Return a name that has room; a dollar sign would begin a formula."""
+    text = name if len(name) <= LETTERS else f"{name[: LETTERS - 3]}..."
+    return text.replace("$", r"\$") or "no line's name"

@@ -1,22 +1,115 @@
-"""A sheet of maps: panels of one scale side by side or above each other, a title, and a legend below all of them."""
+"""A sheet of maps: panels of one scale, what lies below them, where words go, a title and a legend."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, Polygon, Rectangle
 
 from executor.analysis.flight_record import Place
-from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, make_white_edge
+from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, make_figure, make_white_edge
+from executor.site.ground_view import Contour, GroundView
 from missions.areas import Area, AreaKind
 from missions.geo import FloatArray
+from missions.readers.background_files import Background, Pixels
+
+DIRECTIONS = 24
+REACHES = (0.7, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6)
+"""How far from what it names a label is tried, in its own widths."""
+COVERED = 40.0
+"""What one covered point weighs, in label heights of distance."""
+
+
+def sample_line_m(begin_m: Place, end_m: Place, step_m: float) -> FloatArray:
+    """Return (n, 2) float64, points on a straight line at most a step apart, both ends included."""
+    count = max(2, math.ceil(math.dist(begin_m, end_m) / step_m) + 1)
+    return np.linspace(begin_m, end_m, count)
+
+
+class LabelPlacer:
+    """Finds room for one label after the other, each with a leader to what it names; each takes the room it gets."""
+
+    def __init__(self, taken_m: FloatArray, low_m: Place, high_m: Place) -> None:
+        """Begin with (n, 2) points that should stay visible, and the corners of the map."""
+        self._taken_m = taken_m
+        self._words_m = np.zeros((0, 2))
+        self._low_m = np.array(low_m)
+        self._high_m = np.array(high_m)
+
+    def place_label(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[Place, Place]:
+        """Return where a label's leader begins and where the label's middle lies.
+
+        Args:
+            anchors_m: (n, 2) places, any of which the label may name.
+            size_m: The label's width and height.
+        """
+        size = np.array(size_m)
+        anchors, middles = self._generate_candidates(anchors_m, size)
+        nearness = np.hypot(*(middles - anchors).T) / size[1]
+        best, best_price = 0, math.inf
+        for index in np.argsort(nearness, kind="stable"):
+            if nearness[index] >= best_price:
+                break  # whatever is farther costs more than this by its distance alone
+            price = float(nearness[index]) + COVERED * self._count_hidden(anchors[index], middles[index], size)
+            if price < best_price:
+                best, best_price = int(index), price
+        self._occupy(anchors[best], middles[best], size)
+        return to_place(anchors[best]), to_place(middles[best])
+
+    def _generate_candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (c, 2) anchors and (c, 2) middles of labels about them, inside the map."""
+        angles = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+        ring = np.column_stack((np.cos(angles), np.sin(angles)))
+        # Ellipses as flat as the label, yet never nearer than two heights above or below.
+        radii = [(reach * size[0], max(reach * size[0] / 2.0, 2.0 * size[1])) for reach in REACHES]
+        offsets = np.concatenate([ring * radius for radius in radii])
+        anchors = np.repeat(anchors_m, len(offsets), axis=0)
+        middles = anchors + np.tile(offsets, (len(anchors_m), 1))
+        return anchors, np.clip(middles, self._low_m + size / 2.0, self._high_m - size / 2.0)
+
+    def _count_hidden(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> int:
+        """Return how many points the label would hide, and its leader of the words that lie already."""
+        hidden = (np.abs(self._taken_m - middle) <= 0.6 * size).all(axis=1).sum()
+        # Of words, a point is as far from the next as a twelfth of their height.
+        crossed = nearest_distance_m(_sample_leader_m(anchor, middle), self._words_m) < size[1] / 6.0
+        return int(hidden + crossed.sum())
+
+    def _occupy(self, anchor: FloatArray, middle: FloatArray, size: FloatArray) -> None:
+        axes = [np.linspace(-0.5, 0.5, 13) * side for side in size]
+        box = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2) + middle
+        self._words_m = np.concatenate((self._words_m, box))
+        self._taken_m = np.concatenate((self._taken_m, box, _sample_leader_m(anchor, middle)))
+
+
+def to_place(point_m: FloatArray) -> Place:
+    """Return a point as a tuple."""
+    return float(point_m[0]), float(point_m[1])
+
+
+def _sample_leader_m(anchor_m: FloatArray, middle_m: FloatArray) -> FloatArray:
+    return np.linspace(anchor_m, middle_m, 24)[1:]
+
+
+def nearest_distance_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    """Return (n,) float64: how far each of (n, 2) places is from the nearest of (m, 2) others; infinite without any."""
+    if len(others_m) == 0:
+        return np.full(len(places_m), math.inf)
+    apart_m = np.hypot(*(places_m[:, np.newaxis] - others_m).transpose(2, 0, 1))
+    return np.asarray(apart_m.min(axis=1), dtype=np.float64)
+
+
+def find_farthest(candidates_m: FloatArray, others_m: FloatArray) -> int:
+    """Return which of (n, 2) places is the farthest from all of (m, 2) others; the first if there are no others."""
+    return int(nearest_distance_m(candidates_m, others_m).argmax())
+
 
 MARGIN_IN = 0.15
 TITLE_IN = 0.5
@@ -65,10 +158,7 @@ def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_en
     legend_in = LEGEND_ROW_IN * math.ceil(legend_entries / LEGEND_COLUMNS) + MARGIN_IN
     row_in = PANEL_TITLE_IN + height_in + STRIP_IN + MARGIN_IN
     total_in = TITLE_IN + rows * row_in + legend_in
-    figure = Figure(figsize=(WIDTH_IN, total_in), facecolor=PAPER)
-    figure.text(
-        MARGIN_IN / WIDTH_IN, 1.0 - 0.3 / total_in, title, fontsize=14, fontweight="bold", color=INK, va="center"
-    )
+    figure = make_figure(total_in, title)
     made = []
     for index, name in enumerate(panels):
         row, column = divmod(index, beside)
@@ -170,3 +260,123 @@ def round_length_m(most_m: float) -> float:
     """
     power = 10.0 ** math.floor(math.log10(most_m))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most_m)
+
+
+SHADE = 0.45
+"""How strong the relief is: what is drawn over it must be told from it."""
+VEIL = 0.42
+"""White over a picture of the ground, for the same reason."""
+CONTOUR = "#6b5138"
+"""Brown, as on maps; of no vehicle's lightness where it is drawn so thin."""
+FAINT_TEXT = "#666666"
+BEHIND = -5.0
+LABELS = 10
+TRIED = 25
+"""Places along a contour line that are looked at for its height."""
+LABEL_IN = 0.9
+"""A contour line that is shorter than this has no room for its height."""
+LETTERS_PER_IN = 15.0
+
+
+def draw_below(sheet: MapSheet, view: GroundView | None, shown_m: FloatArray) -> MapSheet:
+    """Draw the ground below all panels, within the corners of what may hold words; returns the sheet as it is then.
+
+    Args:
+        sheet: With its panels.
+        view: The ground, if anything is known of it.
+        shown_m: (n, 2) places that are drawn over it, for words to keep off.
+    """
+    if view is None or (view.background is None and view.relief is None):
+        return sheet
+    for axes in sheet.panels:
+        limits = axes.get_xlim(), axes.get_ylim()
+        clip = Rectangle(sheet.low_m, sheet.high_m[0] - sheet.low_m[0], sheet.high_m[1] - sheet.low_m[1])
+        clip.set_transform(axes.transData)
+        for artist in _draw_pictures(axes, view):
+            artist.set_clip_path(clip)
+        if view.background is not None:
+            veil = Rectangle(clip.get_xy(), clip.get_width(), clip.get_height(), fc=PAPER, ec="none", alpha=VEIL)
+            axes.add_patch(veil).set_zorder(BEHIND + 1.0)
+        if view.relief is not None:
+            _draw_contours(axes, sheet, view.relief.contours, clip, shown_m)
+        _draw_attribution(axes, sheet, describe_ground(view))
+        axes.set_xlim(limits[0])
+        axes.set_ylim(limits[1])
+    return replace(sheet, busy=True)
+
+
+def describe_ground(view: GroundView) -> str:
+    """Return what has to be said of a ground: by whom it is, and how far apart its contour lines are."""
+    lines = "" if view.relief is None or not view.relief.contours else f"contours every {view.relief.interval_m:g} m"
+    return "; ".join(part for part in (lines, view.attribution) if part)
+
+
+def _draw_pictures(axes: Axes, view: GroundView) -> Iterator[AxesImage]:
+    if view.background is not None:
+        yield _show_image(axes, view.background, 1.0)
+    elif view.relief is not None:
+        light, known = view.relief.shade[..., 0], view.relief.shade[..., 1]
+        pixels: Pixels = np.stack((light, light, light, known), axis=2)
+        yield _show_image(axes, Background(pixels, view.relief.low_m, view.relief.high_m), SHADE)
+
+
+def _show_image(axes: Axes, background: Background, alpha: float) -> AxesImage:
+    (west, south), (east, north) = background.low_m, background.high_m
+    return axes.imshow(
+        background.pixels, extent=(west, east, south, north), origin="upper", interpolation="antialiased",
+        aspect="auto", alpha=alpha, zorder=BEHIND,
+    )  # fmt: skip
+
+
+def _draw_contours(
+    axes: Axes, sheet: MapSheet, contours: Iterable[Contour], clip: Rectangle, shown_m: FloatArray
+) -> None:
+    for bold, width_pt in ((False, 0.35), (True, 0.8)):
+        lines = [np.array(one.places_m) for one in contours if one.bold is bold and len(one.places_m) > 1]
+        collection = LineCollection(lines, colors=CONTOUR, linewidths=width_pt, alpha=0.75, zorder=BEHIND + 2.0)
+        axes.add_collection(collection, autolim=False)
+        collection.set_clip_path(clip)
+    for height_m, place_m, turned_deg in _place_labels(sheet, contours, shown_m):
+        axes.text(*place_m, f"{height_m:g}", fontsize=6.5, color=CONTOUR, rotation=turned_deg, ha="center",
+                  va="center", zorder=BEHIND + 3.0, path_effects=make_white_edge(2.0))  # fmt: skip
+
+
+def _place_labels(
+    sheet: MapSheet, contours: Iterable[Contour], shown_m: FloatArray
+) -> Iterator[tuple[float, Place, float]]:
+    """Yield heights, where they are written, and how they are turned: on the longest bold lines, off all else."""
+    low, high = np.array(sheet.low_m), np.array(sheet.high_m)
+    edge = 0.25 * sheet.m_per_in
+    found: list[tuple[float, float, FloatArray]] = []
+    for one in contours:
+        if one.bold:
+            places = np.array(one.places_m)
+            places = places[((places > low + edge) & (places < high - edge)).all(axis=1)]
+            if len(places) > 2:
+                found.append((float(np.hypot(*np.diff(places, axis=0).T).sum()), one.height_m, places))
+    taken_m = shown_m
+    labels = 0
+    for length_m, height_m, places in sorted(found, key=lambda row: -row[0])[: 3 * LABELS]:
+        tried = np.unique(np.linspace(2, len(places) - 3, TRIED).astype(int).clip(0, len(places) - 1))
+        best = int(tried[find_farthest(places[tried], taken_m)])
+        crowded = nearest_distance_m(places[best : best + 1], taken_m)[0] < LABEL_IN / 3.0 * sheet.m_per_in
+        if length_m < LABEL_IN * sheet.m_per_in or crowded or labels == LABELS:
+            continue
+        labels += 1
+        taken_m = np.concatenate((taken_m, places[best : best + 1]))
+        along_m = places[min(best + 2, len(places) - 1)] - places[max(best - 2, 0)]
+        turned_deg = math.degrees(math.atan2(along_m[1], along_m[0]))
+        yield height_m, (float(places[best, 0]), float(places[best, 1])), (turned_deg + 90.0) % 180.0 - 90.0
+
+
+def _draw_attribution(axes: Axes, sheet: MapSheet, words: str) -> None:
+    """Write in the strip, between scale and north, as much as there is room for."""
+    west, east = axes.get_xlim()
+    room_in = (east - west) / sheet.m_per_in - 3.2
+    most = max(20, int(room_in * LETTERS_PER_IN))
+    text = words if len(words) <= most else f"{words[: most - 3]}..."
+    if text:
+        axes.text(
+            east - 0.6 * sheet.m_per_in, sheet.low_m[1] - STRIP_IN / 2.0 * sheet.m_per_in, text.replace("$", r"\$"),
+            fontsize=7, color=FAINT_TEXT, ha="right", va="center",
+        )  # fmt: skip

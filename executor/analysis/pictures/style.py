@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, Normal, Stroke
 
 Dashes = tuple[float, tuple[float, ...]]
@@ -56,6 +57,14 @@ class VehicleStyle:
 def style_of(layer: int) -> VehicleStyle:
     """Return the look of the vehicle in a layer."""
     return VehicleStyle(COLOURS[layer % len(COLOURS)], MARKERS[layer % len(MARKERS)], DASHES[layer % len(DASHES)])
+
+
+def make_figure(height_in: float, title: str, below: str = "") -> Figure:
+    """Return an empty figure of the usual width with its title, and a smaller line below that."""
+    figure = Figure(figsize=(WIDTH_IN, height_in), facecolor=PAPER)
+    figure.text(0.01, 1.0 - 0.3 / height_in, title, fontsize=14, fontweight="bold", color=INK, va="center")
+    figure.text(0.01, 1.0 - 0.58 / height_in, below, fontsize=9.5, color=INK, va="center")
+    return figure
 
 
 def make_white_edge(width_pt: float) -> list[AbstractPathEffect]:

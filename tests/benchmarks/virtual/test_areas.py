@@ -13,14 +13,14 @@ from shapely.geometry import Point, Polygon
 from benchmarks.prediction import plan_with
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.core.interface.check_codes import CheckCode
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, plan_site
 from missions import PlanFile
 from missions.area_rules import check_areas
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.short_line import write_line
 from tests.missions.builders import FRAME
 

@@ -10,12 +10,12 @@ import pytest
 from benchmarks.prediction import plan_with
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.learned_document import learn_from_flight, read_learned
 from executor.core.context import Context
 from executor.core.interface.events import Event
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
+from executor.site.learned_files import learn_from_flight, read_learned
 from executor.site.site_model import SiteModel
 from missions import PlanFile, check_plan, read_plan, write_plan
 from simulator.config import SimVehicle

@@ -13,14 +13,14 @@ import pytest
 
 from benchmarks.prediction import plan_with
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.simulated.demo_site import SIMULATED_CEILING_M, build_demo_site
+from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 from missions.geometry import locate_on_leg
 from planner import segment_of
-from simulator.vehicle import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle
 from tests.missions.builders import FRAME
 
 LAYER_M = 5.0

@@ -169,7 +169,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "what was given away",
-        lambda: [(one.segment.id, one.left_by) for one in recorded.find_abandoned_segments(FLIGHT)],
+        lambda: [(segment.id, left_by) for segment, left_by in recorded.find_abandoned_segments(FLIGHT)],
         [(4, "uav1")],
     ),
     (

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from executor.analysis.report import PreflightRecord, build_report, build_vehicle_answers
+from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
@@ -17,7 +17,8 @@ from executor.flight.board_record import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)
-SAID = PreflightRecord(
+SAID = build_vehicle_answers(
+    FLEET.context,
     {
         "uav1": VehicleFacts(
             "uav1", Heartbeat(3, 0, False, 3, 2), POSITION, 98.0, Version(4, 7, 0, "dev"), {"FS_GCS_ENABLE": 1.0},
@@ -88,7 +89,7 @@ def test_the_vehicles_are_known_by_what_they_said(report: dict[str, Any]) -> Non
 
 
 def test_what_was_asked_before_the_flight_is_kept() -> None:
-    content: dict[str, Any] = build_vehicle_answers(FLEET.context, SAID).to_plain()
+    content: dict[str, Any] = SAID.to_plain()
     first = content["vehicles"][0]
     assert content["format"] == "faultline-vehicles/1"
     assert (first["name"], first["sysid"], first["remaining_pct"]) == ("uav1", 1, 98.0)

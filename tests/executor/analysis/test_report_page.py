@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RouteRow, SortieRow
-from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision
-from executor.analysis.read_run import read_run
+from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision, read_run
 from executor.analysis.report_page import describe_outcome, render_report_page, write_report_page
 from executor.core.interface.commands import Level
 from tests.executor.flights import short_report, write_run

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.learned_document import build_learned_document
 from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.flight.board_record import write_kept_parameters
+from executor.site.learned_files import build_learned_document
 from missions import Pace, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report

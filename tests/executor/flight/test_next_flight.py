@@ -76,7 +76,7 @@ def test_it_fits_a_site_without_the_lost_vehicle(ground: SiteModel, tmp_path: Pa
 def test_a_flight_is_for_the_segments_of_its_plan(ground: SiteModel) -> None:
     plan = plan_next_flight(ground, short_report([2, 4, 5]), seed=1)
     assert plan is not None
-    context = site_model.build_context(ground, site_model.build_flight_setup(ground), plan.build_task())
+    context = site_model.build_context(ground, ground.setup, plan.build_task())
     before = fleet_step.build_initial_state(dict.fromkeys(NAMES))
     assert context.segments == 3
     assert replan_cycle.find_orphan_segments(context, before) == {2, 4, 5}

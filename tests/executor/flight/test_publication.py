@@ -19,7 +19,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
 from executor.flight.mqtt_settings import MqttSettings, read_mqtt_settings
 from executor.flight.publication import Publication
-from executor.site.tables.links import MqttTable
+from executor.site.flight_tables import MqttTable
 from tests.brokers import secured_in
 from tests.executor.flights import first_plan_file
 from tests.ports import free_port

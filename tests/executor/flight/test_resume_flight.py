@@ -18,7 +18,6 @@ from pymavlink.dialects.v20 import common
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_json, write_site
-from executor.analysis.learned_document import build_learned_document, learn_from_flight, read_learned
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context
@@ -34,8 +33,8 @@ from executor.flight import resume_flight
 from executor.flight.run_start import read_run_start
 from executor.replay.run_replay import replay_run
 from executor.site import site_model
+from executor.site.learned_files import build_learned_document, learn_from_flight, read_learned, read_packs
 from executor.site.site_file import read_site
-from executor.site.site_packs import read_packs
 from missions import SolverRecord, make_plan_file, write_plan
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file

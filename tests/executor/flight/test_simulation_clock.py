@@ -22,8 +22,7 @@ from executor.flight import simulation_clock
 from executor.flight.simulation_clock import describe_slow_host, follow_fleet_time
 from executor.runtime import fair_event_loop
 from executor.runtime.procedures import wait_for
-from executor.simulated.demo_site import build_demo_site
-from executor.simulated.simulated_fleet import fleet_of
+from executor.simulated.simulated_fleet import build_demo_site, fleet_of
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
 from simulator.fleet import run_fleet

@@ -26,10 +26,9 @@ from executor.flight.preparation import build_context_and_checklist, interview_v
 from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
 from missions import dialect_for
-from simulator.channel import Channel, LinkCondition
 from simulator.config import AutopilotKind, SimVehicle
+from simulator.fleet import Channel, LinkCondition, SimulatedVehicle
 from simulator.params import defaults_for
-from simulator.vehicle import SimulatedVehicle
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
 STEP_S = 0.05

@@ -21,7 +21,7 @@ from executor.replay.replay_result import (
     format_pack_lines,
     merge_packs,
 )
-from executor.site.site_packs import read_packs
+from executor.site.learned_files import read_packs
 from tests.recorded import real_logs
 
 FLIGHT = PackFlight(10.0, 400.0, 1, 3, 4.18, 3.68, 100.0, 76.0, 0.12, 0.012, 0.001, 2.4, 10.0, None)

@@ -28,14 +28,13 @@ from executor.errors import ExecutorError
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.run_start import build_context_and_boards, read_run_start
-from executor.site import day_flight, site_model, site_planning
-from executor.site.day_problem import build_day_problem, list_spares, solve_day
-from executor.site.ground_files import read_ground_files
-from executor.site.ground_view import view_for
+from executor.site import day_plans, site_model, site_planning
+from executor.site.day_plans import build_day_problem, list_spares, solve_day
+from executor.site.flight_tables import DayTable
+from executor.site.ground_view import read_ground_files, view_for
 from executor.site.site_file import Site, check_site, read_signing_key
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import DEFAULT
-from executor.site.tables.day_tables import DayTable
 from missions import (
     DayPlanFile,
     LocalFrame,
@@ -123,7 +122,7 @@ class Loaded:
         """What is flown first of the day; None of one that is planned and not flown."""
         if self.site.day is not None and self.site.day.lands == "any":
             return None
-        return day_flight.build_first_sorties_plan(self.day, self.ground)
+        return day_plans.build_first_sorties_plan(self.day, self.ground)
 
 
 def load(tables: Tables, folder: Path) -> Loaded:
@@ -149,7 +148,7 @@ def fly_day(loaded: Loaded) -> object:
     day = loaded.day
     if loaded.first is None:
         return document(day), loaded.beside, loaded.below
-    ahead = day_flight.sorties_ahead_of(day)
+    ahead = day_plans.sorties_ahead_of(day)
     return document(day), begin(loaded, loaded.first, day)[1], as_text(ahead), loaded.beside, loaded.below
 
 

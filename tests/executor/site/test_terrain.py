@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.height_profile import build_profiles
 from executor.analysis.pictures import draw_profile_figure, save_figure
+from executor.analysis.pictures.chart_figures import build_profiles
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.site import site_model
-from executor.site.planned_heights import compute_planned_heights
+from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest, check_plan_fits, describe_site_changes, plan_site, preview_loss
@@ -101,7 +101,7 @@ def plan(ground: SiteModel) -> PlanFile:
 
 
 def test_a_site_without_any_height_is_flown_by_the_raster(ground: SiteModel, plan: PlanFile, folder: Path) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     paths = site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values()
     assert setup.terrain is not None
     assert setup.terrain.kept_m == 18.0 + 5.0
@@ -162,8 +162,9 @@ def test_a_plan_over_another_ground_is_not_flown(plan: PlanFile, folder: Path, t
 
 
 def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, tmp_path: Path) -> None:
-    setup = site_model.build_flight_setup(ground)
-    paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
+    setup = ground.setup
+    routes = site_model.name_routes(ground, plan.build_task(), plan.plan)
+    paths = list(site_model.build_paths(setup, routes).values())
     drawn = build_profiles(setup, paths)
     assert [one.vehicle for one in drawn] == [path.vehicle for path in paths]
     for one in drawn:
@@ -172,12 +173,12 @@ def test_profiles_are_drawn_over_the_ground(ground: SiteModel, plan: PlanFile, t
         assert one.lowest_point[2] > 23.0
         assert one.return_m >= one.flown_m.max() - 0.01
         assert len(one.waypoints_m) > 4
-    save_figure(draw_profile_figure(drawn), tmp_path / "profile.png")
+    save_figure(draw_profile_figure(setup, routes), tmp_path / "profile.png")
     assert (tmp_path / "profile.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_flight_that_is_too_low_stops(ground: SiteModel, plan: PlanFile) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     paths = list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
     assert all(check.severity is not Severity.STOP for check in mission_checks.check_flight_heights(setup, paths))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.height_profile import build_profiles
+from executor.analysis.pictures.chart_figures import build_profiles
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.site import site_model
 from executor.site.site_model import SiteModel
@@ -63,12 +63,12 @@ def plan(ground: SiteModel) -> PlanFile:
 
 
 def paths_of(ground: SiteModel, plan: PlanFile) -> list[FlightPath]:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     return list(site_model.build_paths(setup, site_model.name_routes(ground, plan.build_task(), plan.plan)).values())
 
 
 def judged(ground: SiteModel, folder: Path, paths: list[FlightPath]) -> None:
-    setup, judge = site_model.build_flight_setup(ground), Judge((folder / RASTER,))
+    setup, judge = ground.setup, Judge((folder / RASTER,))
     assert len(setup.areas) == 2
     for path in paths:
         assert judge.least_over_m(setup, path) >= KEPT_M - NEAR_M
@@ -100,7 +100,7 @@ def test_its_times_are_about_those_that_it_was_chosen_by(ground: SiteModel, plan
 
 
 def test_the_profile_of_a_way_around_is_over_what_is_asked(ground: SiteModel, plan: PlanFile) -> None:
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     for one in build_profiles(setup, paths_of(ground, plan)):
         flying = (one.along_m > 0) & (one.along_m < one.along_m[-1])
         assert (one.flown_m[flying] >= one.least_m[flying] - 0.05).all()
@@ -114,7 +114,7 @@ def test_a_re_plan_leads_around_them_as_well(ground: SiteModel, plan: PlanFile, 
     assert again.areas == plan.areas
     lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
     assert check_plan(lost, search_window=False) == []
-    setup, [path, *_] = site_model.build_flight_setup(ground), paths_of(ground, plan)
+    setup, [path, *_] = ground.setup, paths_of(ground, plan)
     rng = np.random.default_rng(4)
     for keep_waypoints in range(1, len(path.waypoints), 3):
         visits = [2 * int(one) + int(rng.integers(2)) for one in rng.permutation(len(ground.network.segments))[:5]]

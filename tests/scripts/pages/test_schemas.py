@@ -14,7 +14,7 @@ import jsonschema
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from executor.analysis.report import build_report, build_vehicle_answers
+from executor.analysis.report import build_report
 from executor.cli.main import main
 from missions.plan_json import PlanDocument
 from planner import Cost
@@ -48,7 +48,7 @@ def documents() -> Iterator[tuple[str, Callable[[], Any]]]:
     for path in PLANS:
         yield "dayplan" if path.stem == "days" else "plan", partial(read_json, path)
     yield "report", flown
-    yield "vehicles", lambda: build_vehicle_answers(FLEET.context, SAID).to_plain()
+    yield "vehicles", SAID.to_plain
     yield "site", site
 
 

@@ -1,7 +1,7 @@
 // What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
 import { style } from "./elements.js";
 
-/** @import { ContourPart, GroundDocument, Place } from "../documents.js" */
+/** @import { Contour, GroundDocument, Place } from "../documents.js" */
 /** @import { Chart } from "./map.js" */
 
 /** @type {Record<string, string>} */
@@ -185,7 +185,7 @@ const within = (value, most) => Math.min(most, Math.max(0, value));
 /**
  * A contour line, ready to be drawn.
  * @typedef {ReturnType<typeof contour>} Contour
- * @param {ContourPart} line
+ * @param {Contour} line
  */
 function contour({ height_m: height, places_m: places, bold }) {
   const path = new Path2D();

@@ -18,7 +18,7 @@ from executor.core.interface.messages import (
     SendCommand,
 )
 from missions.cameras import PictureProof
-from simulator.gimbal import quaternion_from_euler
+from simulator.camera import quaternion_from_euler
 
 NOWHERE = (0.0, 0.0, 0.0, 0.0)
 
@@ -36,7 +36,7 @@ def captured(q: tuple[float, ...] = NOWHERE, result: int = 1, place: tuple[int, 
 
 
 def test_a_picture_of_a_mavlink_camera() -> None:
-    said = heard(captured(quaternion_from_euler(0.0, -72.0, 350.0), place=(496000000, 156000000)), 100)
+    said = heard(captured(quaternion_from_euler(-72.0, 350.0), place=(496000000, 156000000)), 100)
     assert isinstance(said, PictureTaken)
     assert (said.source, said.component, said.sequence, said.ok, said.boot_s, said.file) == (
         PictureProof.CAPTURED, 100, 7, True, 12.5, "DSC00008.JPG",
@@ -76,7 +76,7 @@ def test_a_status_a_heartbeat_and_a_gimbal() -> None:
     assert heard(status, 100) == CameraStatus(100, films=True, images=9, free_mib=120.0)
     beat = mav.MAVLink_heartbeat_message(mav.MAV_TYPE_CAMERA, mav.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
     assert heard(beat, 101) == CameraHeard(101)
-    q = quaternion_from_euler(0.0, -30.0, 20.0)
+    q = quaternion_from_euler(-30.0, 20.0)
     for flags, from_north in ((32, False), (64, True), (16, True), (12, False)):
         gimbal = mav.MAVLink_gimbal_device_attitude_status_message(0, 0, 1, flags, q, 0.0, 0.0, 0.0, 0)
         said = heard(gimbal, 154)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,8 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox, BboxBase
 
-from executor.analysis.flight_record import FlightRecord, SegmentRecord
+from executor.analysis.flight_record import FlightRecord, SegmentRecord, read_run
 from executor.analysis.pictures import (
-    FrontPoint,
     draw_battery_figure,
     draw_flight_figure,
     draw_front_figure,
@@ -28,11 +28,10 @@ from executor.analysis.pictures import (
     save_figure,
 )
 from executor.analysis.pictures.battery_figure import spread_heights
-from executor.analysis.pictures.label_placement import LabelPlacer, find_farthest, sample_line_m
 from executor.analysis.pictures.map_figures import group_connected
-from executor.analysis.pictures.map_sheet import round_length_m
+from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m, sample_line_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
-from executor.analysis.read_run import read_run
+from missions import PlanFile, Window
 from missions.geo import FloatArray
 from planner import find_repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
@@ -277,15 +276,21 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     assert (tmp_path / "window.png").read_bytes().startswith(PNG)
 
 
+def trade(longest_route_s: float, earliest_s: float, energy_pct: float) -> PlanFile:
+    """Return a plan with these figures."""
+    window = Window(0.0, earliest_s, longest_route_s, None)
+    return replace(first_plan_file(), durations_s=(longest_route_s,), energies_pct=(energy_pct,), window=window)
+
+
 def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
-    front = [FrontPoint(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
-    others = {"minmax": FrontPoint(100.0, 95.0, 55.0), "mincomb": FrontPoint(160.0, 80.0, 49.0)}
-    figure = draw_front_figure(front, others)
+    figures = [(100.0 + 20 * number, 90.0 - 15 * number, 50.0 + number % 3) for number in range(6)]
+    front, compared = [trade(*one) for one in figures], {"minmax": (100.0, 95.0, 55.0), "mincomb": (160.0, 80.0, 49.0)}
+    figure = draw_front_figure(front, {name: trade(*one) for name, one in compared.items()})
     axes, _ = figure.axes
     assert [text.get_text() for text in axes.texts] == ["1", "2", "3", "4", "5", "6"]
     assert _legend_words(figure) == {"minmax", "mincomb"}
     places = {(float(_x(line)[0]), float(np.ravel(line.get_ydata())[0])) for line in axes.lines}
-    assert places == {(point.longest_route_s, point.earliest_s) for point in [*front, *others.values()]}
+    assert places == {one[:2] for one in (*figures, *compared.values())}
     figure.set_dpi(DPI)
     figure.draw_without_rendering()
     boxes = [Text.get_window_extent(text) for text in axes.texts]

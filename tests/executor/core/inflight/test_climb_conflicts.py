@@ -38,7 +38,7 @@ def over_a_ridge(autopilot: str = "ardupilot") -> Fleet:
     )
     high: dict[str, object] = {"ceiling_m": 150.0, "return_ceiling_m": 200.0}
     ground = ground_for(site_of(tuple(ROUTES), autopilot, inspection=high), network)
-    setup = site_model.build_flight_setup(ground)
+    setup = ground.setup
     context = site_model.build_context(ground, setup, site_model.build_first_task(ground))
     boards = {
         name: build_onboard_mission(context, name, 0, build_flight_path(setup, name, visits), visits)

@@ -61,9 +61,7 @@ def context_over(network: Network) -> Context:
     site = site_of(NAMES, "ardupilot", inspection={"same_distance": True, "ceiling_m": 400.0})
     ground = ground_for(site, network)
     own = {name: LinkFailsafe(True, 5.0, "", returns=True) for name in NAMES}
-    return site_model.build_context(
-        ground, site_model.build_flight_setup(ground), site_model.build_first_task(ground), own
-    )
+    return site_model.build_context(ground, ground.setup, site_model.build_first_task(ground), own)
 
 
 CONTEXTS = {rises: context(rises=rises) for rises in (False, True)}

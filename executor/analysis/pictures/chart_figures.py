@@ -1,0 +1,391 @@
+"""Plans as charts: trade-offs, the chance of finishing, who flies when on a day, and flights from the side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Annotation
+from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
+
+from executor.analysis.pictures import style
+from executor.analysis.pictures.battery_figure import spread_heights
+from executor.site.campaigns import describe_policy
+from executor.site.plan_summary import format_day_time
+from executor.site.site_model import build_paths
+from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
+from missions.geo import FloatArray
+from missions.terrain import Terrain
+from missions.waypoints import legs_m
+from planner import RiskEstimate
+
+FRONT_HEIGHT_IN = 7.2
+FRONT_PLOT = (0.07, 0.095, 0.79, 0.79)
+FRONT_BAR = (0.885, 0.095, 0.018, 0.79)
+FRONT_COLOURS = "viridis"
+"""Even in lightness, so also in grey and for the colour-blind."""
+MARKERS = ("X", "s", "^", "D", "v", "P")
+"""Of the plans to compare with; those of the front are round."""
+OFFSETS_PT = ((0, 13), (13, 6), (13, -7), (0, -14), (-13, 6), (-13, -7), (0, 26), (25, 12), (25, -13), (0, -27))
+"""Where a number may stand, from its point; the first that is free is taken."""
+
+
+def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFile]) -> Figure:
+    """Return earliest loss over longest route, coloured by energy; numbered from 1 in the order given."""
+    figure = style.make_figure(
+        FRONT_HEIGHT_IN, "Plans that no other one beats in all three",
+        "left: sooner done; below: losses may come earlier; dark: less energy",
+    )  # fmt: skip
+    axes, bar = figure.add_axes(FRONT_PLOT), figure.add_axes(FRONT_BAR)
+    plans = (*front, *references.values())
+    points = [(max(one.durations_s), 0.0 if one.window is None else one.window.earliest_s) for one in plans]
+    energies = [sum(one.energies_pct) for one in plans]
+    scale = Normalize(min(energies), max(*energies, min(energies) + 0.1))
+    shade = colormaps[FRONT_COLOURS]
+    for name, values in zip("xy", zip(*points, strict=True), strict=True):
+        room = 0.08 * (max(values) - min(values)) + 5.0
+        axes.set(**{f"{name}lim": (min(values) - room, max(values) + room)})
+    axes.grid(color="#e4e4e4", lw=0.8)
+    axes.set_axisbelow(True)
+    markers = [MARKERS[number % len(MARKERS)] for number in range(len(references))]
+    for number, (point, energy_pct) in enumerate(zip(points, energies, strict=True)):
+        compared = number - len(front)
+        look = ("o", 10, 0.8, 3) if compared < 0 else (markers[compared], 13, 1.6, 2)
+        marker, size_pt, edge_pt, above = look
+        axes.plot(*point, ls="", marker=marker, ms=size_pt, mfc=shade(scale(energy_pct)), mec=style.INK, mew=edge_pt,
+                  zorder=above)  # fmt: skip
+    axes.set_xlabel("longest route (s)")
+    axes.set_ylabel("earliest time at which the fleet can absorb any one loss (s)")
+    colours = figure.colorbar(ScalarMappable(scale, shade), cax=bar)
+    colours.set_label("energy of all routes (% of a battery)")
+    handles = [
+        Line2D([], [], ls="", marker=marker, ms=9, mfc=style.PAPER, mec=style.INK, mew=1.4, label=name)
+        for name, marker in zip(references, markers, strict=True)
+    ]
+    figure.legend(
+        handles=handles, loc="upper right", ncols=max(1, len(handles)), frameon=False, fontsize=9.5,
+        bbox_to_anchor=(FRONT_PLOT[0] + FRONT_PLOT[2], 0.955), borderaxespad=0.0,
+    )  # fmt: skip
+    _number_plans(figure, axes, points, len(front))
+    return figure
+
+
+def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, float]], count: int) -> None:
+    """Write the numbers of the first so many beside their points, on no other point or number where there is room."""
+    figure.draw_without_rendering()
+    per_pt = figure.dpi / 72.0
+    dots = axes.transData.transform(points)
+    half = 8.0 * per_pt
+    taken = [(x - half, y - half, x + half, y + half) for x, y in dots]
+    for number, (point, (x, y)) in enumerate(zip(points[:count], dots, strict=False), start=1):
+        wide, high = 4.5 * per_pt * len(str(number)), 6.0 * per_pt
+        boxes = [
+            (x + east * per_pt - wide, y + north * per_pt - high, x + east * per_pt + wide, y + north * per_pt + high)
+            for east, north in OFFSETS_PT
+        ]
+        free = [place for place, box in enumerate(boxes) if not any(_has_overlap(box, other) for other in taken)]
+        chosen = free[0] if free else 0
+        taken.append(boxes[chosen])
+        axes.add_artist(Annotation(
+            str(number), xy=point, xytext=OFFSETS_PT[chosen],
+            textcoords="offset points", ha="center", va="center", fontsize=10, color=style.INK,
+            path_effects=style.make_white_edge(2.5),
+            arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8},
+            zorder=6,
+        ))  # fmt: skip
+
+
+RISK_HEIGHT_IN = 6.6
+RISK_PLOT = (0.065, 0.11, 0.665, 0.78)
+"""Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
+CURVE_LABEL_STEP = 0.085
+"""Least distance of two names of two lines each, as a share of the plot's height."""
+
+
+def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
+    """Return the probability that everything gets inspected, one curve for each number of re-plans.
+
+    Args:
+        swept: answers in ascending order of their mean time between failures.
+        given: the answer for the time that was asked for, from more flights; it is marked, and its figures stand
+            beside the curves.
+    """
+    below = f"curves: {swept[0].flights} flights a point; bands: 95 % confidence"
+    figure = style.make_figure(RISK_HEIGHT_IN, "Chance that everything is inspected", below)
+    axes = figure.add_axes(RISK_PLOT)
+    hours = [risk.mtbf_h for risk in swept]
+    axes.set_xscale("log")
+    axes.set_xlim(hours[0], hours[-1])
+    lowest = min(100 * chance.low for risk in swept for chance in risk.finished)
+    floor = max(0.0, 10.0 * math.floor(lowest / 10.0 - 0.3))
+    axes.set_ylim(floor, 100.0 + 0.03 * (100.0 - floor))
+    axes.xaxis.set_major_locator(FixedLocator(hours))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.grid(color="#e4e4e4", lw=0.8)
+    axes.set_axisbelow(True)
+    axes.axvline(given.mtbf_h, color=style.FAINT, lw=1.2, zorder=1)
+    for replans in range(len(given.finished)):
+        look = style.style_of(replans)
+        curve = [risk.finished[replans] for risk in swept]
+        axes.fill_between(
+            hours, [100 * one.low for one in curve], [100 * one.high for one in curve],
+            color=look.colour, alpha=0.2, lw=0, zorder=2,
+        )  # fmt: skip
+        axes.plot(
+            hours, [100 * one.estimate for one in curve], color=look.colour, lw=2.0, marker=look.marker, ms=6.5,
+            mec=style.PAPER, mew=0.8, ls="-" if replans == 0 else look.dashes, zorder=3 + replans, clip_on=False,
+        )  # fmt: skip
+        axes.plot(
+            given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
+            mec=style.INK, mew=1.4, ls="", zorder=10,
+        )  # fmt: skip
+    _label_curves(figure, swept[-1], given)
+    axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
+    axes.set_ylabel("everything inspected (% of flights)")
+    axes.annotate(
+        f"asked for: {given.mtbf_h:g} h", xy=(given.mtbf_h, 0.0), xycoords=("data", "axes fraction"), xytext=(6.0, 6.0),
+        textcoords="offset points", fontsize=9.5, color=style.INK, path_effects=style.make_white_edge(2.0),
+    )  # fmt: skip
+    return figure
+
+
+def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> None:
+    """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
+    (axes,) = figure.axes
+    ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
+    low, high = axes.get_ylim()
+    heights = spread_heights([(end - low) / (high - low) for end, _ in ends], CURVE_LABEL_STEP)
+    above = max(0.0, heights[-1] - 1.0)
+    for (end, replans), height in zip(ends, heights, strict=True):
+        chance, look = given.finished[replans], style.style_of(replans)
+        axes.annotate(
+            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
+            f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
+            xy=(1.0, end), xycoords=("axes fraction", "data"),
+            xytext=(1.035, height - above), textcoords="axes fraction",
+            fontsize=9, color=style.INK, va="center", annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,
+                "shrinkB": 4,
+            },
+        )  # fmt: skip
+
+
+def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+HOUR_S = 3600.0
+DAY_S = 24 * HOUR_S
+ROW_IN = 0.3
+HEAD_IN = 0.75
+FOOT_IN = 0.6
+GAP_IN = 0.55
+MOST_DAYS = 12
+"""Days that a picture shows; of more it shows the first, and says so."""
+NARROW_S = 600.0
+"""A sortie shorter than this has no room for words."""
+
+
+def draw_gantt_figure(content: DayPlanFile) -> Figure:
+    """Return the days of a plan, those on which somebody flies."""
+    flown = [
+        number for number, (begin, end) in enumerate(content.days)
+        if any(begin <= one.start_s < end for own in content.plan.sorties for one in own)
+    ]  # fmt: skip
+    shown = flown[:MOST_DAYS] or [0]
+    panel_in = ROW_IN * (len(content.vehicles) + 1)
+    total_in = HEAD_IN + len(shown) * (panel_in + GAP_IN) + FOOT_IN
+    count, hours = content.evaluation.count, content.evaluation.flight_s / HOUR_S
+    more = f", the first {MOST_DAYS} of {len(flown)} days" if len(flown) > MOST_DAYS else ""
+    title = f"{count} sorties, {hours:.1f} h in the air, {len(flown)} days{more}"
+    figure = style.make_figure(total_in, title)
+    for place, day in enumerate(shown):
+        top_in = total_in - HEAD_IN - place * (panel_in + GAP_IN)
+        axes = figure.add_axes((0.09, (top_in - panel_in) / total_in, 0.89, panel_in / total_in))
+        _draw_day(axes, content, day)
+    handles = [Patch(color=_colour_of(number), label=base.name) for number, base in enumerate(content.bases)]
+    figure.legend(handles=handles, loc="lower center", ncols=8, frameon=False, fontsize=9,
+                  title="take-off from")  # fmt: skip
+    return figure
+
+
+def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
+    begin, end = content.days[day]
+    for row, own in enumerate(content.plan.sorties):
+        closed, at = [], begin
+        for opens, closes in content.vehicles[row].windows:
+            if begin <= opens < end:
+                closed.append((at, opens - at))
+                at = closes
+        closed.append((at, end - at))
+        axes.broken_barh([(start, long) for start, long in closed if long > 0], (row - 0.5, 1.0), color="#eeeeee", lw=0)
+        for number, one in enumerate(own):
+            if begin <= one.start_s < end:
+                lasts_s = content.evaluation.lasts_s[row][number]
+                axes.broken_barh(
+                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=style.PAPER, lw=0.8
+                )
+                if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
+                    words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
+                    axes.text(
+                        one.start_s + lasts_s / 2, row, words, fontsize=8, color=style.PAPER, ha="center", va="center"
+                    )
+    axes.set_xlim(begin, end)
+    axes.set_ylim(len(content.vehicles) - 0.5, -0.5)
+    axes.set_yticks(range(len(content.vehicles)), [own.name for own in content.vehicles], fontsize=9)
+    axes.xaxis.set_major_locator(MultipleLocator(HOUR_S))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_day_time(value)[-5:]))
+    axes.grid(axis="x", color="#e4e4e4", lw=0.8)
+    axes.set_axisbelow(True)
+    axes.set_title(f"day {day + 1}: segments of each sortie", loc="left", fontsize=10, color=style.INK)
+    for spine in axes.spines.values():
+        spine.set_color(style.FAINT)
+
+
+def _colour_of(base: int) -> str:
+    return style.COLOURS[base % len(style.COLOURS)]
+
+
+STEP_M = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightProfile:
+    """Heights above mean sea level over the way flown."""
+
+    vehicle: str
+    along_m: FloatArray
+    """(m,) float64: how far was flown over the ground, ascending."""
+    flown_m: FloatArray
+    """(m,) float64."""
+    inspecting: FloatArray
+    """(m,) float64: 1 on inspections, 0 elsewhere."""
+    ground_m: FloatArray
+    """(m,) float64: of the raster; not a number where nobody knows."""
+    most_m: FloatArray
+    """(m,) float64: of the highest cells around, and the raster's uncertainty."""
+    least_m: FloatArray
+    """(m,) float64: what every leg must be above: the margin over that."""
+    return_m: float
+    """The height at which it comes home by itself."""
+    waypoints_m: FloatArray
+    """(w, 2) float64: how far along, and how high."""
+
+    @property
+    def lowest_point(self) -> tuple[float, float, float]:
+        """How far along, how high, and how far over the ground it is the lowest, between take-off and landing."""
+        level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
+        over_m = (self.flown_m - self.ground_m)[level]
+        if not len(level) or np.isnan(over_m).all():
+            return 0.0, float(self.flown_m[0]), math.nan
+        index = int(level[np.nanargmin(over_m)])
+        return float(self.along_m[index]), float(self.flown_m[index]), float(self.flown_m[index] - self.ground_m[index])
+
+
+def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[HeightProfile]:
+    """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
+    if setup.terrain is None:
+        return []
+    return [_build_profile(setup, setup.terrain, path) for path in paths if path.waypoints]
+
+
+def _build_profile(setup: FlightSetup, terrain: Terrain, path: FlightPath) -> HeightProfile:
+    pad = setup.pad_of(path.vehicle)
+    pieces, phases, so_far_m, along, stops = [], [], 0.0, [], []
+    legs = legs_m(path, setup.frame, setup.frame.up_m(pad.alt_m))
+    for leg, point in zip(legs, path.waypoints, strict=True):
+        length_m = math.hypot(*(leg[1] - leg[0])[:2])
+        share = np.linspace(0.0, 1.0, max(1, math.ceil(length_m / STEP_M)) + 1)
+        pieces.append(leg[0] + share[:, np.newaxis] * (leg[1] - leg[0]))
+        phases.append(np.full(len(share), float(point.phase is Phase.INSPECT)))
+        along.append(so_far_m + share * length_m)
+        so_far_m += length_m
+        stops.append((so_far_m, float(leg[1, 2]) + setup.frame.alt_m))
+    places = np.concatenate(pieces)
+    known = terrain.elevation
+    return HeightProfile(
+        vehicle=path.vehicle,
+        along_m=np.concatenate(along),
+        flown_m=places[:, 2] + setup.frame.alt_m,
+        inspecting=np.concatenate(phases),
+        ground_m=known.interpolate_m(places[:, :2]),
+        most_m=known.highest_m(places[:, :2]) + known.uncertainty_m,
+        least_m=known.highest_m(places[:, :2]) + terrain.kept_m,
+        return_m=setup.return_height_m(path.vehicle) + pad.alt_m,
+        waypoints_m=np.array(stops),
+    )
+
+
+PANEL_IN = 2.6
+LEGEND_IN = 0.9
+GROUND = "#c9bda7"
+UNSURE = "#e6ddcd"
+MOST_PANELS = 12
+"""More vehicles than these are not drawn: the picture would be metres long."""
+
+
+def draw_profile_figure(setup: FlightSetup, routes: Mapping[str, tuple[int, ...]]) -> Figure:
+    """Return one panel for each flight, with the same heights, metres above sea level over kilometres flown.
+
+    Args:
+        setup: Heights and pads.
+        routes: Visits of the network, by the vehicle's name.
+    """
+    shown = build_profiles(setup, build_paths(setup, routes).values())[:MOST_PANELS]
+    height_in = PANEL_IN * max(1, len(shown)) + LEGEND_IN
+    figure = Figure(figsize=(style.WIDTH_IN, height_in), facecolor=style.PAPER)
+    low_m = min((float(np.nanmin(one.ground_m)) for one in shown), default=0.0)
+    high_m = max((max(float(one.flown_m.max()), one.return_m) for one in shown), default=1.0)
+    for number, one in enumerate(shown):
+        bottom = (LEGEND_IN + PANEL_IN * (len(shown) - 1 - number) + 0.45) / height_in
+        axes = figure.add_axes((0.07, bottom, 0.9, (PANEL_IN - 0.85) / height_in))
+        _draw_profile(axes, one, number)
+        axes.set_ylim(low_m - 10.0, high_m + 0.08 * (high_m - low_m) + 5.0)
+    handles = [
+        Patch(fc=GROUND, label="ground of the raster"), Patch(fc=UNSURE, label="cells around, and its uncertainty"),
+        Line2D([], [], color=style.INK, lw=0.9, ls=":", label="what every leg keeps over them"),
+        Line2D([], [], color=style.INK, lw=2.8, label="inspection"),
+        Line2D([], [], color=style.INK, lw=1.2, label="transit"),
+        Line2D([], [], color=style.INK, lw=1.0, ls="--", label="RTL, level"),
+        Line2D([], [], color=style.LOSS, marker="v", ls="", label="lowest over the ground"),
+    ]  # fmt: skip
+    figure.legend(handles=handles, loc="lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
+
+
+def _draw_profile(axes: Axes, one: HeightProfile, layer: int) -> None:
+    colour, along_km = style.style_of(layer).colour, one.along_m / 1000.0
+    bottom_m = float(np.nanmin(one.ground_m)) - 1000.0
+    axes.fill_between(along_km, bottom_m, one.most_m, color=UNSURE, lw=0)
+    axes.fill_between(along_km, bottom_m, one.ground_m, color=GROUND, lw=0)
+    axes.plot(along_km, one.least_m, color=style.INK, lw=0.9, ls=":")
+    axes.plot(along_km, one.flown_m, color=colour, lw=1.2)
+    inspected_m = np.where(one.inspecting > 0, one.flown_m, np.nan)
+    axes.plot(along_km, inspected_m, color=colour, lw=2.8, solid_capstyle="butt")
+    axes.plot(one.waypoints_m[:, 0] / 1000.0, one.waypoints_m[:, 1], ls="", marker=".", ms=3, color=colour)
+    axes.axhline(one.return_m, color=colour, lw=1.0, ls="--")
+    at_m, up_m, over_m = one.lowest_point
+    if not np.isnan(over_m):
+        axes.plot(at_m / 1000.0, up_m, ls="", marker="v", ms=7, color=style.LOSS, zorder=4)
+        axes.annotate(
+            f"{over_m:.0f} m", (at_m / 1000.0, up_m), xytext=(0, 8), textcoords="offset points", ha="center",
+            color=style.LOSS, fontsize=9, path_effects=style.make_white_edge(2.0),
+        )  # fmt: skip
+    axes.set_xlim(0.0, max(float(along_km[-1]), 0.01))
+    axes.set_title(one.vehicle, loc="left", fontsize=10, color=colour)
+    axes.set_ylabel("m above sea level", fontsize=9)
+    axes.set_xlabel("flown (km)", fontsize=9)
+    axes.grid(color="#eeeeee", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)

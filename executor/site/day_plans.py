@@ -1,0 +1,355 @@
+"""Days of many sorties: from a site's bases, hours and packs to a plan, and the plan as it is flown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from executor.core.context import DayRules
+from executor.core.formatting import format_count
+from executor.core.state.vehicle_parts import PlannedSortie
+from executor.errors import SiteError
+from executor.site import site_model
+from executor.site.flight_tables import BaseTable, DayTable, parse_clock_s
+from executor.site.site_model import (
+    SiteModel,
+    build_plan_terrain,
+    build_pricing,
+    build_vehicles,
+    select_reachable,
+)
+from executor.site.site_parts import AT_DEPOT_M, base_place, base_tables
+from executor.site.site_planning import PlanRequest, build_site_plan_file, check_plan_fits, check_same_segments
+from missions import (
+    Base,
+    BasePlace,
+    DayPlanFile,
+    PlanFile,
+    PlanFileError,
+    Pricing,
+    SolverRecord,
+    Task,
+    build_plan_segment,
+    build_priced_instance,
+    check_day_plan,
+)
+from missions.geo import FloatArray
+from missions.setup import LOWEST_FLIGHT_M
+from missions.shortest_ways import build_visibility_graph
+from planner import Cost, Plan, Progress, Route, Vehicle, is_reversed, segment_of, top_speed_m_s, visit_of
+from planner.sorties import (
+    Objective,
+    Sortie,
+    SortieEvaluation,
+    SortiePlan,
+    SortieVehicle,
+    solve_sorties,
+    subtract_quiet_times,
+)
+
+DAY_S = 86_400.0
+
+
+def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) -> DayPlanFile:
+    """Return the days of a site without a plan: nobody flies, every segment that can be reached is uncovered.
+
+    Args:
+        ground: The site.
+        segments: What is to be inspected; everything if not given.
+
+    Raises:
+        SiteError: a base, a speed or a name cannot be used, or none of the segments can be reached.
+    """
+    table = ground.site.day or DayTable()
+    tables = base_tables(ground.site, ground.network.frame)
+    places = tuple(base_place(ground.network, base, ground.terrain) for base in tables)
+    at_m = [ground.network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in places]
+    days = tuple(
+        (DAY_S * day + parse_clock_s(table.begin), DAY_S * day + parse_clock_s(table.end)) for day in range(table.days)
+    )
+    wanted, never = select_reachable(ground, segments)
+    pads = tuple(
+        tuple(
+            ground.setup.base_of(name) if name in base.vehicles else _build_pad(ground, name, place, at)
+            for base, place, at in zip(tables, places, at_m, strict=True)
+        )
+        for name in ground.names
+    )  # fmt: skip
+    vehicles = tuple(_build_sortie_vehicles(ground, table, tables, days))
+    _check_landings(ground, vehicles, pads)
+    pricing = build_pricing(ground, speeds_m_s=_collect_speeds_m_s(ground))
+    return DayPlanFile(
+        frame=ground.network.frame,
+        segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
+        pricing=_bar_segments(ground, table, pricing).select_segments(wanted, ground.names),
+        bases=tuple(
+            replace(place, turnaround_s=base.turnaround_s, packs=base.packs, recharge_s=base.recharge_s)
+            for base, place in zip(tables, places, strict=True)
+        ),
+        vehicles=vehicles,
+        pads=pads,
+        days=days,
+        transfer_s=_compute_transfers_s(table, [place.name for place in places], at_m),
+        stagger_s=table.stagger_s,
+        plan=SortiePlan(((),) * len(vehicles), tuple(range(len(wanted)))),
+        evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
+        objective=Objective.FINISH,
+        solved=SolverRecord("search", 0, 0.0),
+        unreachable=never,
+        terrain=build_plan_terrain(ground),
+        autopilots={one.name: one.autopilot for one in ground.site.vehicle},
+    )
+
+
+def _build_sortie_vehicles(
+    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[tuple[float, float]]
+) -> Iterator[SortieVehicle]:
+    """Yield who flies: from which base, on what budget and when."""
+    for own in build_vehicles(ground):
+        home = next(number for number, base in enumerate(tables) if own.name in base.vehicles)
+        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
+        quiet = [
+            (DAY_S * day + parse_clock_s(one.begin), DAY_S * day + parse_clock_s(one.end))
+            for one in table.quiet if not one.vehicles or own.name in one.vehicles for day in range(table.days)
+        ]  # fmt: skip
+        yield SortieVehicle(
+            own.name, home, own.budget_pct, subtract_quiet_times(days, quiet), lands, 0, own.consumption, days[0][0]
+        )
+
+
+def solve_day(
+    content: DayPlanFile,
+    wanted: PlanRequest,
+    spares: Collection[str] = (),
+    on_progress: Callable[[Progress], None] | None = None,
+) -> DayPlanFile:
+    """Return days with a plan, in which nothing is planned for those who stand by."""
+    instance = content.build_instance()
+    flies = np.array([[own.name not in spares] for own in instance.vehicles])
+    found = solve_sorties(
+        replace(instance, able=instance.able & flies), stop=wanted.build_stop_rule(), objective=wanted.objective,
+        seed=wanted.seed, starts=wanted.threads, on_progress=on_progress,
+    )  # fmt: skip
+    return replace(
+        content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,
+        solved=SolverRecord("search", wanted.seed, found.seconds),
+    )  # fmt: skip
+
+
+def list_spares(ground: SiteModel) -> list[str]:
+    """Return the vehicles of a site that stand by on its days."""
+    return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
+
+
+def _check_landings(ground: SiteModel, vehicles: Sequence[SortieVehicle], pads: Sequence[Sequence[Base]]) -> None:
+    """Refuse bases of others where a vehicle may land, and that are in an area or that no way leads to."""
+    for row, own in enumerate(vehicles):
+        areas = ground.setup.obstacles_for(own.name).areas
+        for base in own.lands if areas else ():
+            begin_m, end_m = (np.array(pads[row][number].place_m[:2]) for number in (own.base, base))
+            name = base_tables(ground.site, ground.network.frame)[base].name
+            for area in ground.setup.areas_at(own.name, pads[row][base].place_m[:2]):
+                kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
+                raise SiteError(f"base {name}: expected {kept}, got a place in it")
+            if np.isinf(build_visibility_graph(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
+                raise SiteError(f"base {name}: expected a way from the pad of {own.name}, got none around the areas")
+
+
+def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
+    layers = ground.setup.layers
+    up_m = layers.surface.height_m(*at_m)
+    climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
+    if climb_m < LOWEST_FLIGHT_M:
+        raise SiteError(
+            f"base {place.name}: expected flights {LOWEST_FLIGHT_M:g} m or more over it, got {climb_m:.1f} m: "
+            f"its alt_m {place.alt_m:.0f} or the site's heights are wrong"
+        )
+    return Base((*at_m, up_m), climb_m)
+
+
+def _collect_speeds_m_s(ground: SiteModel) -> dict[str, tuple[float, float]]:
+    """Return at which speeds, in transit and along the line, those fly who differ."""
+    inspection, found = ground.site.inspection, {}
+    most_m_s = top_speed_m_s(ground.drone) - math.hypot(*inspection.wind_m_s)
+    for index, other in enumerate(ground.site.day.vehicle if ground.site.day is not None else ()):
+        asked = {"transit_speed_m_s": other.transit_speed_m_s, "speed_m_s": other.speed_m_s}
+        for key, asked_m_s in asked.items():
+            if asked_m_s is not None and asked_m_s > most_m_s:
+                raise SiteError(
+                    f"day.vehicle[{index}].{key}: expected at most {most_m_s:.1f} m/s, what the battery of a "
+                    f"{ground.drone.name} can give, got {asked_m_s:g}"
+                )
+        found[other.name] = (
+            other.transit_speed_m_s or inspection.transit_speed_m_s, other.speed_m_s or inspection.speed_m_s
+        )  # fmt: skip
+    return found
+
+
+def _compute_transfers_s(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
+    """Return seconds from base to base: roads that are named, straight distances for the others, the shortest way."""
+    number = {name: place for place, name in enumerate(names)}
+    roads: dict[tuple[int, int], float] = {}
+    if table.road_m_s is not None:
+        roads = {pair: math.dist(at_m[pair[0]], at_m[pair[1]]) / table.road_m_s
+                 for pair in combinations(range(len(names)), 2)}  # fmt: skip
+    for road in table.road:
+        one, other = sorted(number[name] for name in road.between)
+        roads[one, other] = 60.0 * road.minutes
+    times_s = np.full((len(names), len(names)), np.inf)
+    for (one, other), seconds in roads.items():
+        times_s[one, other] = times_s[other, one] = seconds
+    np.fill_diagonal(times_s, 0.0)
+    for middle in range(len(names)):  # Floyd, Warshall 1962
+        np.minimum(times_s, times_s[:, [middle]] + times_s[middle], out=times_s)
+    return times_s
+
+
+def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Pricing:
+    """Return a pricing in which vehicles are given no other segments than [[day.vehicle]] names for them."""
+    names = [ground.network.segment_name(number) for number in range(len(ground.network.segments))]
+    barred = dict(pricing.barred)
+    for index, other in enumerate(table.vehicle):
+        for name in other.segments:
+            if name not in names:
+                raise SiteError(
+                    f"day.vehicle[{index}].segments: expected names of the network's segments, such as '{names[0]}', "
+                    f"got '{name}'"
+                )
+        if other.segments:
+            others = frozenset(number for number, name in enumerate(names) if name not in other.segments)
+            barred[other.name] = barred.get(other.name, frozenset()) | others
+    return replace(pricing, barred=barred)
+
+
+SAME_M_S = 1e-6
+"""Speeds that differ by less are one."""
+_SPEEDS = {"inspection_speed_m_s": "speed_m_s", "transit_speed_m_s": "transit_speed_m_s"}
+"""Of a vehicle's flight model, as sites call them."""
+
+
+def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFile:
+    """Return the plan of a day's first flights, as the day prices them; everything else is left for later ones.
+
+    Raises:
+        PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
+    """
+    _check_day_plan(content, ground)
+    ids, fleet = tuple(segment.id for segment in content.segments), {own.name: own for own in content.vehicles}
+    vehicles = [Vehicle(name, (0.0, 0.0), fleet[name].budget_pct, fleet[name].consumption) for name in ground.names]
+    task = Task(build_priced_instance(content.pricing, vehicles), ids, content.pricing, content.unreachable)
+    first = {name: own[0].visits if own else () for name, own in _select_first_day(content).items()}
+    plan = Plan(tuple(Route(number, first[name]) for number, name in enumerate(ground.names)))
+    flown = {segment_of(visit) for visits in first.values() for visit in visits}
+    plan = replace(plan, uncovered=tuple(one for one in range(len(ids)) if one not in flown))
+    task = site_model.adjust_task_to_layers(ground, task, plan)
+    made = build_site_plan_file(ground, task, plan, Cost.MINMAX, content.solved)
+    made = replace(made, terrain=content.terrain)
+    check_plan_fits(made, ground, content.source)
+    return made
+
+
+def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
+    """Return every vehicle's sorties of the first day, with the network's visits."""
+    ids, begins_s = [segment.id for segment in content.segments], _first_take_off_s(content)
+    return {
+        name: tuple(PlannedSortie(_to_network_visits(ids, one.visits), one.start_s - begins_s) for one in own)
+        for name, own in _select_first_day(content).items()
+    }
+
+
+def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]:
+    """Return the network's visits of everybody's first sorties by name, of the second ones, and so on.
+
+    Only of those that end at the base where the vehicle stands: others are not flown.
+    """
+    ids, rounds = [segment.id for segment in content.segments], list[dict[str, tuple[int, ...]]]()
+    for own, sorties in zip(content.vehicles, content.plan.sorties, strict=True):
+        at_home = (one for one in sorties if (one.base, one.lands) == (own.base, own.base))
+        for number, one in enumerate(at_home):
+            rounds += [{}] if number == len(rounds) else []
+            rounds[number][own.name] = _to_network_visits(ids, one.visits)
+    return rounds
+
+
+def build_day_rules(content: DayPlanFile) -> DayRules:
+    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
+    begins_s, until_s = _first_take_off_s(content), content.days[0][1]
+    return DayRules(
+        stagger_s=content.stagger_s,
+        bases={own.name: content.bases[own.base].name for own in content.vehicles},
+        windows_s={
+            own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.windows if begin < until_s)
+            for own in content.vehicles
+        },
+        barred={
+            name: frozenset(content.segments[number].id for number in own)
+            for name, own in content.pricing.barred.items()
+        },
+    )
+
+
+def find_later_segments(content: DayPlanFile) -> frozenset[int]:
+    """Return the network's segments that are planned for a vehicle's second sortie of the day, or a later one."""
+    return frozenset(
+        segment_of(visit) for own in sorties_ahead_of(content).values() for sortie in own[1:] for visit in sortie.visits
+    )
+
+
+def describe_later_sorties(content: DayPlanFile) -> list[str]:
+    """Return the day in words, for the crew to confirm."""
+    lines = []
+    for name, own in _select_first_day(content).items():
+        later = format_count(len(own) - 1, "later sortie")
+        if len(own) > 1:
+            lines.append(f"{name}: {later}, each by the crew's word when its pack is changed")
+    return lines
+
+
+def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
+    source, names = content.source, [own.name for own in content.vehicles]
+    if sorted(names) != sorted(ground.names):
+        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)} as in the site, got {names}")
+    for line in check_day_plan(content):
+        raise PlanFileError(f"{source}: {line}; `faultline check` says more")
+    check_same_segments(content, ground, source)
+    for name, sorties in _select_first_day(content).items():
+        row = names.index(name)
+        home = content.vehicles[row].base
+        for number, one in enumerate(sorties, 1):
+            if (one.base, one.lands) != (home, home):
+                place = content.bases[home].name
+                raise PlanFileError(
+                    f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
+                    'stands: plan with [day] lands = "own"'
+                )
+        if math.dist(content.pads[row][home].place_m[:2], ground.setup.base_of(name).place_m[:2]) > AT_DEPOT_M:
+            raise PlanFileError(f"{source}: the site has changed: the pad of {name} is elsewhere: plan again")
+        for key, called in _SPEEDS.items():
+            said_m_s, flown_m_s = getattr(content.pricing.models[name], key), getattr(ground.inspection, called)
+            if abs(said_m_s - flown_m_s) > SAME_M_S:
+                raise PlanFileError(
+                    f"{source}: {name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
+                    f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
+                )
+
+
+def _select_first_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
+    """Return each vehicle's sorties of the first day."""
+    until_s = content.days[0][1]
+    return {
+        own.name: tuple(one for one in content.plan.sorties[row] if one.start_s < until_s)
+        for row, own in enumerate(content.vehicles)
+    }
+
+
+def _first_take_off_s(content: DayPlanFile) -> float:
+    starts = [one.start_s for own in _select_first_day(content).values() for one in own]
+    return min(starts, default=content.days[0][0])
+
+
+def _to_network_visits(ids: list[int], visits: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(visit_of(ids[segment_of(visit)], is_reversed(visit)) for visit in visits)

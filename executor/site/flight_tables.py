@@ -1,0 +1,301 @@
+"""The tables of a site file that say how it is flown: the flight, faults, fences, links, days of many sorties."""
+
+from __future__ import annotations
+
+import ipaddress
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from executor.site.site_tables import EnvironmentName, FileName, HostName, Positive, SiteTable, Speed
+
+
+class FlightTable(SiteTable):
+    """How the flight is run."""
+
+    speedup: Annotated[float, Field(gt=0, le=100)] = 1.0
+    """Speed of a simulation in multiples of real time; time-outs and heartbeats follow it. Real aircraft: 1."""
+    solve_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """Time limit of the solver for a re-plan, in real time."""
+    connect_timeout_s: Positive = 15.0
+    """Before the flight: how long a vehicle that sends nothing is waited for, in real time."""
+    ready_timeout_s: Positive = 120.0
+    """Before the flight: how long a vehicle may take until it is ready to arm, in the vehicle's time."""
+    fly_again: Literal["ask", "never", "auto"] = "ask"
+    """Whether a vehicle on the ground takes off for a re-plan, or to fly again what was inspected from a layer: `ask`,
+    once the crew says that its pad is clear; `never` after it has landed; `auto`, by itself, for simulation only."""
+    offer_s: Positive = 300.0
+    """How long the crew may take to answer such an offer once no vehicle flies any more."""
+    pilot_grace_s: Annotated[float, Field(ge=0, le=3600)] = 30.0
+    """How long the segments of a vehicle that its pilot has taken are kept for it."""
+    pilot_return: Literal["ask", "auto"] = "ask"
+    """When a pilot has put the vehicle back on its mission: `ask` waits for the operator's include, `auto` does not."""
+    inferred: Literal["count", "fly"] = "count"
+    """What a vehicle flew while it was not heard, or nobody listened, where its clock, place and mission fit: `count`
+    it, marked as inferred; `fly` it again for proof by positions."""
+
+
+class FaultsTable(SiteTable):
+    """Thresholds for link loss and battery faults."""
+
+    link_timeout_s: Positive | None = None
+    """Silence until a vehicle is declared lost. Without it: until its own GCS failsafe has acted, plus a margin.
+    A figure shorter than that time is not taken."""
+    link_stale_s: Positive = 3.0
+    """Silence until a vehicle's link is called stale: a warning, no fault."""
+    battery_step_pct: Positive = 8.0
+    """A loss of this much at once, beyond what the flight costs, is a battery fault."""
+    battery_excess_pct: Positive = 2.0
+    """A loss of this much beyond the usual consumption is a battery drain."""
+    battery_window_s: Positive = 90.0
+    """Time in which an excess of consumption is forgotten but for a third."""
+    camera: Literal["home", "on"] = "home"
+    """A vehicle whose camera or gimbal fails flies `home`, or `on` with what it can see without it."""
+
+
+class FenceTable(SiteTable):
+    """Fence and rally points of each vehicle, made from the plan.
+
+    With this table, what is on board is read and held against the plan; nothing is changed there without `enabled`.
+    """
+
+    enabled: bool = False
+    """Whether every vehicle is given a fence of its own for the flight; what it had is given back after the landing."""
+    margin_m: Annotated[float, Field(ge=5, le=1000, allow_inf_nan=False)] = 20.0
+    """How far the fence is at least from the vehicle's ways, its own straight way home among them."""
+    height_margin_m: Annotated[float, Field(ge=5, le=500, allow_inf_nan=False)] = 10.0
+    """How far the fence ends above all that the vehicle flies by any plan, its RTL among it."""
+    action: Literal["keep", "warn", "hold", "return", "land"] = "keep"
+    """What the vehicle does when it breaches the fence: `keep` leaves its own parameter, any other is set for the
+    flight."""
+    rally: Literal["pad", "keep"] = "pad"
+    """Where its own RTL may end: `pad`, at its own pad alone; `keep` leaves the rally points that are on board."""
+
+
+class SigningTable(SiteTable):
+    """MAVLink 2 message signing: the key is in a file or in the environment, never here."""
+
+    key_file: FileName | None = None
+    """File with 64 hexadecimal digits, or a passphrase, whose SHA-256 is the key, as in other ground stations."""
+    key_env: str | None = None
+    """Environment variable that holds the same. Either `key_file` or `key_env` must be there."""
+
+    @model_validator(mode="after")
+    def _check_key_source(self) -> SigningTable:
+        if (self.key_file is None) is (self.key_env is None):
+            raise ValueError("key_file: expected either key_file or key_env")
+        return self
+
+
+class RadioTable(SiteTable):
+    """A telemetry radio, by what its RADIO_STATUS names as its sender."""
+
+    system: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink system id of the radio; SiK radios use 51."""
+    component: Annotated[int, Field(ge=1, le=255)]
+    """MAVLink component id of the radio; SiK radios use 68."""
+
+
+class LinkTable(SiteTable):
+    """Other senders on the links."""
+
+    radios: tuple[RadioTable, ...] | None = None
+    """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
+    unsigned flight, and none on a signed one."""
+
+    @model_validator(mode="after")
+    def _check_radios(self) -> LinkTable:
+        for index, radio in enumerate(self.radios or ()):
+            if radio in (self.radios or ())[:index]:
+                raise ValueError(
+                    f"radios[{index}]: expected each radio once, got system {radio.system} component "
+                    f"{radio.component} again"
+                )
+        return self
+
+    @property
+    def senders(self) -> frozenset[tuple[int, int]] | None:
+        """System and component of each radio."""
+        return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
+
+
+class MqttTable(SiteTable):
+    """The MQTT broker where the flight is published and intents are taken from."""
+
+    host: HostName = "127.0.0.1"
+    """Host name or address of the broker."""
+    port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Port of the broker; without it 1883, and 8883 with TLS."""
+    prefix: Annotated[str, Field(max_length=100, pattern=r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$")] = "faultline"
+    """First part of all topics; flights that are published at the same time need one each."""
+    telemetry_rate_hz: Annotated[float, Field(gt=0, le=10)] = 1.0
+    """How often telemetry is published, in real time."""
+    tls: bool = False
+    """Connect with TLS."""
+    ca_file: FileName | None = None
+    """CA certificate of the broker (PEM), relative to the site file; without it the system's own are trusted."""
+    username_env: EnvironmentName | None = None
+    """Environment variable that holds the user name at the broker."""
+    password_env: EnvironmentName | None = None
+    """Environment variable that holds the password; needs `username_env`."""
+    token_env: EnvironmentName | None = None
+    """Environment variable that holds the token which every intent must carry."""
+    intent_max_age_s: Annotated[float, Field(gt=0, le=3600)] = 10.0
+    """Intents whose timestamp is further than this from the ground station's clock are refused."""
+
+    @model_validator(mode="after")
+    def _check_credentials(self) -> MqttTable:
+        if self.ca_file is not None and not self.tls:
+            raise ValueError("ca_file: expected none without tls = true")
+        if self.password_env is not None and self.username_env is None:
+            raise ValueError("password_env: expected a username_env beside it")
+        return self
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the broker is reached from this computer alone, as far as its name tells."""
+        try:
+            return self.host == "localhost" or ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+
+class WebTable(SiteTable):
+    """The page to fly by."""
+
+    enabled: bool = True
+    """Whether the page is served at all."""
+    host: str = "127.0.0.1"
+    """Address to listen on: `0.0.0.0` for phones in the field; then `token_env` is needed."""
+    port: Annotated[int, Field(ge=0, le=65535)] = 0
+    """Port to listen on; 0 takes a free one, and the address is printed."""
+    token_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")] | None = None
+    """Environment variable that holds the token which browsers must show."""
+    names: tuple[str, ...] = ()
+    """Further host names under which browsers may call the page."""
+    address: Annotated[str, Field(pattern=r"^https?://[^\s/?#]+/$")] | None = None
+    """Where browsers reach the page if that is another address, such as `http://127.0.0.1:8080/`: the published port of
+    a container, a proxy. It is printed instead."""
+
+    @model_validator(mode="after")
+    def _check_exposure(self) -> WebTable:
+        try:
+            address = ipaddress.ip_address(self.host)
+        except ValueError:
+            raise ValueError(f"host: expected an address such as 127.0.0.1 or 0.0.0.0, got '{self.host}'") from None
+        if not address.is_loopback and self.token_env is None:
+            raise ValueError(
+                f"token_env: expected the name of an environment variable with a token, because host {self.host} can "
+                "be reached by others"
+            )
+        return self
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
+Clock = Annotated[str, Field(pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9]$")]
+Seconds = Annotated[float, Field(ge=0, le=86_400, allow_inf_nan=False)]
+
+
+def parse_clock_s(text: str) -> float:
+    """Return the seconds since midnight of a time of the day.
+
+    >>> clock_s("08:30")
+    30600.0
+    """
+    hours, minutes = text.split(":")
+    return 3600.0 * int(hours) + 60.0 * int(minutes)
+
+
+class BaseTable(SiteTable):
+    """A place where vehicles take off and land. Without any, the depot is the only one, with packs for everybody."""
+
+    name: Name
+    """Name of the base: a letter, then letters, digits, - and _."""
+    lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    """WGS 84."""
+    lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    """WGS 84."""
+    alt_m: Annotated[float, Field(ge=-500, le=9000)] | None = None
+    """Ground above mean sea level; where [terrain] knows it that of the raster. Without both that of the nearest pylon
+    where it is known, else the depot's."""
+    vehicles: tuple[str, ...] = ()
+    """Who stands here in the morning, and begins single flights here. Each vehicle stands at one base."""
+    packs: Annotated[int, Field(ge=0, le=1000)] | None = None
+    """Charged packs in the morning; without it there are always enough."""
+    turnaround_s: Seconds = 180.0
+    """From a landing here until the vehicle can take off again: the pack is swapped, or charged in the vehicle."""
+    recharge_s: Seconds | None = None
+    """From a landing here until the pack is charged again; without it packs are charged overnight alone."""
+
+
+class RoadTable(SiteTable):
+    """A way on which a vehicle is driven from base to base; ways are put together."""
+
+    between: tuple[Name, Name]
+    """Two bases."""
+    minutes: Annotated[float, Field(ge=0, le=1440, allow_inf_nan=False)]
+    """What it takes, either way."""
+
+
+class QuietTable(SiteTable):
+    """A time of every day in which vehicles do not fly: noise, other traffic."""
+
+    begin: Clock
+    """Such as `"12:00"`."""
+    end: Clock
+    """Such as `"14:00"`."""
+    vehicles: tuple[str, ...] = ()
+    """Whom it holds for; without it for all."""
+
+    @model_validator(mode="after")
+    def _check_times(self) -> QuietTable:
+        if parse_clock_s(self.begin) >= parse_clock_s(self.end):
+            raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
+        return self
+
+
+class OtherTable(SiteTable):
+    """In what a vehicle differs from the others."""
+
+    name: str
+    """The vehicle."""
+    speed_m_s: Speed | None = None
+    """Speed along the line, instead of that of [inspection]; such a day is planned and not flown."""
+    transit_speed_m_s: Speed | None = None
+    """Speed between segments and bases, instead of that of [inspection]; such a day is planned and not flown."""
+    segments: tuple[str, ...] = ()
+    """Names of the only segments that its camera is good for; without it all."""
+    spare: bool = False
+    """Nothing is planned for it: it stands at its base, and the crew sends it out with `swap` when it is needed."""
+
+
+class DayTable(SiteTable):
+    """The working days that `plan --day` plans."""
+
+    begin: Clock = "08:00"
+    """First take-off of a day."""
+    end: Clock = "16:00"
+    """Everybody has landed by then."""
+    days: Annotated[int, Field(ge=1, le=60)] = 1
+    """Days there are at most."""
+    stagger_s: Seconds = 30.0
+    """Least time between two take-offs from a base."""
+    lands: Literal["own", "any"] = "own"
+    """`any`: a sortie may end at every base, where its vehicle takes off again; `own`: at the vehicle's own alone."""
+    road_m_s: Speed | None = None
+    """Speed at which vehicles are driven from base to base over the straight distance; without it, and without roads,
+    they are not. Only with `lands = "any"`."""
+    road: tuple[RoadTable, ...] = ()
+    """What driving takes where the straight distance does not tell."""
+    quiet: tuple[QuietTable, ...] = ()
+    """Times in which vehicles do not fly."""
+    vehicle: tuple[OtherTable, ...] = ()
+    """Vehicles that differ."""
+
+    @model_validator(mode="after")
+    def _check_day(self) -> DayTable:
+        if parse_clock_s(self.begin) >= parse_clock_s(self.end):
+            raise ValueError(f"end: expected a time after begin, {self.begin}, got '{self.end}'")
+        if self.lands == "own" and (self.road_m_s is not None or self.road):
+            raise ValueError("lands: expected 'any' beside roads: vehicles that land at their own base are not driven")
+        return self

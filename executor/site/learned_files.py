@@ -1,0 +1,295 @@
+"""packs.json and learned.json: what flights said of packs and taught about vehicles, for the next plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from executor.adapters.document import Document, Number, Whole
+from executor.adapters.run_directory import RunDirectory
+from executor.core import vehicle_learning
+from executor.core.battery.kalman import Prior
+from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history
+from executor.core.context import Context
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import FaultKind
+from executor.core.vehicle_learning import BOUNDS, FACTOR_BOUNDS, KnownVehicle, PaceEstimate
+from executor.site.site_file import Site
+from missions import Performance
+from missions.validation import Figure
+
+FORMAT: Literal["faultline-packs/1"] = "faultline-packs/1"
+UNIX_USEC = 10**15
+"""A log's clock that shows less does not say on which day it was."""
+
+
+class PackEntry(Document):
+    """One flight of one pack; None where the log does not say."""
+
+    log: str
+    """Its file's name."""
+    vehicle: str
+    pack: Annotated[Whole, Field(ge=1)]
+    """Which of the vehicle's packs in this log, from 1."""
+    label: str | None = None
+    """What stands on the pack: `pack` of the vehicle in the site file that it was replayed with."""
+    began_usec: Whole
+    """By the log's clock."""
+    minutes: Number
+    cells: Annotated[Whole, Field(ge=1)]
+    rest_cell_v: Number | None
+    """Before the flight."""
+    end_cell_v: Number
+    """At its end, as it would rest."""
+    began_pct: Number
+    ended_pct: Number
+    """By its own report."""
+    sag_cell_v: Number | None = None
+    ohm: Number | None = None
+    ohm_sd: Number | None = None
+    counted_ah: Number | None = None
+    set_ah: Number | None = None
+    """What its autopilot counts by."""
+    least_ah: Number | None = None
+    most_ah: Number | None = None
+    """Its capacity by its voltage, within what the chemistry and the curves leave open."""
+
+
+class PacksDocument(Document):
+    """What is known of packs."""
+
+    format: Literal["faultline-packs/1"]
+    flights: tuple[PackEntry, ...]
+
+
+def read_packs(path: Path) -> PacksDocument:
+    """Read packs.json.
+
+    Raises:
+        LogError: one line that names the file, the key and what was expected.
+    """
+    return PacksDocument.read(path, "what flights taught about packs")
+
+
+@dataclass(frozen=True, slots=True)
+class SitePacks:
+    """What is known of a site's packs."""
+
+    fitted: Mapping[str, PackHistory] = field(default_factory=dict)
+    """Those that vehicles begin with, by the vehicles' names."""
+    labelled: Mapping[str, PackHistory] = field(default_factory=dict)
+    """All of which a flight is known, and those that vehicles begin with, by their labels."""
+
+
+def load_site_packs(site: Site, base: Path) -> SitePacks:
+    """Return what is known of the packs that vehicles fly with.
+
+    Raises:
+        LogError: the file that `energy.packs` names cannot be used.
+    """
+    if site.energy.packs is None:
+        return SitePacks()
+    flights = read_packs(base / site.energy.packs).flights
+    begins = {one.name: one.pack for one in site.vehicle if one.pack is not None}
+    labels = {one.label for one in flights if one.label} | set(begins.values())
+    known = {label: _build_history(label, flights) for label in sorted(labels)}
+    return SitePacks({name: known[label] for name, label in begins.items()}, known)
+
+
+def _build_history(label: str, flights: tuple[PackEntry, ...]) -> PackHistory:
+    # Logs without a date come first: nobody knows how old they are.
+    mine = sorted(
+        (one for one in flights if one.label == label),
+        key=lambda one: one.began_usec if one.began_usec >= UNIX_USEC else 0,
+    )
+    return build_pack_history(label, [PackFlightRecord(one.most_ah, one.ohm, one.set_ah) for one in mine])
+
+
+USEC = 1e6
+
+
+def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> PacksDocument:
+    """Return what the sorties of a flight say of the packs that the crew named, or changed.
+
+    Args:
+        state: At its end.
+        log: The name of its run directory.
+        began_unix_s: Seconds since 1970 at which its clock was 0.
+    """
+    entries = []
+    for name, vehicle in state.vehicles.items():
+        numbers: dict[tuple[str, int], int] = {}
+        for at, one in enumerate(vehicle.turn.sorties):
+            if one.ended_s is None or one.cells is None or one.end_v is None:
+                continue
+            if one.began_pct is None or one.ended_pct is None:
+                continue
+            # A pack without a label is another one for each sortie: nobody knows better.
+            number = numbers.setdefault((one.pack, 0 if one.pack else at), len(numbers) + 1)
+            entries.append(
+                PackEntry.build_from(
+                    one,
+                    log=log,
+                    vehicle=name,
+                    pack=number,
+                    label=one.pack or None,
+                    began_usec=round((began_unix_s + one.began_s) * USEC),
+                    minutes=round((one.ended_s - one.began_s) / 60.0, 2),
+                    rest_cell_v=None if one.rest_v is None else round(one.rest_v / one.cells, 3),
+                    end_cell_v=round(one.end_v / one.cells, 3),
+                )
+            )
+    return PacksDocument(format=FORMAT, flights=tuple(entries))
+
+
+FourDigits = AfterValidator(partial(round, ndigits=4))
+Ratio = Annotated[Figure, Field(ge=BOUNDS[0], le=BOUNDS[1]), FourDigits]
+Power = Annotated[Figure, Field(ge=FACTOR_BOUNDS[0], le=FACTOR_BOUNDS[1]), FourDigits]
+Deviation = Annotated[Figure, Field(gt=0, le=1), FourDigits]
+Count = Annotated[Whole, Field(ge=0)]
+
+
+class PacePart(Document):
+    """A factor on the times of legs: 1 is as the model has it, more is slower."""
+
+    mean: Ratio
+    sd: Deviation
+    legs: Count
+    """It was learned from."""
+
+
+class ConsumptionPart(Document):
+    """What a vehicle uses relative to the energy model."""
+
+    mean: Power
+    sd: Deviation
+    minutes: Annotated[Figure, Field(ge=0), AfterValidator(partial(round, ndigits=1))]
+    """In the air that it was learned from."""
+
+
+class LearnedVehicle(Document):
+    """What is known of one vehicle."""
+
+    name: str
+    autopilot: str
+    drone: str
+    """Of the energy model that the consumption is relative to."""
+    inspect: PacePart
+    """On inspections."""
+    transit: PacePart
+    """On the way between segments, and home."""
+    consumption: ConsumptionPart
+    performance: Performance | None = None
+    """How it moves by its own parameters, which the factors are relative to."""
+
+
+class LearnedDocument(Document):
+    """What flights taught about vehicles."""
+
+    format: Literal["faultline-learned/1"]
+    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+    """When the flight ended."""
+    vehicles: tuple[LearnedVehicle, ...]
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        names = [vehicle.name for vehicle in self.vehicles]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise ValueError(f"vehicles[{index}].name: expected one of its own, got {name}, which another has")
+        return self
+
+    @property
+    def known_by_name(self) -> dict[str, KnownVehicle]:
+        """Return what is known, by the vehicle's name."""
+        return {one.name: _parse_known(one) for one in self.vehicles}
+
+
+def read_learned(path: Path) -> LearnedDocument:
+    """Read learned.json.
+
+    Raises:
+        LogError: one line that names the file, the key and what was expected.
+    """
+    return LearnedDocument.read(path, "what a flight taught about its vehicles")
+
+
+def read_learned_before(run: Path) -> Mapping[str, KnownVehicle]:
+    """Return what a flight began with, by its run directory.
+
+    Raises:
+        LogError: the file cannot be used.
+    """
+    path = RunDirectory(run).learned_before
+    return read_learned(path).known_by_name if path.exists() else MappingProxyType({})
+
+
+def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> LearnedDocument:
+    """Return the content of learned.json."""
+    rows = [
+        LearnedVehicle.build_from(
+            one,
+            name=name,
+            inspect=PacePart.build_from(one.inspect),
+            transit=PacePart.build_from(one.transit),
+            consumption=ConsumptionPart.build_from(one.consumption, mean=one.consumption.factor, minutes=one.minutes),
+        )
+        for name, one in known.items()
+    ]
+    return LearnedDocument(format="faultline-learned/1", date=date, vehicles=tuple(rows))
+
+
+def learn_from_flight(
+    context: Context, state: FleetState, before: Mapping[str, KnownVehicle], date: str
+) -> LearnedDocument:
+    """Return what is known of a fleet after a flight.
+
+    Args:
+        context: Of the flight.
+        state: At its end.
+        before: What the flight began with, by the vehicle's name.
+        date: Of its end.
+    """
+    known = {}
+    for name, setup in context.vehicles.items():
+        vehicle = state.vehicles[name]
+        learned = vehicle.assignment.learned
+        if learned is None and name not in before:
+            continue
+        fault = vehicle.fault
+        known[name] = before[name] if learned is None else vehicle_learning.update_known_vehicle(
+            learned, before.get(name), setup.prior, autopilot=setup.dialect.name, drone=context.drone.name,
+            performance=context.pricing.models[name].performance,
+            drained=fault is not None and fault.kind is FaultKind.BATTERY,
+        )  # fmt: skip
+    return build_learned_document(known, date)
+
+
+def describe_learned(vehicle: LearnedVehicle) -> str:
+    """Return in one line what is known of a vehicle."""
+
+    def of(part: PacePart | ConsumptionPart) -> str:
+        return f"{100 * part.mean:.0f} ± {100 * part.sd:.0f} %"
+
+    return (
+        f"{vehicle.name}: inspections take {of(vehicle.inspect)} of the model's time, transits {of(vehicle.transit)}, "
+        f"consumption {of(vehicle.consumption)}, from {vehicle.inspect.legs + vehicle.transit.legs} legs"
+    )
+
+
+def _parse_known(row: LearnedVehicle) -> KnownVehicle:
+    return KnownVehicle(
+        PaceEstimate(row.inspect.mean, row.inspect.sd**2, row.inspect.legs),
+        PaceEstimate(row.transit.mean, row.transit.sd**2, row.transit.legs),
+        Prior(row.consumption.mean, row.consumption.sd),
+        row.consumption.minutes,
+        row.autopilot,
+        row.drone,
+        row.performance,
+    )

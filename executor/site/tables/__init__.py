@@ -1,1 +1,0 @@
-"""The tables of a site file, by what they are about."""

@@ -1,0 +1,67 @@
+"""The site that a demo makes for itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from executor.simulated.simulated_fleet import build_demo_site, find_free_ports
+from executor.site import site_model
+from executor.site.site_file import check_site
+from missions import default_network_path, read_network
+
+SYDNEY = (-33.86, 151.21)
+
+
+def site_over(network: Path | None, *, flat: bool = False) -> site_model.SiteModel:
+    content = build_demo_site(network=network, radius_m=700, vehicles=3, speedup=10, autopilot="px4", flat=flat)
+    return site_model.load_site_model(check_site(content, "demo"), Path())
+
+
+def test_the_default_network_lies_where_it_says() -> None:
+    ground = site_over(None)
+    assert len(ground.network.segments) == 33
+    assert ground.names == ("uav1", "uav2", "uav3")
+
+
+def test_a_geojson_network_keeps_its_own_depot(tmp_path: Path) -> None:
+    lat_deg, lon_deg = SYDNEY
+    depot = {"type": "Point", "coordinates": [lon_deg, lat_deg]}
+    features = [
+        {"type": "Feature", "properties": {"role": "depot"}, "geometry": depot},
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [[lon_deg + 0.001, lat_deg], [lon_deg + 0.003, lat_deg], [lon_deg + 0.005, lat_deg]],
+            },
+        },
+    ]  # fmt: skip
+    network = tmp_path / "sydney.geojson"
+    network.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    ground = site_over(network, flat=True)
+    assert (ground.network.frame.lat_deg, ground.network.frame.lon_deg) == SYDNEY
+    assert len(ground.network.segments) == 2
+
+
+def test_a_graph_file_is_put_where_the_default_network_is(tmp_path: Path) -> None:
+    network = tmp_path / "graph.yaml"
+    network.write_text('pylons_position: "100 0 0;\n200 0 0;";\n\nconnections_indexes: "2;\n1;";\n')
+    ground = site_over(network)
+    assert ground.network.frame == read_network(default_network_path()).frame
+    assert len(ground.network.segments) == 1
+
+
+def test_the_ports_of_a_fleet_are_none_that_the_system_chooses() -> None:
+    ports = find_free_ports(200)
+    assert len(set(ports)) == 200
+    assert max(ports) < 32_768
+
+
+def test_only_the_usual_demo_has_budgets_of_its_own() -> None:
+    def budgets(radius_m: float) -> set[float]:
+        content = build_demo_site(network=None, radius_m=radius_m, vehicles=4, speedup=10, autopilot="px4")
+        return {vehicle.budget_pct for vehicle in check_site(content, "demo").vehicle}
+
+    assert budgets(700.0) == {28.0} != budgets(900.0)

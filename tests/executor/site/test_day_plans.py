@@ -1,0 +1,164 @@
+"""A day plan as it is flown: what flies first, what is ahead, the rules; what does not belong is refused."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from executor.simulated.simulated_fleet import fleet_of
+from executor.site.day_plans import (
+    build_day_problem,
+    build_day_rules,
+    build_first_sorties_plan,
+    describe_later_sorties,
+    find_later_segments,
+    solve_day,
+    sorties_ahead_of,
+)
+from executor.site.site_file import check_site
+from executor.site.site_model import SiteModel
+from executor.site.site_parts import find_base_pads
+from executor.site.site_planning import PlanRequest
+from missions import DayPlanFile, PlanFileError, check_plan
+from planner import segment_of
+from tests.executor.builders import ground_for, site_of
+from tests.missions.builders import FRAME, line_east
+
+HOURS = {"begin": "08:00", "end": "10:00", "quiet": [{"begin": "09:00", "end": "09:30"}]}
+BATTERY = {"capacity_ah": 1.2}
+
+
+def ground_of(**tables: Mapping[str, object]) -> SiteModel:
+    return ground_for(site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY, **tables), line_east(13))
+
+
+@pytest.fixture(scope="module")
+def ground() -> SiteModel:
+    return ground_of()
+
+
+@pytest.fixture(scope="module")
+def day(ground: SiteModel) -> DayPlanFile:
+    """A day of several sorties each."""
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=2000, starts=1))
+    assert not found.plan.uncovered
+    assert max(map(len, found.plan.sorties)) >= 2
+    return replace(found, source="day.json")
+
+
+def test_the_first_sorties_are_the_plan_and_the_others_wait_behind_them(ground: SiteModel, day: DayPlanFile) -> None:
+    plan, ahead = build_first_sorties_plan(day, ground), sorties_ahead_of(day)
+    assert not [line for line in check_plan(plan, search_window=False) if "uncovered" in line]
+    task = plan.build_task()
+    routes = task.plan_to_network(plan.plan).routes
+    for name, route in zip(ground.names, routes, strict=True):
+        assert route.visits == (ahead[name][0].visits if ahead[name] else ())
+    everything = [segment_of(visit) for own in ahead.values() for one in own for visit in one.visits]
+    assert sorted(everything) == list(range(12))
+    first = {segment_of(visit) for route in routes for visit in route.visits}
+    assert find_later_segments(day) == set(range(12)) - first == {plan.segments[one].id for one in plan.plan.uncovered}
+    assert min(one.start_s for own in ahead.values() for one in own) == 0.0
+    assert [line.partition(":")[0] for line in describe_later_sorties(day)] == [
+        name for name, own in ahead.items() if len(own) > 1
+    ]
+
+
+def test_the_days_clock_begins_with_its_first_take_off(ground: SiteModel, day: DayPlanFile) -> None:
+    rules = build_day_rules(day)
+    assert rules.bases == {"uav1": "depot", "uav2": "depot"}
+    assert rules.stagger_s == 30.0
+    assert rules.windows_s["uav1"] == ((0.0, 3600.0), (5400.0, 7200.0))
+    assert rules.ends_s == 7200.0
+
+
+def test_simulated_vehicles_stand_at_their_bases_in_the_morning() -> None:
+    lat_deg, lon_deg = FRAME.to_wgs84_deg(600.0, 400.0)
+    at_depot = {"name": "home", "lat_deg": FRAME.lat_deg, "lon_deg": FRAME.lon_deg, "vehicles": ["uav2"]}
+    north = {"name": "north", "lat_deg": lat_deg, "lon_deg": lon_deg, "vehicles": ["uav1", "uav3"], "alt_m": 451.0}
+    bases: dict[str, Any] = {"base": [at_depot, north]}
+    site = site_of(("uav1", "uav2", "uav3"), day=HOURS, energy=BATTERY, **bases)
+    ground = ground_for(site, line_east(13))
+    assert set(find_base_pads(site, ground.network)) == {"uav1", "uav3"}
+    stands = {name: ground.setup.pad_of(name) for name in ("uav1", "uav3")}
+    places = [(pad.east_m, pad.north_m) for pad in stands.values()]
+    assert all(math.dist(place, (600.0, 400.0)) < 40.0 for place in places)
+    assert math.dist(*places) >= 12.0
+    assert {pad.alt_m for pad in stands.values()} == {451.0}
+    simulated = {
+        one.name: one
+        for one in fleet_of(ground, speedup=1.0, faults=(), seed=0, wind=1.0, failsafe=True).vehicles
+    }  # fmt: skip
+    for name, pad in {**stands, "uav2": ground.setup.pad_of("uav2")}.items():
+        one = simulated[name]
+        assert FRAME.to_local_m(one.home_lat_deg, one.home_lon_deg) == pytest.approx((pad.east_m, pad.north_m), abs=0.1)
+        assert one.home_alt_m == pad.alt_m
+
+
+def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
+    lat_deg, lon_deg = FRAME.to_wgs84_deg(300.0, -200.0)
+    hill: dict[str, Any] = {"name": "hill", "kind": "pad", "lat_deg": lat_deg, "lon_deg": lon_deg}
+    site = site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY)
+    tables = site.model_dump(exclude_unset=True)
+    first, second = tables["vehicle"]
+    moved = check_site({**tables, "place": [hill], "vehicle": [{**first, "pad": "hill"}, second]}, "test")
+    ground = ground_for(moved, line_east(13))
+    day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
+    second_m = ground.setup.base_of("uav2").place_m[:2]
+    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
+    build_first_sorties_plan(day, ground)
+    assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
+
+
+def test_what_a_camera_is_not_good_for_is_barred_in_flight_too() -> None:
+    lines = line_east(13)
+    names = [lines.segment_name(number) for number in range(12)]
+    hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "segments": names[:4]}]}
+    ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), lines)
+    found = solve_day(build_day_problem(ground, range(2, 12)), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
+    assert build_day_rules(found).barred == {"uav2": frozenset(range(4, 12))}
+
+
+def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
+    hours: dict[str, Any] = {**HOURS, "vehicle": [{"name": "uav2", "speed_m_s": 4.0}]}
+    ground = ground_for(site_of(("uav1", "uav2"), day=hours, energy=BATTERY), line_east(13))
+    found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
+    said = refused(replace(found, source="day.json"), ground)
+    assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
+
+
+def refused(day: DayPlanFile, ground: SiteModel) -> str:
+    with pytest.raises(PlanFileError) as error:
+        build_first_sorties_plan(day, ground)
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.startswith("day.json: ")
+    return text
+
+
+def test_a_day_of_other_vehicles_is_refused(day: DayPlanFile) -> None:
+    other = ground_for(site_of(("uav1", "uav3"), day=HOURS, energy=BATTERY), line_east(13))
+    assert "vehicles: expected uav1, uav3 as in the site" in refused(day, other)
+
+
+def test_a_day_of_another_line_is_refused(day: DayPlanFile) -> None:
+    other = ground_for(site_of(("uav1", "uav2"), day=HOURS, energy=BATTERY), line_east(5))
+    assert re.search("expected one of the site's 4 segments", refused(day, other))
+
+
+def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: DayPlanFile) -> None:
+    wrong = replace(day, evaluation=replace(day.evaluation, finish_s=1.0))
+    assert "finish_s is 1, its content gives" in refused(wrong, ground)
+
+
+def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
+    left = (2, 7, 9)
+    found = solve_day(build_day_problem(ground, left), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
+    assert [segment.id for segment in found.segments] == list(left)
+    flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
+    assert flown == set(left)
+    assert {segment.id for segment in build_first_sorties_plan(found, ground).segments} == set(left)
