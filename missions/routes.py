@@ -60,7 +60,8 @@ def continue_path(
     The kept waypoints stay exactly as they are. Visits are counted on from the kept inspections; without new visits
     the vehicle goes home from the last kept waypoint. In the place of a way home, which may be flown by now, stands a
     transit first, if only to where the vehicle comes from: its items have the same numbers. Where on that leg the
-    vehicle turns is not known: if a straight way from there may not be free, it first flies back to where it was.
+    vehicle turns is not known: if a straight way from there may not be free, it first flies back to where it was, and
+    stops there.
 
     Args:
         setup: The network, heights and pads, as for the path itself.
@@ -149,7 +150,7 @@ class _PathBuilder:
         first, *others = self.complete(visits, first_visit=first_visit)
         if not self._is_free(np.array([begin_m, end_m, _place_m(self.setup, self.vehicle, first)])):
             speed_m_s = self.setup.inspection.transit_speed_m_s
-            yield self._build_waypoint(turn_place_m, first.phase, speed_m_s, visit=first.visit)
+            yield self._build_waypoint(turn_place_m, first.phase, speed_m_s, hold=True, visit=first.visit)
         yield from (first, *others)
 
     def _is_free(self, corners_m: FloatArray) -> bool:

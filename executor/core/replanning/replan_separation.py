@@ -22,6 +22,7 @@ from executor.core.state.fleet_state import FleetState, Replan
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path, estimate
 from missions.autopilots.modes import is_home_mode
+from missions.geometry import place_distances_m
 from missions.inspection_height import (
     Airway,
     build_airway,
@@ -134,18 +135,20 @@ def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Air
 
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
     """Return what a vehicle may fly of what it has, or may have, on board; None for one on the ground."""
-    board, sent_path, waypoint = vehicle.assignment.board, vehicle.assignment.sent_path, vehicle.assignment.waypoint
+    board, sent_path = vehicle.assignment.board, vehicle.assignment.sent_path
     if board is None or vehicle.stage in _AWAY:
         return None
     left = _build_airway_ahead(context, vehicle, board.path)
-    return left if sent_path is None else _join_airways(left, build_airway(context.setup, sent_path, waypoint))
+    return left if sent_path is None else _join_airways(left, _build_airway_ahead(context, vehicle, sent_path))
 
 
 def _build_airway_ahead(context: Context, vehicle: VehicleState, path: FlightPath) -> Airway:
     """Return what is left of a path, with the way on which a vehicle comes to it that has turned back or was taken."""
     left, fix = build_airway(context.setup, path, vehicle.assignment.waypoint), vehicle.motion.fix
     flies = vehicle.stage in _ON_ITS_WAY or vehicle.stage is Stage.LOST
-    if fix is None or not flies or not len(left.legs_m) or not survivors.is_beside_leg(vehicle):
+    if fix is None or not flies or not len(left.legs_m):
+        return left
+    if place_distances_m(left.over_ground_m[:1], np.array([fix.place_m]))[0, 0] <= survivors.BESIDE_M:
         return left
     here_m = np.array([*fix.place_m, context.setup.up_m(vehicle.name, fix.alt_rel_m)])
     below_m = 0.0 if _is_in_its_layer(context, vehicle) else context.setup.layers.offset_m(vehicle.name)

@@ -152,13 +152,13 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
             return None
         homeward = waypoints[kept].phase is Phase.RETURN
         if landing_projection.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
-            return kept + 1 if kept == state.assignment.waypoint and is_beside_leg(state) else kept
+            return kept + 1 if kept == state.assignment.waypoint and _is_beside_leg(state) else kept
         if homeward:
             return None
     return None
 
 
-def is_beside_leg(state: VehicleState) -> bool:
+def _is_beside_leg(state: VehicleState) -> bool:
     """Return whether a vehicle flies to its waypoint from another place than its mission does."""
     board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
     if board is None or fix is None or not 0 < waypoint < len(board.places_m):
