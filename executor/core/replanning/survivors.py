@@ -132,7 +132,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
 
     What a vehicle flies to is not replaced under it: ArduPilot takes items one by one, and its index runs ahead of
     them where the one flown to is no waypoint any more. A way home may be, as what takes its place begins with a
-    waypoint too; but whoever comes there from elsewhere, as its pilot gave it back, is known to be free only that way.
+    waypoint too; but one that comes there from elsewhere, as its pilot gave it back, flies on to its end first.
     """
     board = state.assignment.board
     if board is None:
