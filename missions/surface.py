@@ -75,7 +75,7 @@ class Surface:
 
         One that is too wide to be looked at closely counts as one that does not, but over flat ground.
         """
-        flat = self.slope == 0 and self.floor is None
+        flat = self.floor is None and np.ptp(self.heights_m) <= ROUNDING_M
         length_m = float(np.hypot(*(np.roll(corners_m, 1, axis=0) - corners_m)[:, :2].T).max())
         steps = 1 if flat else math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M))
         if steps > TRIANGLE_STEPS:
