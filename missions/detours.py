@@ -37,6 +37,11 @@ class DetourObstacles:
         """Return (w, 2) corners of the way between two (2,) places: as it is flown, and as it is priced."""
         return self._corners_m(start_m[np.newaxis], goal_m[np.newaxis])[0]
 
+    def is_triangle_free(self, corners_m: FloatArray) -> bool:
+        """Return whether no leg within a triangle of (3, 2) corners leads through a column, or an area."""
+        columns = (build_column(centre_m, self.radius_m) for centre_m in self.centres_m)
+        return build_visibility_graph((*self.areas, *columns)).is_triangle_free(corners_m)
+
     def _corners_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray]:
         """Return (w, 2) corners of the ways from (n, 2) places to others."""
         if self.areas:

@@ -159,6 +159,15 @@ def parallelogram_area_m2(a: tuple[float, float], b: tuple[float, float], c: tup
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
+def is_in_triangle(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
+    """Return (m,) whether (m, 2) places are in a triangle of (3, 2) corners; none is in one without an area."""
+    sides_m = np.roll(corners_m, -1, axis=0) - corners_m
+    off_m = places_m[:, np.newaxis] - corners_m
+    left = sides_m[:, 0] * off_m[..., 1] - sides_m[:, 1] * off_m[..., 0]
+    wide = abs(sides_m[0, 0] * sides_m[1, 1] - sides_m[0, 1] * sides_m[1, 0]) > SHORTEST_M2
+    return np.asarray(wide & ((left >= 0).all(axis=1) | (left <= 0).all(axis=1)))
+
+
 def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
     """Return the corners of the convex hull of sorted places, counter-clockwise (the monotone chain).
 

@@ -17,6 +17,7 @@ import numpy as np
 from missions.cameras import Capture, PylonCameraTask, PylonStop, Region
 from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
+from missions.geometry import find_nearest_on_legs
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase, Waypoint
 from planner import is_reversed, segment_of
@@ -47,13 +48,20 @@ def build_flight_path(
 
 
 def continue_path(
-    setup: FlightSetup, path: FlightPath, keep: int, visits: Sequence[int], low: Collection[int] = frozenset()
+    setup: FlightSetup,
+    path: FlightPath,
+    keep: int,
+    visits: Sequence[int],
+    low: Collection[int] = frozenset(),
+    turn_m: tuple[float, float] | None = None,
 ) -> FlightPath:
     """Return a path that begins with the first ``keep`` waypoints of another and goes on with other visits.
 
     The kept waypoints stay exactly as they are. Visits are counted on from the kept inspections; without new visits
     the vehicle goes home from the last kept waypoint. In the place of a way home, which may be flown by now, stands a
-    transit first, if only to where the vehicle comes from: its items have the same numbers.
+    transit first, if only to where the vehicle comes from: its items have the same numbers. Where on that leg the
+    vehicle turns is not known: if a straight way from there may not be free, it first flies back to where it was, and
+    stops there.
 
     Args:
         setup: The network, heights and pads, as for the path itself.
@@ -61,6 +69,8 @@ def continue_path(
         keep: How many of its waypoints stay; normally to the end of the inspection under way.
         visits: Planner visits over the setup's network.
         low: As `build_flight_path` has it, of those visits.
+        turn_m: East and north where the vehicle was last known to be, if it flies home already; None for anywhere on
+            the leg after the last kept waypoint.
 
     Raises:
         ValueError: nothing would be kept, more than there is, or a landing: that is a new flight.
@@ -72,7 +82,8 @@ def continue_path(
         raise ValueError(f"keep is {keep}: expected 1 to {len(path.waypoints)} waypoints without the landing")
     done = sum(point.phase is Phase.INSPECT for point in kept)
     flight = _PathBuilder.start_after(setup, path.vehicle, kept[-1], low)
-    flight.turns_back = keep < len(path.waypoints) and path.waypoints[keep].phase is Phase.RETURN
+    if keep < len(path.waypoints) and path.waypoints[keep].phase is Phase.RETURN:
+        return FlightPath(path.vehicle, (*kept, *flight.turn_back(path.waypoints[keep], turn_m, visits, done)))
     return FlightPath(path.vehicle, (*kept, *flight.complete(visits, first_visit=done)))
 
 
@@ -101,9 +112,7 @@ class _PathBuilder:
 
     @classmethod
     def start_after(cls, setup: FlightSetup, vehicle: str, last: Waypoint, low: Collection[int]) -> _PathBuilder:
-        east, north = setup.frame.to_local_m(last.lat_deg, last.lon_deg)
-        up = last.alt_rel_m + setup.frame.up_m(setup.pad_of(vehicle).alt_m)
-        return cls(setup, vehicle, np.array([east, north, up]), on_ground=False, low=low, below_m=last.below_m)
+        return cls(setup, vehicle, _place_m(setup, vehicle, last), on_ground=False, low=low, below_m=last.below_m)
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
         """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
@@ -119,6 +128,38 @@ class _PathBuilder:
         yield from self._fly_vertical(0.0, Phase.RETURN, visit=None)
         yield from self._fly_transit(above_pad, Phase.RETURN, visit=None, hold=False)
         yield self._build_waypoint(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
+
+    def turn_back(
+        self, left: Waypoint, turn_m: tuple[float, float] | None, visits: Iterable[int], first_visit: int
+    ) -> Iterator[Waypoint]:
+        """Yield the waypoints of all visits and of the way home for a vehicle that may be on a leg which they replace.
+
+        It turns anywhere between where it was and the end of that leg. From there autopilots fly straight to the new
+        waypoint, or to the line that leads there from the leg's end: all of the triangle over that leg must be free.
+        """
+        self.turns_back, begin_m = True, self.here_m
+        if self.below_m:  # it climbs from the line, and goes on from there in any case
+            yield from self.complete(visits, first_visit=first_visit)
+            return
+        end_m = _place_m(self.setup, self.vehicle, left)
+        if turn_m is not None:
+            along_m = (end_m - begin_m)[np.newaxis]
+            _, share = find_nearest_on_legs(np.array([turn_m]), begin_m[np.newaxis, :2], along_m[:, :2])
+            self.here_m = (begin_m + share * along_m)[0]
+        turn_place_m = self.here_m
+        first, *others = self.complete(visits, first_visit=first_visit)
+        if not self._is_free(np.array([begin_m, end_m, _place_m(self.setup, self.vehicle, first)])):
+            speed_m_s = self.setup.inspection.transit_speed_m_s
+            yield self._build_waypoint(turn_place_m, first.phase, speed_m_s, hold=True, visit=first.visit)
+        yield from (first, *others)
+
+    def _is_free(self, corners_m: FloatArray) -> bool:
+        """Return whether every leg within a triangle of (3, 3) corners is as legs must be."""
+        layers = self.setup.layers
+        over_m = corners_m - _up_vector_m(layers.offset_m(self.vehicle))
+        return self.setup.obstacles_for(self.vehicle).is_triangle_free(corners_m[:, :2]) and layers.surface.is_near(
+            over_m, layers.tolerance_m
+        )
 
     def _fly_visit(self, number: int, visit: int) -> Iterator[Waypoint]:
         start, end = self._inspection_m(visit)
@@ -237,6 +278,12 @@ class _PathBuilder:
             visit=visit,
             below_m=self.below_m,
         )
+
+
+def _place_m(setup: FlightSetup, vehicle: str, point: Waypoint) -> FloatArray:
+    """Return (3,) east, north and up of one of a vehicle's waypoints."""
+    east_m, north_m = setup.frame.to_local_m(point.lat_deg, point.lon_deg)
+    return np.array([east_m, north_m, setup.up_m(vehicle, point.alt_rel_m)])
 
 
 def _up_vector_m(height_m: float) -> FloatArray:

@@ -18,7 +18,7 @@ import numpy as np
 
 from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
-from missions.geometry import find_nearest_on_legs
+from missions.geometry import find_nearest_on_legs, is_in_triangle
 from missions.validation import Figure
 
 Place = tuple[float, float]
@@ -200,6 +200,13 @@ class VisibilityGraph:
         """Return (n,) whether straight legs between (n, 2) places come nearer than is kept, or begin or end inside."""
         ends = self.is_inside(starts_m) | self.is_inside(goals_m)
         return np.asarray(ends | self.is_blocked(starts_m, goals_m))
+
+    def is_triangle_free(self, corners_m: FloatArray) -> bool:
+        """Return whether nothing of a triangle of (3, 2) corners is in an obstacle, or nearer to it than is kept."""
+        if self.is_inside(corners_m).any() or self.is_blocked(corners_m, np.roll(corners_m, 1, axis=0)).any():
+            return False
+        # What is in there and meets no side is all in there.
+        return not any(is_in_triangle(shape.begins_m, corners_m).any() for shape in self._shapes)
 
     def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
         """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.

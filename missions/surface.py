@@ -36,6 +36,10 @@ CHECK_OVER_M = 2.0
 MAX_CHECKS = 12_000
 FOLLOW_M = 0.5
 """Legs off the lines keep this near to the surface at the points that are checked."""
+TRIANGLE_STEPS = 60
+"""Of the distance of the checked points, along a triangle's longest side: 2000 points in all."""
+ROUNDING_M = 1e-3
+"""Coordinates of waypoints are rounded to less."""
 SLOPES = (0.02, 0.05, 0.08, 0.12, 0.16, 0.2, 0.3, 0.45, 0.7, 1.0)
 """Bounds to choose from; a steep surface follows crossing lines better and costs more height between the layers."""
 MATRIX_ENTRIES = 2_000_000
@@ -93,6 +97,23 @@ class Surface:
     def height_m(self, east_m: float, north_m: float) -> float:
         """Return the height over one place."""
         return float(self.interpolate_m(np.array([[east_m, north_m]]))[0])
+
+    def is_near(self, corners_m: FloatArray, tolerance_m: float) -> bool:
+        """Return whether all of a triangle of (3, 3) corners keeps as near to the surface as legs do.
+
+        One that is too wide to be looked at closely counts as one that does not, but over flat ground.
+        """
+        flat = self.floor is None and np.ptp(self.heights_m) <= ROUNDING_M
+        length_m = float(np.hypot(*(np.roll(corners_m, 1, axis=0) - corners_m)[:, :2].T).max())
+        steps = 1 if flat else math.ceil(length_m / (CHECK_STEP_M if self.floor is None else CHECK_OVER_M))
+        if steps > TRIANGLE_STEPS:
+            return False
+        one, other = np.indices((steps + 1, steps + 1)).reshape(2, -1) / max(1, steps)
+        within = one + other <= 1.0 + 1e-9
+        shares = np.column_stack((1.0 - one - other, one, other))[within]
+        places_m = shares @ corners_m
+        off_m = np.abs(self.interpolate_m(places_m[:, :2]) - places_m[:, 2])
+        return bool(off_m.max() <= tolerance_m + ROUNDING_M)
 
     def follow_m(self, start_m: FloatArray, goal_m: FloatArray, tolerance_m: float) -> FloatArray:
         """Return (w, 3) places between two (3,) places so that straight legs through them keep near the surface.

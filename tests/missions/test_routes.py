@@ -188,6 +188,22 @@ def test_in_the_place_of_a_way_home_stands_a_transit_even_to_where_it_begins() -
     assert encode(back, ARDUPILOT).waypoint_of.index(keep) == encode(path, ARDUPILOT).waypoint_of.index(keep)
 
 
+@pytest.mark.parametrize(("north_m", "back"), [(-60.0, False), (25.0, True)])
+def test_who_turns_back_flies_straight_or_first_to_where_it_was(north_m: float, back: bool) -> None:
+    """Another's pad lies beside its way home, or between that and where it is sent, wherever it turns."""
+    network = network_of([(300.0, 5.0), (200.0, 5.0), (200.0, 100.0), (300.0, 100.0)], [(0, 1), (2, 3)])
+    pads = [Pad("uav1", 0.0, 0.0, 450.0), Pad("uav2", 120.0, north_m, 450.0)]
+    setup = plan_flight_setup(network, ["uav1", "uav2"], Inspection(height_m=20.0), pads=pads)
+    path = build_flight_path(setup, "uav1", [0])
+    keep = [point.phase for point in path.waypoints].index(Phase.RETURN)
+    again = continue_path(setup, path, keep, [2], turn_m=(90.0, 4.0))
+    first, goal = places_m(setup, again)[[keep, shape(again).index(("inspect", True, 1)) - 1]]
+    assert shape(again)[keep] == ("transit", True, 1)
+    assert first == pytest.approx([90.0, 4.5], abs=1.0) if back else first == pytest.approx(goal)
+    assert goal == pytest.approx([200.0, 95.0], abs=1e-3)
+    assert encode(again, ARDUPILOT).waypoint_of.index(keep) == encode(path, ARDUPILOT).waypoint_of.index(keep)
+
+
 @pytest.mark.parametrize("keep", [0, -1, 6, 7])
 def test_a_landing_or_nothing_cannot_be_kept(keep: int) -> None:
     setup = simple_setup()

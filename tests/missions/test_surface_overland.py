@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,6 +69,40 @@ def flown_and_replanned(seed: int, folder: Path) -> None:
 @pytest.mark.parametrize("seed", range(FEW))
 def test_the_margin_holds_on_every_leg_and_every_way_home(seed: int, tmp_path: Path) -> None:
     flown_and_replanned(seed, tmp_path)
+
+
+def turned_back(case: Case, path: FlightPath) -> Iterator[FlightPath]:
+    """Yield what a vehicle flies that turns anywhere on a leg of its way home, straight to its new mission."""
+    for keep, end in enumerate(path.waypoints):
+        if end.phase is not Phase.RETURN:
+            continue
+        begin = path.waypoints[keep - 1]
+        turns = [_between(begin, end, share) for share in sorted(case.rng.uniform(size=2))]
+        segment = int(case.rng.integers(len(case.setup.network.segments)))
+        known_m = case.setup.frame.to_local_m(turns[0].lat_deg, turns[0].lon_deg)
+        again = continue_path(case.setup, path, keep, [2 * segment], turn_m=known_m)
+        yield FlightPath(path.vehicle, (*path.waypoints[:keep], *turns, *again.waypoints[keep:]))
+
+
+def _between(begin: Waypoint, end: Waypoint, share: float) -> Waypoint:
+    """Return a place on a leg."""
+    lat_deg, lon_deg, alt_m = (
+        one + share * (other - one)
+        for one, other in (
+            (begin.lat_deg, end.lat_deg), (begin.lon_deg, end.lon_deg), (begin.alt_rel_m, end.alt_rel_m)
+        )
+    )  # fmt: skip
+    return replace(end, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=alt_m)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_margin_holds_for_who_turns_back_on_its_way_home(seed: int, tmp_path: Path) -> None:
+    case = case_of(seed, tmp_path)
+    paths = first_paths(case)
+    for number, path in enumerate(paths):
+        others = [*paths[:number], *paths[number + 1 :]]
+        for flown in turned_back(case, path):
+            judged(case, [*others, flown])
 
 
 @pytest.mark.campaign

@@ -8,19 +8,21 @@ from __future__ import annotations
 import itertools
 import math
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 import shapely
-from shapely.geometry import LineString, Polygon
+from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from missions import (
     FlightPath,
     FlightSetup,
     Inspection,
+    Phase,
     build_flight_path,
     continue_path,
     dialect_for,
@@ -155,6 +157,44 @@ def test_random_plans_and_re_plans_keep_out_of_all_areas(seed: int) -> None:
         assert bool(check_areas(setup, [direct])) is any(
             least_m(setup.frame, direct, one) < one.margin_m - 0.2 for one in setup.areas
         )
+
+
+def turning_ways(dice: random.Random, found: World, path: FlightPath) -> Iterator[tuple[FlightPath, LineString]]:
+    """Yield new missions for who is somewhere on its way home, and what it flies from there on.
+
+    It flies on after its place was known, and then straight to its new mission, or back to the line on which that goes
+    on from the end of the leg that it was on: autopilots do either.
+    """
+    places = [np.array(found.setup.frame.to_local_m(point.lat_deg, point.lon_deg)) for point in path.waypoints]
+    for keep, point in enumerate(path.waypoints):
+        if point.phase is not Phase.RETURN:
+            continue
+        begin, end = places[keep - 1], places[keep]
+        known, turned = sorted((dice.random(), dice.random()))
+        known_m, turned_m = (begin + share * (end - begin) for share in (known, turned))
+        visits = random_visits(dice, found.reachable)
+        again = continue_path(found.setup, path, keep, visits, turn_m=(float(known_m[0]), float(known_m[1])))
+        new = [np.array(found.setup.frame.to_local_m(point.lat_deg, point.lon_deg)) for point in again.waypoints[keep:]]
+        line_m = end + dice.random() * (new[0] - end)
+        yield again, LineString([known_m, turned_m, *new])
+        yield again, LineString([known_m, turned_m, line_m, *new])
+
+
+@pytest.mark.parametrize("seed", range(WORLDS))
+def test_who_turns_back_anywhere_on_its_way_home_keeps_out_of_areas_and_columns(seed: int) -> None:
+    found, dice = world(seed), random.Random(3000 + seed)
+    setup = found.setup
+    for flight in range(FLIGHTS):
+        name = NAMES[flight % len(NAMES)]
+        path = build_flight_path(setup, name, random_visits(dice, found.reachable))
+        for again, flown in turning_ways(dice, found, path):
+            for one in setup.areas:
+                assert shapely.distance(flown, shape(one)) >= one.margin_m - ROUNDING_M, (one.name, name)
+            for pad in setup.pads:
+                if pad.vehicle != name:
+                    away_m = flown.distance(Point(pad.east_m, pad.north_m))
+                    assert away_m >= column_radius_m(setup.layers.layer_m) - ROUNDING_M, (pad.vehicle, name)
+            assert check_areas(setup, [again]) == []
 
 
 def test_every_other_of_these_flights_would_have_met_an_area() -> None:

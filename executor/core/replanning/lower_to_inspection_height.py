@@ -186,11 +186,13 @@ def _can_afford(
         offer.kept if offer.airborne else 0,
     )
     if offer.airborne and board is not None:
-        path = continue_path(setup, board.path, kept, visits, low)
+        path = continue_path(setup, board.path, kept, visits, low, offer.start_m)
+        lat_deg, lon_deg = setup.frame.to_wgs84_deg(*offer.start_m)
+        begin = replace(path.waypoints[kept - 1], lat_deg=lat_deg, lon_deg=lon_deg)
+        path, kept = replace(path, waypoints=(begin, *path.waypoints[kept:])), 1
     else:
         path = build_flight_path(setup, vehicle.name, visits, low)
     legs = estimate(path, model).legs[kept:]
     phases = (point.phase for point in path.waypoints[kept:])
     needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
-    needs_pct = offer.consumption * needs_pct + reinspection.turn_back_energy_pct(vehicle, offer)
-    return needs_pct + spare_pct <= offer.budget_pct
+    return offer.consumption * needs_pct + spare_pct <= offer.budget_pct

@@ -140,7 +140,7 @@ def _build_new_mission(
         return NewMission(path, visits, True, widen_fence(context, vehicle.name, vehicle.assignment.fence, path))
     kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
     stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
-    path = continue_path(setup, vehicle.assignment.board.path, offer.kept, visits, low)
+    path = continue_path(setup, vehicle.assignment.board.path, offer.kept, visits, low, offer.start_m)
     fence = widen_fence(context, vehicle.name, vehicle.assignment.fence, path)
     return NewMission(path, (*stay, *visits), False, fence)
 

@@ -15,11 +15,14 @@ from dataclasses import replace
 import numpy as np
 
 from executor.core.context import Context, VehicleSetup
+from executor.core.inflight.homing.return_home import is_on_mission
 from executor.core.interface.commands import Survivor
+from executor.core.replanning import survivors
 from executor.core.state.fleet_state import FleetState, Replan
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightModel, FlightPath, FlightSetup, build_flight_path, continue_path, estimate
 from missions.autopilots.dialect import is_home_mode
+from missions.geometry import place_distances_m
 from missions.inspection_height import (
     Airway,
     build_airway,
@@ -83,7 +86,12 @@ def _is_leaving_line(context: Context, vehicle: VehicleState, now_s: float) -> b
     left = _find_remaining_airway(context, vehicle)
     if left is None or not left.has_wall.any():
         return False
-    return vehicle.stage is Stage.LOST or not _is_in_its_layer(context, vehicle)
+    return vehicle.stage is Stage.LOST or is_on_mission(context, vehicle) or not _is_in_its_layer(context, vehicle)
+
+
+def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle flies home from wherever it is; who is on its mission still has not been told."""
+    return vehicle.stage is Stage.LOST or (vehicle.stage is Stage.RETURNING and not is_on_mission(context, vehicle))
 
 
 def _is_down_by_now(context: Context, vehicle: VehicleState, now_s: float) -> bool:
@@ -127,11 +135,25 @@ def _find_way_home(context: Context, vehicle: VehicleState, now_s: float) -> Air
 
 def _find_remaining_airway(context: Context, vehicle: VehicleState) -> Airway | None:
     """Return what a vehicle may fly of what it has, or may have, on board; None for one on the ground."""
-    board, sent_path, waypoint = vehicle.assignment.board, vehicle.assignment.sent_path, vehicle.assignment.waypoint
+    board, sent_path = vehicle.assignment.board, vehicle.assignment.sent_path
     if board is None or vehicle.stage in _AWAY:
         return None
-    left = build_airway(context.setup, board.path, waypoint)
-    return left if sent_path is None else _join_airways(left, build_airway(context.setup, sent_path, waypoint))
+    left = _build_airway_ahead(context, vehicle, board.path)
+    return left if sent_path is None else _join_airways(left, _build_airway_ahead(context, vehicle, sent_path))
+
+
+def _build_airway_ahead(context: Context, vehicle: VehicleState, path: FlightPath) -> Airway:
+    """Return what is left of a path, with the way on which a vehicle comes to it that has turned back or was taken."""
+    left, fix = build_airway(context.setup, path, vehicle.assignment.waypoint), vehicle.motion.fix
+    flies = vehicle.stage in _ON_ITS_WAY or vehicle.stage is Stage.LOST
+    if fix is None or not flies or not len(left.legs_m):
+        return left
+    if place_distances_m(left.over_ground_m[:1], np.array([fix.place_m]))[0, 0] <= survivors.BESIDE_M:
+        return left
+    here_m = np.array([*fix.place_m, context.setup.up_m(vehicle.name, fix.alt_rel_m)])
+    below_m = 0.0 if _is_in_its_layer(context, vehicle) else context.setup.layers.offset_m(vehicle.name)
+    leg_m = np.array([[here_m, left.legs_m[0, 1]]])
+    return _join_airways(left, Airway(vehicle.name, leg_m, np.array([[below_m, left.below_m[0, 1]]])))
 
 
 def find_occupied_airways(
@@ -150,10 +172,10 @@ def find_occupied_airways(
                 # Who turns back on its way home ends the leg that it is on: a climb from the line to its end.
                 waypoint = vehicle.assignment.waypoint
                 begun = FlightPath(vehicle.name, board.path.waypoints[: max(offer.kept, waypoint + 1)])
-                found.append(build_airway(context.setup, begun, waypoint))
+                found.append(_build_airway_ahead(context, vehicle, begun))
         elif _is_down_by_now(context, vehicle, now_s):
             continue
-        elif vehicle.stage in {Stage.LOST, Stage.RETURNING} and not _is_leaving_line(context, vehicle, now_s):
+        elif _has_left_mission(context, vehicle) and not _is_leaving_line(context, vehicle, now_s):
             # It is on its way home in its layer, from wherever it was.
             home = _find_way_home(context, vehicle, now_s)
             found.append(left.to_layer() if home is None else home)
@@ -230,7 +252,7 @@ def build_path_in_layer(
     board = vehicle.assignment.board
     if not offer.airborne or board is None:
         return build_flight_path(setup, vehicle.name, visits)
-    return continue_path(setup, board.path, offer.kept, visits)
+    return continue_path(setup, board.path, offer.kept, visits, turn_m=offer.start_m)
 
 
 def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:

@@ -16,9 +16,12 @@ from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
 from missions.flight_model import AS_MODELLED
+from missions.geometry import locate_on_leg
 
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
+BESIDE_M = 5.0
+"""Corners are cut by less, and positions are off by less."""
 
 
 def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
@@ -61,7 +64,8 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
         )
         alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
     else:
-        place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
+        place, alt_rel_m = state.motion.fix.place_m, state.motion.fix.alt_rel_m
+        spent = _turn_energy_pct(context, state, kept)
     offer = _build_offer(
         context, state, place, spent * account.consumption_factor(state.power.battery), airborne=True, kept=kept
     )
@@ -76,6 +80,12 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
     setup = context.setup
     up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
+
+
+def _turn_energy_pct(context: Context, state: VehicleState, waypoint: int) -> float:
+    """Return what turning back costs a vehicle at most: it flies on until it has its new mission, and all that back."""
+    shares = context.horizon_s / landing_projection.time_to_reach_s(state, waypoint)
+    return 2.0 * min(1.0, shares) * landing_projection.energy_to_reach_pct(state, waypoint)
 
 
 def build_pad_survivor(context: Context, state: VehicleState) -> Survivor:
@@ -122,7 +132,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
 
     What a vehicle flies to is not replaced under it: ArduPilot takes items one by one, and its index runs ahead of
     them where the one flown to is no waypoint any more. A way home may be, as what takes its place begins with a
-    waypoint too.
+    waypoint too; but one that comes there from elsewhere, as its pilot gave it back, flies on to its end first.
     """
     board = state.assignment.board
     if board is None:
@@ -142,10 +152,18 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
             return None
         homeward = waypoints[kept].phase is Phase.RETURN
         if landing_projection.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
-            return kept
+            return kept + 1 if kept == state.assignment.waypoint and _is_beside_leg(state) else kept
         if homeward:
             return None
     return None
+
+
+def _is_beside_leg(state: VehicleState) -> bool:
+    """Return whether a vehicle flies to its waypoint from another place than its mission does."""
+    board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
+    if board is None or fix is None or not 0 < waypoint < len(board.places_m):
+        return False
+    return locate_on_leg(board.places_m[waypoint - 1], board.places_m[waypoint], fix.place_m)[1] > BESIDE_M
 
 
 def _build_offer(

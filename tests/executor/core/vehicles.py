@@ -25,9 +25,11 @@ OUT_THERE, ON_PAD = "49.60014, 15.60362 (GPS not reported)", "49.60014, 15.59947
 """Where `at` is, and the pad, in words."""
 
 
-def at(*, east_m: float = 300.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0) -> PositionFix:
+def at(
+    *, east_m: float = 300.0, north_m: float = 0.0, up_m: float = 20.0, climbs_m_s: float = 0.0, age_s: float = 0.0
+) -> PositionFix:
     heard_s = NOW_S - age_s
-    return PositionFix(heard_s, heard_s, (PAD_E + east_m, PAD_N), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
+    return PositionFix(heard_s, heard_s, (PAD_E + east_m, PAD_N + north_m), up_m, 450.0 + up_m, (3.0, 0.0, climbs_m_s))
 
 
 def pack(*percents: float, apart_s: float = 1.0, age_s: float = 0.0, charge_state: int = 1) -> BatteryState:

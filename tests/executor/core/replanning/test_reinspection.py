@@ -161,11 +161,11 @@ def test_it_keeps_more_than_its_reserve_and_the_way_back_counts() -> None:
     chosen = CONTEXTS[False]
 
     def least_pct(share: float) -> float:
-        for left in range(10, 91):
+        for left_pct in (0.5 * half for half in range(20, 181)):
             state = going_home(chosen, share=share)
-            state = state.put(with_facts(state.vehicles["uav2"], battery=pack(float(left), float(left))))
+            state = state.put(with_facts(state.vehicles["uav2"], battery=pack(left_pct, left_pct)))
             if uploads(lower_one_vehicle(chosen, state, NOW_S)[1]):
-                return left
+                return left_pct
         raise AssertionError
 
     near, far = least_pct(0.1), least_pct(0.6)

@@ -29,7 +29,7 @@ from tests.executor.core.steps import (
     plan_of,
     rounded,
 )
-from tests.executor.core.vehicles import FLEET, NOW_S, flying
+from tests.executor.core.vehicles import FLEET, NOW_S, at, flying
 
 CONTEXT = FLEET.context
 WANTS: Changes = {"urgent": True, "trigger": "uav3: gone", "trigger_s": NOW_S - 2.0}
@@ -155,7 +155,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("nobody is heard", lambda: begun(ON_ITS_WAY, silent_since_s=5.0, **WANTS), ([], {}, {})),
     (
         "a segment was flown without proof",
-        lambda: begun(flying(waypoint=4), orphans_since_s=5.0, inspected=dict.fromkeys(range(1, 6), "uav3")),
+        lambda: begun(
+            flying(waypoint=4, fix=at(north_m=-18.0)), orphans_since_s=5.0, inspected=dict.fromkeys(range(1, 6), "uav3")
+        ),
         (
             [
                 Say(
@@ -168,13 +170,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     survivors=(
                         Survivor(
                             vehicle="uav1",
-                            start_m=(261.5, 15.4),
-                            budget_pct=74.0,
+                            start_m=(261.5, -2.6),
+                            budget_pct=73.7572,
                             consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=75.0,
+                            most_pct=74.7572,
                             start_up_m=20.0,
                             facing_m=(100.0, 0.0),
                         ),
@@ -189,7 +191,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a segment was flown without proof for the second time",
         lambda: begun(
-            flying(waypoint=4), orphans_since_s=5.0, attempts={0: 1}, inspected=dict.fromkeys(range(1, 6), "uav3")
+            flying(waypoint=4, fix=at(north_m=-18.0)),
+            orphans_since_s=5.0,
+            attempts={0: 1},
+            inspected=dict.fromkeys(range(1, 6), "uav3"),
         ),
         (
             [
@@ -203,13 +208,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     survivors=(
                         Survivor(
                             vehicle="uav1",
-                            start_m=(261.5, 15.4),
-                            budget_pct=74.0,
+                            start_m=(261.5, -2.6),
+                            budget_pct=73.7572,
                             consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=75.0,
+                            most_pct=74.7572,
                             start_up_m=20.0,
                             facing_m=(100.0, 0.0),
                         ),
@@ -224,7 +229,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "a segment was flown without proof for the third time",
         lambda: begun(
-            flying(waypoint=4), orphans_since_s=5.0, attempts={0: 2}, inspected=dict.fromkeys(range(1, 6), "uav3")
+            flying(waypoint=4, fix=at(north_m=-18.0)),
+            orphans_since_s=5.0,
+            attempts={0: 2},
+            inspected=dict.fromkeys(range(1, 6), "uav3"),
         ),
         (
             [Say(Level.WARNING, "inspection of some segments not proven; left for later")],
@@ -235,7 +243,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "of two segments one was flown too often",
         lambda: begun(
-            flying(waypoint=4),
+            flying(waypoint=4, fix=at(north_m=-18.0)),
             orphans_since_s=5.0,
             attempts={0: 2},
             given_up=frozenset({5}),
@@ -253,13 +261,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                     survivors=(
                         Survivor(
                             vehicle="uav1",
-                            start_m=(261.5, 15.4),
-                            budget_pct=74.0,
+                            start_m=(261.5, -2.6),
+                            budget_pct=73.7572,
                             consumption=0.999998,
                             airborne=True,
                             tail=(),
                             kept=4,
-                            most_pct=75.0,
+                            most_pct=74.7572,
                             start_up_m=20.0,
                             facing_m=(100.0, 0.0),
                         ),

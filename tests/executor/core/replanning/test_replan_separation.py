@@ -258,8 +258,8 @@ def test_where_one_climbs_from_the_line_on_its_way_home_nobody_is_sent_below(ris
     nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
 
 
-def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_the_line() -> None:
-    """No leg of its new mission comes near, nor does its way home; but it is on that, and flies straight to the next.
+def test_who_turns_back_on_its_way_home_is_led_around_where_another_is_on_the_line() -> None:
+    """No leg of its new mission comes near, nor does its way home; but straight from that to the next it would.
 
     It comes home from one line and is sent to another; between the two one above it inspects a third. Returns are
     stacked above a hill far away: else its straight way home from its new mission would be held against the third.
@@ -281,8 +281,51 @@ def test_who_turns_back_on_its_way_home_is_not_sent_through_where_another_is_on_
     [solve] = [command for command in commands if isinstance(command, Solve)]
     given = SolveEnded(solve.revision, (NewRoute("uav1", (2,)),), (), 0.1, "")
     state, commands = replan_cycle.apply_solution(chosen, state, given, NOW_S)
-    nobody_meets(chosen, state, {upload.vehicle: upload.path for upload in uploads(commands)})
-    assert not [upload for upload in uploads(commands) if upload.vehicle == "uav1"]
+    new = {upload.vehicle: upload.path for upload in uploads(commands)}
+    nobody_meets(chosen, state, new)
+    back = new["uav1"].waypoints[home]
+    fix = state.vehicles["uav1"].motion.fix
+    assert fix is not None
+    assert chosen.setup.frame.to_local_m(back.lat_deg, back.lon_deg) == pytest.approx(fix.place_m, abs=1e-3)
+
+
+def test_of_who_turned_back_it_is_known_on_which_way_it_comes_to_its_new_mission() -> None:
+    """The leg of its mission begins where the last one ended, where it has not been again."""
+    chosen = CONTEXTS[False]
+    state = flying_by(chosen, {"uav1": (2,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
+    board = state.vehicles["uav1"].assignment.board
+    assert board is not None
+    for beside_m, legs in ((1.0, 0), (40.0, 1)):
+        vehicle = flying_to(state.vehicles["uav1"], 2, share=0.5)
+        fix = vehicle.motion.fix
+        assert fix is not None
+        here_m = (fix.place_m[0], fix.place_m[1] + beside_m)
+        vehicle = with_facts(vehicle, fix=replace(fix, place_m=here_m))
+        [one] = replan_separation.find_occupied_airways(chosen, replace(state, vehicles={"uav1": vehicle}), (), NOW_S)
+        plain = build_airway(chosen.setup, board.path, 2)
+        assert len(one.legs_m) == len(plain.legs_m) + legs
+        if legs:
+            assert one.over_ground_m[-1].tolist() == [
+                pytest.approx(here_m), pytest.approx(plain.over_ground_m[0, 1].tolist())
+            ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("mode", "leaves"), [(RTL, False), (AUTO, True)])
+def test_who_was_told_to_return_and_says_it_flies_its_mission_is_not_taken_to_have_left_the_line(
+    mode: int, leaves: bool
+) -> None:
+    """The order may have been lost: in its layer, between two parts of the line, it would go down to the next."""
+    chosen = CONTEXTS[False]
+    state = flying_by(chosen, {"uav1": (2,), "uav4": (26,), "uav2": (10,)}, {"uav1": 1, "uav2": 1})
+    vehicle = flying_to(state.vehicles["uav4"], 1, share=0.5)
+    vehicle = withdrawal.leave_plan(vehicle, Stage.RETURNING, NOW_S)
+    vehicle = with_facts(vehicle, heartbeat=Heartbeat(3, mode, True, 4))
+    state = state.put(vehicle)
+    assert replan_separation.is_line_occupied(chosen, state, NOW_S + 1.0) is leaves
+    later_s = NOW_S + replan_separation.SEEN_UP_S
+    assert not replan_separation.is_line_occupied(chosen, state, later_s)
+    taken = replan_separation.find_occupied_airways(chosen, state, (), later_s)
+    assert any(one.vehicle == "uav4" and one.has_wall.any() for one in taken) is leaves
 
 
 def given_a_low_part(chosen: Context) -> tuple[FleetState, int, float]:
