@@ -335,7 +335,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),
     "tests/planner/test_large.py": ("benchmarks/synthetic.py",),
-    "tests/planner/test_window_solve.py": (
+    "tests/planner/test_window_search.py": (
         "benchmarks/table/window_bound.py",
         "planner/kernels/robust_walk.py",
     ),
