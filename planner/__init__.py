@@ -84,11 +84,5 @@ from planner.stop_rules import (
     Stopwatch,
     combine_stop_rules,
 )
-from planner.window import (
-    ParetoPlan,
-    find_pareto_front,
-    find_repairs_at,
-    iterate_losses,
-    replan_window,
-    solve_window,
-)
+from planner.window import find_repairs_at, iterate_losses, replan_window
+from planner.window_search import ParetoPlan, find_pareto_front, solve_window
