@@ -22,9 +22,9 @@ from executor.site.site_planning import PlanRequest
 from executor.site.tables.day_tables import BaseTable, DayTable, parse_clock_s
 from missions import Base, BasePlace, DayPlanFile, Pricing, SolverRecord, build_plan_segment
 from missions.geo import FloatArray
-from missions.plan_file import Window
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
+from missions.validation import Pair
 from planner import Progress, top_speed_m_s
 from planner.sorties import (
     Objective,
@@ -90,7 +90,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
 
 
 def _build_sortie_vehicles(
-    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Window]
+    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Pair]
 ) -> Iterator[SortieVehicle]:
     """Yield who flies: from which base, on what budget and when."""
     for own in build_vehicles(ground):
