@@ -41,6 +41,8 @@ from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from planner import Cost, Plan, Progress, Route, Vehicle, is_reversed, segment_of, top_speed_m_s, visit_of
+from missions.validation import Pair
+from planner import Progress, top_speed_m_s
 from planner.sorties import (
     Objective,
     Sortie,
@@ -106,7 +108,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
 
 
 def _build_sortie_vehicles(
-    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[tuple[float, float]]
+    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Pair]
 ) -> Iterator[SortieVehicle]:
     """Yield who flies: from which base, on what budget and when."""
     for own in build_vehicles(ground):
