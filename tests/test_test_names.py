@@ -152,7 +152,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
-        "executor/images/exif.py",
         "executor/images/index_files.py",
         "executor/simulated/cards.py",
     ),

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executor.images.exif import (
+from executor.images.matching import (
     DETAILS,
     EXPOSURE,
     GPS,
