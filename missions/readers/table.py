@@ -221,12 +221,12 @@ def _build_raw_network(
     table: Sequence[tuple[str, Sequence[object]]], what: str, choice: ReadOptions, found: list[Remark]
 ) -> RawNetwork:
     header, every = [to_printable(str(cell)) if cell is not None else "" for cell in table[0][1]], []
-    for place, row in table[1:]:
-        if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
-            raise NetworkError(f"{place}: expected {len(header)} cells as in the first row, got {len(row)}")
-        cells = {name: cell.strip() if isinstance(cell, str) else cell
-                 for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
-        every.append(_Row(place, cells))
+    for place, said in table[1:]:
+        if len(said) > len(header) and any(cell not in {None, ""} for cell in said[len(header) :]):
+            raise NetworkError(f"{place}: expected {len(header)} cells as in the first row, got {len(said)}")
+        own = {name: cell.strip() if isinstance(cell, str) else cell
+                 for name, cell in zip(header, said, strict=False) if name}  # fmt: skip
+        every.append(_Row(place, own))
     if not every:
         raise NetworkError("content: expected rows of poles below the column names, found none")
     columns = [name for row in every[:1] for name in row.cells]
