@@ -28,9 +28,8 @@ from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtua
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_pct
 from executor.core.payload.look_angles import angle_between_deg
 from executor.errors import ExecutorError
-from executor.images.exif import find_picture_files
 from executor.images.index_files import ImageIndex, ImageRow, build_image_index
-from executor.images.matching import match_files
+from executor.images.matching import find_picture_files, match_files
 from executor.simulated.simulated_fleet import SimulatedCards
 from executor.site import site_model
 from executor.site.site_model import SiteModel

@@ -15,7 +15,16 @@ from executor.cli.options import JsonOption, QuietOption
 from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
 from executor.images.index_files import read_index, write_file_matches
-from executor.images.matching import FileMatch, Matching, add_pictures_to_report, match_files, write_assets_page
+from executor.images.matching import (
+    FileMatch,
+    Matching,
+    add_pictures_to_report,
+    find_picture_files,
+    match_files,
+    write_assets_page,
+    write_place_exif,
+    write_place_xmp,
+)
 
 SHOWN = 5
 """Names of one kind that are printed; images-files.csv has all of them."""
@@ -45,7 +54,6 @@ def images(
 ) -> None:
     """Match camera files to the pictures of a flight by time and place, and list what is missing."""
     require_extra(Extra.IMAGES, "faultline images")
-    from executor.images.exif import find_picture_files
 
     if not folder.is_dir():
         raise LogError(f"{folder}: no such folder; expected one with the files of cameras")
@@ -63,8 +71,6 @@ def images(
 
 def _write_places(matches: Sequence[FileMatch], write: PlaceDestination) -> int:
     """Write places where files have none; returns how many."""
-    from executor.images.exif import write_place_exif, write_place_xmp
-
     without = [match for match in matches if match.file.lat_deg is None or match.file.lon_deg is None]
     if write is PlaceDestination.NONE:
         return 0

@@ -7,7 +7,7 @@ further logs add to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -23,6 +23,11 @@ TRACE_S = 3.0
 MOST_SAMPLES = 4000
 LEAST_USED_PCT = 15.0
 """By its voltage so much must be used before a capacity is worth a figure: 10 mV of a cell are a percent."""
+DIGITS = {
+    "minutes": 2, "rest_cell_v": 3, "end_cell_v": 3, "sag_cell_v": 3, "ohm": 4, "ohm_sd": 4, "counted_ah": 3,
+    "set_ah": 3, "least_ah": 2, "most_ah": 2,
+}  # fmt: skip
+"""To which figures are rounded in packs.json."""
 ANOTHER_PCT = 20.0
 """A percentage that is so much higher at the next take-off is that of another pack, or of a charged one."""
 
@@ -94,36 +99,6 @@ class ModeTransition:
 
 
 @dataclass(frozen=True, slots=True)
-class PackFlight:
-    """One flight of a pack."""
-
-    began_s: float
-    ended_s: float
-    number: int
-    """Which of the packs in this log it is, from 1."""
-    cells: int
-    began_cell_v: float | None
-    """A cell at rest before the flight."""
-    ended_cell_v: float
-    """A cell at its end as it would rest."""
-    began_pct: float
-    ended_pct: float
-    """What was reported at rest before, and at the end."""
-    sag_cell_v: float | None
-    """The most that a cell lost under the load."""
-    ohm: float | None
-    ohm_sd: float | None
-    """Of the whole pack; None where no current was reported."""
-    counted_ah: float | None
-    """What its counter says was used."""
-    set_ah: float | None
-    """The capacity that its autopilot counts by."""
-    capacity_ah: tuple[float, float] | None
-    """What its voltage says of its capacity since it was put in: the least and the most, by the chemistries that it may
-    have."""
-
-
-@dataclass(frozen=True, slots=True)
 class VehicleReplay:
     """One vehicle of a log."""
 
@@ -136,7 +111,7 @@ class VehicleReplay:
     """Armed."""
     samples: tuple[ReplaySample, ...]
     modes: tuple[ModeTransition, ...] = ()
-    packs: tuple[PackFlight, ...] = ()
+    packs: tuple[PackEntry, ...] = ()
     """What each flight says of its pack."""
 
 
@@ -156,13 +131,13 @@ class LogReplay:
 class PackBook:
     """One vehicle's packs in one log."""
 
-    flights: list[PackFlight] = field(default_factory=list)
+    flights: list[PackEntry] = field(default_factory=list)
     _number: int = 0
     _rest: RestReading | None = None
     _began_s: float | None = None
     _counted: tuple[float | None, float] = (None, 0.0)
     """The counter and the percentage at the take-off."""
-    _latest: PackFlight | None = None
+    _latest: PackEntry | None = None
 
     def update(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> None:
         """Look at a vehicle: a flight begins when it has taken off, and ends when it disarms."""
@@ -176,7 +151,7 @@ class PackBook:
         elif self._began_s is not None:
             self.close_flights()
 
-    def close_flights(self) -> tuple[PackFlight, ...]:
+    def close_flights(self) -> tuple[PackEntry, ...]:
         """End the flight under way, if there is one, and return all of them."""
         if self._latest is not None:
             self.flights.append(self._latest)
@@ -192,19 +167,21 @@ class PackBook:
         self._began_s, self._rest = at_s, vehicle.power.pack.rest
         self._counted = (vehicle.power.battery.charge.consumed_ah, pct)
 
-    def _build_flight(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> PackFlight | None:
+    def _build_flight(self, vehicle: VehicleState, facts: PackFacts, at_s: float) -> PackEntry | None:
         power, pct = vehicle.power, vehicle.power.battery.remaining_pct
         if pct is None or power.volts.voltage_v is None or self._began_s is None:
             return None
         cells, sag = power.volts.cells, power.pack.sag
         cell_v = power.volts.voltage_v / cells if sag is None else sag.recovered_v / cells
-        flight = PackFlight(
-            began_s=self._began_s,
-            ended_s=at_s,
-            number=self._number,
+        flight = PackEntry.model_construct(
+            log="",
+            vehicle="",
+            pack=self._number,
+            began_usec=round(self._began_s * 1e6),
+            minutes=(at_s - self._began_s) / 60.0,
             cells=cells,
-            began_cell_v=None if self._rest is None else self._rest.voltage_v / cells,
-            ended_cell_v=cell_v,
+            rest_cell_v=None if self._rest is None else self._rest.voltage_v / cells,
+            end_cell_v=cell_v,
             began_pct=self._counted[1] if self._rest is None else self._rest.claimed_pct,
             ended_pct=pct,
             sag_cell_v=None if sag is None else self._highest_sag_v(sag.ohm * sag.current_a / cells),
@@ -212,20 +189,20 @@ class PackBook:
             ohm_sd=None if sag is None else sag.ohm_sd,
             counted_ah=self._draw_ah(vehicle, facts, pct),
             set_ah=facts.capacity_ah,
-            capacity_ah=None,
         )
-        return flight if sag is None else replace(flight, capacity_ah=self._capacity_ah(flight, facts.chemistry))
+        least_ah, most_ah = (None if sag is None else self._capacity_ah(flight, facts.chemistry)) or (None, None)
+        return flight.model_copy(update={"least_ah": least_ah, "most_ah": most_ah})
 
     def _highest_sag_v(self, now_v: float) -> float:
         return max(0.0, now_v, 0.0 if self._latest is None else self._latest.sag_cell_v or 0.0)
 
-    def _capacity_ah(self, flight: PackFlight, chemistry: Chemistry | None) -> tuple[float, float] | None:
+    def _capacity_ah(self, flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
         """Return what the flights of this pack so far say of its capacity."""
-        mine = [one for one in self.flights if one.number == flight.number]
+        mine = [one for one in self.flights if one.pack == flight.pack]
         if not mine or flight.counted_ah is None or any(one.counted_ah is None for one in mine):
             return capacity_ah(flight, chemistry)
         counted_ah = flight.counted_ah + sum(one.counted_ah or 0.0 for one in mine)
-        whole = replace(flight, began_cell_v=mine[0].began_cell_v, counted_ah=counted_ah)
+        whole = flight.model_copy(update={"rest_cell_v": mine[0].rest_cell_v, "counted_ah": counted_ah})
         return capacity_ah(whole, chemistry)
 
     def _draw_ah(self, vehicle: VehicleState, facts: PackFacts, pct: float) -> float | None:
@@ -237,14 +214,14 @@ class PackBook:
         return None if facts.capacity_ah is None else max(0.0, began_pct - pct) / 100.0 * facts.capacity_ah
 
 
-def capacity_ah(flight: PackFlight, chemistry: Chemistry | None) -> tuple[float, float] | None:
+def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, float] | None:
     """Return what a flight says of its pack's capacity; None where too little was used, or nobody counted."""
-    if flight.began_cell_v is None or not flight.counted_ah:
+    if flight.rest_cell_v is None or not flight.counted_ah:
         return None
     found = []
     for one in (chemistry,) if chemistry is not None else Chemistry:
-        used_pct = resting_voltage.rest_charge_pct(flight.began_cell_v, one) - resting_voltage.rest_charge_pct(
-            flight.ended_cell_v, one
+        used_pct = resting_voltage.rest_charge_pct(flight.rest_cell_v, one) - resting_voltage.rest_charge_pct(
+            flight.end_cell_v, one
         )
         if used_pct < LEAST_USED_PCT:
             return None
@@ -267,9 +244,9 @@ def merge_packs(
     known = {} if before is None else {_key_of(one): one for one in before.flights}
     for replayed in replays:
         for vehicle in replayed.vehicles:
-            label = labels.get(vehicle.sysid) if all(flight.number == 1 for flight in vehicle.packs) else None
+            label = labels.get(vehicle.sysid) if all(flight.pack == 1 for flight in vehicle.packs) else None
             for flight in vehicle.packs:
-                entry = _build_entry(replayed, vehicle.name, flight)
+                entry = _complete_entry(replayed, vehicle.name, flight)
                 was = known.get(_key_of(entry))
                 told = label if label is not None or was is None else was.label
                 known[_key_of(entry)] = entry.model_copy(update={"label": told})
@@ -280,31 +257,14 @@ def _key_of(entry: PackEntry) -> tuple[str, str, int]:
     return entry.vehicle, entry.log, entry.began_usec
 
 
-def _build_entry(replayed: LogReplay, vehicle: str, flight: PackFlight) -> PackEntry:
-    least_ah, most_ah = flight.capacity_ah or (None, None)
+def _complete_entry(replayed: LogReplay, vehicle: str, flight: PackEntry) -> PackEntry:
+    """Return a flight as packs.json has it."""
+    known = {name: (getattr(flight, name), digits) for name, digits in DIGITS.items()}
+    figures = {name: None if value is None else round(value, digits) for name, (value, digits) in known.items()}
+    began_usec = replayed.began_usec + flight.began_usec
     return PackEntry(
-        log=replayed.path.name,
-        vehicle=vehicle,
-        pack=flight.number,
-        began_usec=replayed.began_usec + round(flight.began_s * 1e6),
-        minutes=round((flight.ended_s - flight.began_s) / 60.0, 2),
-        cells=flight.cells,
-        rest_cell_v=_round_value(flight.began_cell_v),
-        end_cell_v=round(flight.ended_cell_v, 3),
-        began_pct=flight.began_pct,
-        ended_pct=flight.ended_pct,
-        sag_cell_v=_round_value(flight.sag_cell_v),
-        ohm=_round_value(flight.ohm, 4),
-        ohm_sd=_round_value(flight.ohm_sd, 4),
-        counted_ah=_round_value(flight.counted_ah),
-        set_ah=_round_value(flight.set_ah),
-        least_ah=_round_value(least_ah, 2),
-        most_ah=_round_value(most_ah, 2),
+        **{**flight.model_dump(), **figures, "log": replayed.path.name, "vehicle": vehicle, "began_usec": began_usec}
     )
-
-
-def _round_value(value: float | None, digits: int = 3) -> float | None:
-    return None if value is None else round(value, digits)
 
 
 def format_pack_lines(document: PacksDocument) -> Iterable[str]:

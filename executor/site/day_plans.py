@@ -40,9 +40,8 @@ from missions import (
 from missions.geo import FloatArray
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
-from planner import Cost, Plan, Progress, Route, Vehicle, is_reversed, segment_of, top_speed_m_s, visit_of
 from missions.validation import Pair
-from planner import Progress, top_speed_m_s
+from planner import Cost, Plan, Progress, Route, Vehicle, is_reversed, segment_of, top_speed_m_s, visit_of
 from planner.sorties import (
     Objective,
     Sortie,

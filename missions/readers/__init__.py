@@ -11,13 +11,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from missions.errors import NetworkError
 from missions.files import decode_text, to_printable
-from missions.geo import LocalFrame, distance_m
-from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
+from missions.geo import LocalFrame, distance_m, grid_offsets_to_wgs84_deg
+from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, Segment, part_within
 from missions.readers import geojson, layer_files, table, xml_files
 from missions.readers.archives import Archive, decode_table, naming_file, read_first_bytes, read_limited
-from missions.readers.graph_file import parse_graph
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
 from missions.readers.raw_network import (
     Comparison,
@@ -54,6 +55,16 @@ FIRST = (RemarkTopic.WHOLE, RemarkTopic.FILTER)
 SAME_DEPOT_M = 100.0
 """A site's depot without a height takes that of the file's when it is this near."""
 GRAPH = "graph file"
+"""Of the public Set TSP solver: libconfig with two strings.
+
+``pylons_position`` holds "x y z;" a line, ``connections_indexes`` the 1-based neighbours of each pylon, "1 3;" a line.
+Every segment is normally listed from both of its ends; a pair is taken once, from its lower to its higher pylon.
+"""
+POSITIONS, NEIGHBOURS = "pylons_position", "connections_indexes"
+
+# name = "..." with libconfig's joining of adjacent strings; group 2 holds all of them.
+_SETTING = re.compile(r'^[ \t]*([A-Za-z*][-\w*]*)[ \t]*[:=]\s*((?:"(?:[^"\\]|\\.)*"\s*)+)', re.MULTILINE)
+_STRING = re.compile(r'"((?:[^"\\]|\\.)*)"')
 XML = (".kml", ".gpx", ".osm", ".xml")
 """Whatever is in them: UTF-16 does not begin with a bracket."""
 FORMATS = (
@@ -166,10 +177,79 @@ def _import_graph(text: str, choice: ReadOptions, frame: LocalFrame | None, *, a
         raise NetworkError(f"where: expected none for a {GRAPH}, whose lines have no attributes")
     if frame is None and (not anywhere or choice.crs is not None):
         raise NetworkError("depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
-    network = parse_graph(text, source=choice.source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
+    network = _parse_graph(text, source=choice.source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
     words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
     found = () if frame is not None else (Remark(RemarkTopic.FILE, GRAPH, words),)
     return NetworkImport(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
+
+
+def _parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = None) -> Network:
+    """Return the network that a graph file describes.
+
+    z is taken as the ground's height over the depot. A file whose z are all 0 is one of flat ground, by its format.
+
+    Raises:
+        NetworkError: one line that names the file, the place in it and what was expected.
+    """
+    settings = {name: "".join(_STRING.findall(value)) for name, value in _SETTING.findall(text)}
+    for key in (POSITIONS, NEIGHBOURS):
+        if key not in settings:
+            raise NetworkError(f"{key}: expected a string in quotes, found none")
+    offsets_m = _parse_positions_m(settings[POSITIONS])
+    segments = _parse_segments(settings[NEIGHBOURS], len(offsets_m))
+    try:
+        if crs is None:
+            lat_lon_deg = frame.many_to_wgs84_deg(offsets_m[:, :2])
+        else:
+            lat_lon_deg = grid_offsets_to_wgs84_deg(frame, offsets_m[:, :2], crs)
+    except ValueError as error:
+        raise NetworkError(f"crs: {error}") from error
+    knows_ground = bool(np.any(offsets_m[:, 2]))
+    pylons = tuple(
+        Pylon(
+            str(index + 1), float(lat), float(lon), frame.alt_m + float(offsets_m[index, 2]) if knows_ground else None
+        )
+        for index, (lat, lon) in enumerate(lat_lon_deg)
+    )
+    return Network(pylons, segments, frame, source, flat=not knows_ground)
+
+
+def _split_rows(value: str) -> list[list[str]]:
+    rows = value.split(";")
+    # The text behind the last semicolon is no row.
+    return [row.split() for row in (rows[:-1] if not rows[-1].strip() else rows)]
+
+
+def _parse_positions_m(value: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    positions: list[tuple[float, float, float]] = []
+    for number, row in enumerate(_split_rows(value), start=1):
+        place = f"{POSITIONS}, row {number}"
+        try:
+            east, north, up = (float(word) for word in row)
+        except ValueError as error:
+            raise NetworkError(f"{place}: expected three numbers 'x y z', got {' '.join(row)!r}") from error
+        if not np.all(np.isfinite((east, north, up))):
+            raise NetworkError(f"{place}: expected finite numbers, got {' '.join(row)!r}")
+        positions.append((east, north, up))
+    if not positions:
+        raise NetworkError(f"{POSITIONS}: expected at least two rows 'x y z;', found none")
+    return np.array(positions, dtype=np.float64)
+
+
+def _parse_segments(value: str, pylons: int) -> tuple[Segment, ...]:
+    rows = _split_rows(value)
+    if len(rows) != pylons:
+        raise NetworkError(f"{NEIGHBOURS}: expected {pylons} rows, one a pylon, found {len(rows)}")
+    pairs: set[tuple[int, int]] = set()
+    for number, row in enumerate(rows, start=1):
+        place = f"{NEIGHBOURS}, row {number}"
+        for word in row:
+            if not word.isdecimal() or not 1 <= int(word) <= pylons:
+                raise NetworkError(f"{place}: expected pylon numbers from 1 to {pylons}, got {word!r}")
+            if int(word) == number:
+                raise NetworkError(f"{place}: expected other pylons' numbers, got its own")
+            pairs.add((min(number, int(word)) - 1, max(number, int(word)) - 1))
+    return tuple(Segment(index, a, b, f"{a + 1}-{b + 1}") for index, (a, b) in enumerate(sorted(pairs)))
 
 
 def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:

@@ -180,18 +180,9 @@ class SourceLayer:
     place: str
     """Where it says so, for messages."""
 
-    @property
-    def words(self) -> str:
-        """The layer for people."""
-        return f"{self.name!r} ({self.count} {self.kind.value}s)"
 
-
-def select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> list[SourceLayer]:
-    """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most.
-
-    Raises:
-        NetworkError: one is not there, or it is not clear which are meant.
-    """
+def _select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> list[SourceLayer]:
+    """Return the layers to read: those asked for, or else those of points and lines if they are one of each at most."""
     useful = [layer for layer in layers if layer.kind is not GeometryKind.OTHER]
     if not useful:
         others = f" but {quote_names(layer.name for layer in layers)}" if layers else ""
@@ -200,7 +191,7 @@ def select_wanted_layers(layers: Sequence[SourceLayer], choice: ReadOptions) -> 
     wanted = [layer for layer in useful if layer.name in names]
     for kind in (GeometryKind.POINT, GeometryKind.LINE):
         if not choice.layers and sum(layer.kind is kind for layer in wanted) > 1:
-            words = ", ".join(layer.words for layer in useful[:12])
+            words = ", ".join(f"{layer.name!r} ({layer.count} {layer.kind.value}s)" for layer in useful[:12])
             raise NetworkError(f"layer: expected it to say which of these are meant: {words}")
     return wanted
 
@@ -212,7 +203,7 @@ def add_layers(drawing: RawNetwork, layers: Sequence[SourceLayer], choice: ReadO
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
     systems = []
-    for layer in select_wanted_layers(layers, choice):
+    for layer in _select_wanted_layers(layers, choice):
         system = _find_system(layer, choice.crs)
         systems.append(system.words)
         add_features(drawing, layer.features, choice, system)

@@ -109,7 +109,7 @@ def parse_csv(text: str, choice: ReadOptions, *, remark: str = "") -> RawNetwork
     table = _find_table(rows, CSV, found)
     if rows and not text.endswith(("\n", "\r")):
         _check_end(table, choice.source, found)
-    return _build_raw_network(_iterate_rows(table), CSV, choice, found)
+    return _build_raw_network(table, CSV, choice, found)
 
 
 def _check_end(table: Sequence[tuple[str, Sequence[object]]], source: str, found: list[Remark]) -> None:
@@ -155,7 +155,7 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"
         found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
-    return _build_raw_network(_iterate_rows(_find_table(rows, XLSX, found)), XLSX, choice, found)
+    return _build_raw_network(_find_table(rows, XLSX, found), XLSX, choice, found)
 
 
 def _select_sheet(book: openpyxl.Workbook, choice: ReadOptions) -> ReadOnlyWorksheet:
@@ -217,18 +217,16 @@ def _find_table(
     return filled[begin:]
 
 
-def _iterate_rows(table: Sequence[tuple[str, Sequence[object]]]) -> Iterator[_Row]:
-    header = [to_printable(str(cell)) if cell is not None else "" for cell in table[0][1]]
-    for place, row in table[1:]:
-        if len(row) > len(header) and any(cell not in {None, ""} for cell in row[len(header) :]):
-            raise NetworkError(f"{place}: expected {len(header)} cells as in the first row, got {len(row)}")
-        cells = {name: cell.strip() if isinstance(cell, str) else cell
-                 for name, cell in zip(header, row, strict=False) if name}  # fmt: skip
-        yield _Row(place, cells)
-
-
-def _build_raw_network(rows: Iterator[_Row], what: str, choice: ReadOptions, found: list[Remark]) -> RawNetwork:
-    every = list(rows)
+def _build_raw_network(
+    table: Sequence[tuple[str, Sequence[object]]], what: str, choice: ReadOptions, found: list[Remark]
+) -> RawNetwork:
+    header, every = [to_printable(str(cell)) if cell is not None else "" for cell in table[0][1]], []
+    for place, said in table[1:]:
+        if len(said) > len(header) and any(cell not in {None, ""} for cell in said[len(header) :]):
+            raise NetworkError(f"{place}: expected {len(header)} cells as in the first row, got {len(said)}")
+        own = {name: cell.strip() if isinstance(cell, str) else cell
+                 for name, cell in zip(header, said, strict=False) if name}  # fmt: skip
+        every.append(_Row(place, own))
     if not every:
         raise NetworkError("content: expected rows of poles below the column names, found none")
     columns = [name for row in every[:1] for name in row.cells]
@@ -304,10 +302,8 @@ def _build_member(
         return None
     if not choice.is_wanted(attributes):
         return None
-    is_pole, is_buried = (
-        point in {PowerFeature.POLE, PowerFeature.DISUSED_POLE},
-        line in {PowerFeature.UNDERGROUND, PowerFeature.CABLE},
-    )
+    is_pole = point in {PowerFeature.POLE, PowerFeature.DISUSED_POLE}
+    is_buried = line in {PowerFeature.UNDERGROUND, PowerFeature.CABLE}
     if not is_pole or is_buried:
         drawing.leave_out("pole of an underground line" if is_buried else point.value, name)
     x, y = (_read_coordinate(row, keys, mark) for keys in horizontal)

@@ -348,8 +348,7 @@ def _read_position(point: etree._Element) -> Position:
 
 @dataclass(frozen=True, slots=True)
 class _Node:
-    lat_deg: float
-    lon_deg: float
+    position: Position
     tags: Mapping[str, str]
 
 
@@ -429,7 +428,7 @@ def _build_node(lat: object, lon: object, tags: Mapping[str, str], place: str) -
     lat_deg, lon_deg = degrees_of(lat, NORTH_SOUTH), degrees_of(lon, EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
         raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
-    return _Node(lat_deg, lon_deg, tags)
+    return _Node((lon_deg, lat_deg, None), tags)
 
 
 def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> RawNetwork:
@@ -452,14 +451,14 @@ def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> Raw
                 f"way {way}: expected at least two of its nodes in the file, found {len(references)} by "
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
-        places = [[_position_of(content, node) for node in part] for part in parts]
+        places = [[content.nodes[node].position for node in part] for part in parts]
         add_line(drawing, replace(feature, parts=places))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
         if has_power_tag(normalise_attributes(content.nodes[node].tags)):
             place = f"node {node}"
             own = Feature(
-                place, GeometryKind.POINT, [[_position_of(content, node)]], content.nodes[node].tags, f"node/{node}"
+                place, GeometryKind.POINT, [[content.nodes[node].position]], content.nodes[node].tags, f"node/{node}"
             )
             add_points(drawing, own)
     if content.deleted:
@@ -483,10 +482,6 @@ def _check_server_remarks(remarks: Iterable[str], source: str) -> Iterator[Remar
                 "[timeout:...] or for a smaller area"
             )
         yield Remark(RemarkTopic.WHOLE, source, f"the server remarks: {remark}")
-
-
-def _position_of(content: _Content, node: str) -> Position:
-    return content.nodes[node].lon_deg, content.nodes[node].lat_deg, None
 
 
 def _split_into_runs(

@@ -184,36 +184,23 @@ _named_tuple: Any = namedtuple
 _DEFINED: Mapping[str, Any] = {one.msgname: one for one in mav.mavlink_map.values()}
 _MORE = {"MISSION_CURRENT": ("I", ("mission_id",))}
 """Fields at the end that pymavlink's definition does not have yet."""
+ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
 _PLAIN = {
-    "SYS_STATUS": SLOW_USEC,
-    "GPS_RAW_INT": SLOW_USEC,
-    "GPS2_RAW": SLOW_USEC,
-    "EKF_STATUS_REPORT": SLOW_USEC,
-    "ESTIMATOR_STATUS": SLOW_USEC,
-    "GLOBAL_POSITION_INT": POSITION_USEC,
-    "MISSION_CURRENT": STEADY_USEC,
-    "MISSION_ITEM_REACHED": 0,
+    **dict.fromkeys(("SYS_STATUS", "GPS_RAW_INT", "GPS2_RAW", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"), SLOW_USEC),
+    **dict.fromkeys(("MISSION_CURRENT", "EXTENDED_SYS_STATE"), STEADY_USEC),
     "NAV_CONTROLLER_OUTPUT": SLOW_USEC,
+    "GLOBAL_POSITION_INT": POSITION_USEC,
+    "MISSION_ITEM_REACHED": 0,
     "BATTERY_STATUS": EVERY_USEC,
-    "EXTENDED_SYS_STATE": STEADY_USEC,
 }
 """A vehicle's words about itself, and how often one is wanted."""
 _SPECIAL = {
-    "HEARTBEAT": 0,
+    **dict.fromkeys(("HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", *ORDERS, *ITEMS), 0),
+    **dict.fromkeys(("LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"), SLOW_USEC),
+    **dict.fromkeys(("RC_CHANNELS_RAW", "RC_CHANNELS"), RC_USEC),
     "ATTITUDE": EVERY_USEC,
-    "LOCAL_POSITION_NED": SLOW_USEC,
-    "POSITION_TARGET_LOCAL_NED": SLOW_USEC,
-    "MISSION_ITEM": 0,
-    "MISSION_ITEM_INT": 0,
     "RADIO_STATUS": POSITION_USEC,
-    "STATUSTEXT": 0,
-    "COMMAND_LONG": 0,
-    "COMMAND_INT": 0,
-    "SET_MODE": 0,
-    "COMMAND_ACK": 0,
-    "PARAM_VALUE": 0,
-    "RC_CHANNELS_RAW": RC_USEC,
-    "RC_CHANNELS": RC_USEC,
 }
 """What is not simply that."""
 _EVENT = MessageKind(
@@ -231,8 +218,6 @@ KINDS: Mapping[int, MessageKind] = (
     | {px4_events.EVENT: _EVENT}
 )
 """By message id: what is read; RADIO_STATUS is also what SiK radios send."""
-ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
-ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
 TOLD_BY_VEHICLES = frozenset({
     px4_events.NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
     "POSITION_TARGET_LOCAL_NED",

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 
 from executor.cli.main import main
-from executor.images.exif import find_picture_files, read_picture
 from executor.images.index_files import build_image_index, read_index, write_index
-from executor.images.matching import match_files
+from executor.images.matching import find_picture_files, match_files, read_picture
 from executor.simulated.simulated_fleet import SimulatedCards
 from tests.stories.eyes import WIRED, Eyes
 from tests.stories.story import Story

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,19 +14,21 @@ from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
 from executor.replay.replay_result import (
     LogReplay,
-    PackFlight,
     VehicleReplay,
     capacity_ah,
     format_pack_lines,
     merge_packs,
 )
-from executor.site.learned_files import read_packs
+from executor.site.learned_files import PackEntry, read_packs
 from tests.recorded import real_logs
 
-FLIGHT = PackFlight(10.0, 400.0, 1, 3, 4.18, 3.68, 100.0, 76.0, 0.12, 0.012, 0.001, 2.4, 10.0, None)
+FLIGHT = PackEntry(
+    log="", vehicle="", pack=1, began_usec=10_000_000, minutes=6.5, cells=3, rest_cell_v=4.18, end_cell_v=3.68,
+    began_pct=100.0, ended_pct=76.0, sag_cell_v=0.12, ohm=0.012, ohm_sd=0.001, counted_ah=2.4, set_ah=10.0,
+)  # fmt: skip
 
 
-def replayed(name: str, *flights: PackFlight) -> LogReplay:
+def replayed(name: str, *flights: PackEntry) -> LogReplay:
     vehicle = VehicleReplay(1, "uav1", "ardupilot", (), (), 390.0, (), packs=flights)
     return LogReplay(Path(name), (vehicle,), SkippedRecords(), 1_000_000, 500.0)
 
@@ -50,7 +51,7 @@ def test_further_logs_add_to_what_is_known(tmp_path: Path) -> None:
 
 
 def test_flights_are_known_by_the_label_of_their_pack(tmp_path: Path) -> None:
-    path, two = tmp_path / "packs.json", replace(FLIGHT, began_s=600.0, number=2)
+    path, two = tmp_path / "packs.json", FLIGHT.model_copy(update={"began_usec": 600_000_000, "pack": 2})
     merge_packs([replayed("a.tlog", FLIGHT), replayed("b.tlog", FLIGHT, two)], None, {1: "A7", 2: "B1"}).write(path)
     known = read_packs(path)
     # Which of two packs has the label, nobody said.
