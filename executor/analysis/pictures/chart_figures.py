@@ -51,9 +51,9 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
     energies = [sum(one.energies_pct) for one in plans]
     scale = Normalize(min(energies), max(*energies, min(energies) + 0.1))
     shade = colormaps[FRONT_COLOURS]
-    for values, set_limits in zip(zip(*points, strict=True), (axes.set_xlim, axes.set_ylim), strict=True):
+    for axis, values in zip((axes.xaxis, axes.yaxis), zip(*points, strict=True), strict=True):
         room = 0.08 * (max(values) - min(values)) + 5.0
-        set_limits(min(values) - room, max(values) + room)
+        axis.set_view_interval(min(values) - room, max(values) + room, ignore=True)
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     markers = [MARKERS[number % len(MARKERS)] for number in range(len(references))]
