@@ -189,7 +189,6 @@ def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, flo
 
 
 HOUR_S = 3600.0
-DAY_S = 24 * HOUR_S
 ROW_IN = 0.3
 HEAD_IN = 0.75
 FOOT_IN = 0.6
