@@ -96,8 +96,8 @@ def defaults_for(vehicle: SimVehicle, capacity_mah: float) -> dict[str, Param]:
         table["BAT1_CAPACITY"] = Param(capacity_mah)
         table["BAT1_N_CELLS"] = Param(vehicle.drone.cells, ParamKind.INT32)
     if vehicle.cameras:  # whoever mounts one sets its autopilot up for it
-        name, kind = ("CAM1_TYPE", 1) if vehicle.autopilot is AutopilotKind.ARDUPILOT else ("TRIG_MODE", 4)
-        table[name] = replace(table[name], value=kind)
+        name, value = ("CAM1_TYPE", 1.0) if vehicle.autopilot is AutopilotKind.ARDUPILOT else ("TRIG_MODE", 4.0)
+        table[name] = replace(table[name], value=value)
     for name, value in vehicle.parameters.items():
         if name not in table:
             raise FleetError(

@@ -534,10 +534,13 @@ class Px4(Autopilot):
                     mission_id=self._store.mission_id,
                 )  # fmt: skip
             case "ESTIMATOR_STATUS":
+                # After a flight in which GPS was lost it stands on the ground and reckons.
+                reckons = self._lost_gps and not self.frame.armed
+                flags = ALONE if reckons else self.positioning.flags(self.now_s)
                 return messages.build_message(
                     "ESTIMATOR_STATUS", time_usec=self.boot_ms * 1000, vel_ratio=0.05, pos_horiz_ratio=0.05,
                     pos_vert_ratio=0.05, mag_ratio=0.05, hagl_ratio=0.0, tas_ratio=0.0, pos_horiz_accuracy=0.5,
-                    pos_vert_accuracy=0.5, flags=self._estimator_flags() if self.is_ready else 0,
+                    pos_vert_accuracy=0.5, flags=flags if self.is_ready else 0,
                 )  # fmt: skip
             case "WIND_COV":
                 east, north = self.vehicle.wind_m_s
@@ -548,11 +551,6 @@ class Px4(Autopilot):
                 )  # fmt: skip
             case _:
                 return None
-
-    def _estimator_flags(self) -> int:
-        """Return what its estimator says; after a flight in which GPS was lost it stands on the ground and reckons."""
-        stands = self._lost_gps and not self.frame.armed
-        return ALONE if stands else self.positioning.flags(self.now_s)
 
     def _build_sensor_masks(self) -> tuple[int, int, int]:
         if not self.is_ready:

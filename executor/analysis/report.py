@@ -177,8 +177,6 @@ def build_report(
     never = {one.segment for one in context.unreachable}
     asked = {row.name: row for row in said.vehicles}
     hurt = ((name, vehicle.fault) for name, vehicle in state.vehicles.items() if vehicle.fault is not None)
-    boards = (vehicle.assignment.board for vehicle in state.vehicles.values())
-    heights = mission_checks.build_heights_document(context.setup, [one.path for one in boards if one is not None])
     uncovered = tuple(sorted((context.wanted - set(state.coverage.inspected)) | never))
     return documents.FlightReport(
         format="faultline-report/1",
@@ -202,17 +200,12 @@ def build_report(
         ),
         checks=said.checks,
         parameters=tuple(parameters),
-        heights=documents.HeightsPart.model_validate(heights),
+        heights=_build_heights(context, state),
         absences=tuple(
             documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
             for absence in state.listening.absences
         ),
-        seen=tuple(
-            documents.SeenRow.build_from(
-                row, name=row.asset, inspected_at_m=state.coverage.inspected_at_m.get(row.segment)
-            )
-            for row in build_asset_rows(context, state)
-        ),
+        seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
@@ -230,6 +223,20 @@ def build_report(
         sorties=build_sortie_rows(context, state, began_s),
         earlier=said.earlier,
         routes=build_route_rows(state, {name: setup.prior.factor for name, setup in context.vehicles.items()}),
+    )
+
+
+def _build_heights(context: Context, state: FleetState) -> documents.HeightsPart:
+    boards = (vehicle.assignment.board for vehicle in state.vehicles.values())
+    paths = [board.path for board in boards if board is not None]
+    return documents.HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
+
+
+def _build_seen_rows(context: Context, state: FleetState) -> tuple[documents.SeenRow, ...]:
+    at_m = state.coverage.inspected_at_m
+    return tuple(
+        documents.SeenRow.build_from(row, name=row.asset, inspected_at_m=at_m.get(row.segment))
+        for row in build_asset_rows(context, state)
     )
 
 

@@ -302,12 +302,11 @@ def find_later_segments(content: DayPlanFile) -> frozenset[int]:
 
 def describe_later_sorties(content: DayPlanFile) -> list[str]:
     """Return the day in words, for the crew to confirm."""
-    lines = []
-    for name, own in _select_first_day(content).items():
-        later = format_count(len(own) - 1, "later sortie")
-        if len(own) > 1:
-            lines.append(f"{name}: {later}, each by the crew's word when its pack is changed")
-    return lines
+    return [
+        f"{name}: {format_count(len(own) - 1, 'later sortie')}, each by the crew's word when its pack is changed"
+        for name, own in _select_first_day(content).items()
+        if len(own) > 1
+    ]
 
 
 def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:

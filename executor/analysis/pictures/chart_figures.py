@@ -51,9 +51,12 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
     energies = [sum(one.energies_pct) for one in plans]
     scale = Normalize(min(energies), max(*energies, min(energies) + 0.1))
     shade = colormaps[FRONT_COLOURS]
-    for name, values in zip("xy", zip(*points, strict=True), strict=True):
+    limits = []
+    for values in zip(*points, strict=True):
         room = 0.08 * (max(values) - min(values)) + 5.0
-        axes.set(**{f"{name}lim": (min(values) - room, max(values) + room)})
+        limits.append((min(values) - room, max(values) + room))
+    axes.set_xlim(limits[0])
+    axes.set_ylim(limits[1])
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     markers = [MARKERS[number % len(MARKERS)] for number in range(len(references))]
@@ -186,7 +189,6 @@ def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, flo
 
 
 HOUR_S = 3600.0
-DAY_S = 24 * HOUR_S
 ROW_IN = 0.3
 HEAD_IN = 0.75
 FOOT_IN = 0.6
