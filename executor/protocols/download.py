@@ -37,7 +37,7 @@ LEFT_S = 5.0
 SILENT_S = 8.0
 ANEW = 3
 """How often the list is asked for anew where the vehicle answers again and again."""
-FIRST_TRIP = RoundTrip(waits_s=1.0, most_s=MOST_PERIOD_S)
+FIRST_READ_TRIP = RoundTrip(waits_s=1.0, most_s=MOST_PERIOD_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class DownloadDialogue(DialogueMachine):
     """How often the question that is open was asked."""
     refusal: int | None = None
     """The error that came since it was asked first."""
-    round_trip: RoundTrip = FIRST_TRIP
+    round_trip: RoundTrip = FIRST_READ_TRIP
     asked_s: float = 0.0
     heard_s: float = 0.0
     """When the last answer came."""

@@ -14,7 +14,7 @@ from executor.core.interface.messages import Heartbeat, Message, SendParamSet, S
 from executor.core.interface.ports import Clock, Link
 from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_TRIP, DownloadDialogue
+from executor.protocols.download import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.upload import UploadDialogue
@@ -167,7 +167,7 @@ async def upload_and_verify(
 
 async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
     """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
-    trip = replace(FIRST_TRIP, waits_s=max(FIRST_TRIP.waits_s, upload.round_trip.waits_s))
+    trip = replace(FIRST_READ_TRIP, waits_s=max(FIRST_READ_TRIP.waits_s, upload.round_trip.waits_s))
     for _ in range(READ_BACK_TRIES if isinstance(upload.outcome, Accepted) else 1):
         download = await run_dialogue(DownloadDialogue(kind, round_trip=trip), link, clock)
         if isinstance(download.outcome, Accepted):

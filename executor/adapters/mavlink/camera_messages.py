@@ -109,7 +109,7 @@ def _read_mount_status(frame: Frame) -> GimbalAttitude | None:
     return GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
 
 
-READERS: dict[str, Any] = {
+CAMERA_READERS: dict[str, Any] = {
     "CAMERA_IMAGE_CAPTURED": _read_image_captured,
     "CAMERA_FEEDBACK": _read_camera_feedback,
     "CAMERA_TRIGGER": _read_camera_trigger,

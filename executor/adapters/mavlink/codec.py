@@ -324,7 +324,7 @@ def _read_version(frame: Frame) -> Version | None:
 
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
-    **camera_messages.READERS,
+    **camera_messages.CAMERA_READERS,
     "HEARTBEAT": _read_heartbeat,
     "MISSION_REQUEST": _make_mission_reader(MissionRequest, attrgetter("seq")),
     "MISSION_REQUEST_INT": _make_mission_reader(MissionRequest, attrgetter("seq")),

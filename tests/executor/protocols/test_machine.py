@@ -10,7 +10,7 @@ import pytest
 
 from executor.protocols import upload, vehicle_commands
 from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_TRIP, DownloadDialogue
+from executor.protocols.download import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
@@ -59,7 +59,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "items": (),
                 "tries": 0,
                 "refusal": None,
-                "round_trip": FIRST_TRIP,
+                "round_trip": FIRST_READ_TRIP,
                 "asked_s": 0.0,
                 "heard_s": 0.0,
                 "begun": 0,
