@@ -26,8 +26,8 @@ from executor.adapters.mavlink import endpoints
 from executor.adapters.mavsdk.library import MOST_AT_ONCE
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import LinkRequest
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
+from executor.protocols.mission_transfer import DownloadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, find_mission_differences

@@ -220,7 +220,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
-    "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/loss_judging.py",),
+    "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/flight_loop.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
@@ -252,7 +252,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
-    "tests/executor/runtime/test_turnaround.py": ("executor/runtime/turnaround_check.py",),
+    "tests/executor/runtime/test_turnaround.py": ("executor/runtime/vehicle_preflight.py",),
     "tests/benchmarks/test_distance.py": (
         "benchmarks/distancepage.py",
         "benchmarks/report.py",
@@ -286,7 +286,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/few_lines_detector.py",
         "benchmarks/tuning_picture.py",
     ),
-    "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/stream_requests.py",),
+    "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/procedures.py",),
     "tests/executor/simulated/test_demo_site.py": ("executor/simulated/simulated_fleet.py",),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
     "tests/simulator/test_leg_times.py": (

@@ -45,8 +45,7 @@ from executor.flight.preparation import build_context_and_checklist, interview_v
 from executor.flight.restore_vehicles import restore_board
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
-from executor.runtime.flight_loop import Flight
-from executor.runtime.loss_judging import keep_judging
+from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel

@@ -13,8 +13,7 @@ from typing import Self, TypeVar
 
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, TimedOut
-from executor.protocols.round_trip import RoundTrip
+from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 
 R = TypeVar("R", bound="ParameterReading")
 

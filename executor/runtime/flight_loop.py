@@ -16,17 +16,17 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface import commands, events
 from executor.core.interface.commands import Command
 from executor.core.interface.endings import Ending
-from executor.core.interface.events import Event
+from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
-from executor.core.interface.ports import Clock, EventSink, Link, Solver
-from executor.core.replanning import new_missions
+from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
+from executor.core.replanning import loss_preview, new_missions
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
-from executor.protocols import vehicle_commands
-from executor.runtime import procedures, reconnect, stream_requests, turnaround_check
-from executor.runtime.awake import Lateness, awake
+from executor.protocols import commands as vehicle_commands
+from executor.runtime import procedures, reconnect, vehicle_preflight
+from executor.runtime.dialogue import Lateness, awake
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -406,7 +406,7 @@ class Flight:
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
-        return await turnaround_check.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
+        return await vehicle_preflight.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
 
     async def _send_home(self, vehicle: str) -> Event:
         done = await procedures.order_rtl(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
@@ -438,7 +438,7 @@ class Flight:
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            await stream_requests.request_streams_again(
+            await procedures.request_streams_again(
                 self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect
             )
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
@@ -451,3 +451,36 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
         for name, link in links.items():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         await asyncio.sleep(HEARTBEAT_S / clock.speedup)
+
+
+REST_S = 5.0
+"""Real seconds between two rounds, at least."""
+SHARE = 8.0
+"""Times as long as a round took the next one is waited for: the computer is there for the flight."""
+
+
+async def keep_judging(flight: Flight, judge: LossJudge) -> None:
+    """Judge every vehicle's loss, whenever a plan has come or a visit has ended, for ever."""
+    loop = asyncio.get_running_loop()
+    judged: tuple[object, ...] | None = None
+    while True:
+        began_s = loop.time()
+        moment = loss_preview.build_judgement_key(flight.state)
+        if moment != judged and await _judge_all(flight, judge):
+            judged = moment
+        await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
+
+
+async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
+    """Judge everybody once; returns whether that came to its end."""
+    names = loss_preview.select_vehicles_to_judge(flight.state)
+    for name in names:
+        revision = flight.state.replanning.revision
+        if name not in loss_preview.select_vehicles_to_judge(flight.state):
+            return False
+        problem = loss_preview.build_loss_problem(flight.context, flight.state, name, flight.now_s())
+        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
+        if uncovered is None or revision != flight.state.replanning.revision:
+            return False
+        flight.apply(LossJudged(name, revision, uncovered))
+    return bool(names)

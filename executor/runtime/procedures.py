@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -12,14 +12,12 @@ from typing import TypeVar
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_READ_TRIP, DownloadDialogue
+from executor.protocols import commands
+from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
+from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
-from executor.protocols.upload import UploadDialogue
-from executor.runtime.awake import LEAST_WAIT_S, count_awake_time, times_slower, underlying
-from executor.runtime.dialogue import run_dialogue
+from executor.runtime.dialogue import LEAST_WAIT_S, count_awake_time, run_dialogue, times_slower, underlying
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
@@ -345,7 +343,7 @@ async def _start_step(
             )
             return replace(seen, armed=True)
         case StartStep.MISSION_START:
-            done = await send_order(link, clock, CommandDialogue(vehicle_commands.start_mission(), "start the mission"))
+            done = await send_order(link, clock, CommandDialogue(commands.start_mission(), "start the mission"))
             if not done.accepted:
                 return done
             mode = dialect.modes.mission.custom_mode
@@ -370,7 +368,7 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
     )
     try:
         while len(modes) < 2:
-            done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
+            done = await send_order(link, clock, CommandDialogue(commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
@@ -400,7 +398,7 @@ async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> Procedure
 
 async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
     """Order the motors to stop, and see that the vehicle says so."""
-    done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
+    done = await send_order(link, clock, CommandDialogue(commands.disarm(force=force), "disarm"))
     if not done.accepted:
         return done
     return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
@@ -414,7 +412,7 @@ async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: 
     by the dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode
     before it changes.
     """
-    mode_order, speed_order = vehicle_commands.set_mode(dialect.modes.mission), vehicle_commands.change_speed(speed_m_s)
+    mode_order, speed_order = commands.set_mode(dialect.modes.mission), commands.change_speed(speed_m_s)
     link.send(mode_order)
     link.send(speed_order)
     done = await send_order(link, clock, CommandDialogue(mode_order, "change of mode"))
@@ -441,7 +439,7 @@ async def switch_mode(link: Link, clock: Clock, mode: ModeNumber, *follows: Mode
         mode: What is ordered.
         follows: What the vehicle may be in by then instead.
     """
-    done = await send_order(link, clock, CommandDialogue(vehicle_commands.set_mode(mode), "change of mode"))
+    done = await send_order(link, clock, CommandDialogue(commands.set_mode(mode), "change of mode"))
     if not done.accepted:
         return done
     accepted = {one.custom_mode for one in (mode, *follows)}
@@ -497,3 +495,37 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
         waited_s = clock.now_s() - began_s
         if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended
+
+
+STREAMS_HZ = {
+    commands.GLOBAL_POSITION_INT: 5.0,
+    commands.SYS_STATUS: 1.0,
+    commands.BATTERY_STATUS: 1.0,
+    commands.MISSION_CURRENT: 2.0,
+    commands.EXTENDED_SYS_STATE: 1.0,
+    commands.ATTITUDE: 1.0,
+    commands.GPS_RAW_INT: 1.0,
+    commands.RC_CHANNELS: 1.0,  # its pilot's switches
+}
+"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+HEARTBEAT_HZ = 1.0
+
+
+def streams_hz(dialect: Dialect) -> dict[int, float]:
+    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
+    return STREAMS_HZ | dict(dialect.own_streams_hz)
+
+
+async def request_streams(link: Link, clock: Clock, dialect: Dialect) -> None:
+    """Ask a vehicle for everything that we follow."""
+    await _request_streams_at(link, clock, streams_hz(dialect))
+
+
+async def request_streams_again(link: Link, clock: Clock, dialect: Dialect) -> None:
+    """Ask a vehicle of which something does not come any more; HEARTBEAT comes unasked, until it does not."""
+    await _request_streams_at(link, clock, {commands.HEARTBEAT: HEARTBEAT_HZ} | streams_hz(dialect))
+
+
+async def _request_streams_at(link: Link, clock: Clock, rates_hz: Mapping[int, float]) -> None:
+    for message, rate_hz in rates_hz.items():
+        await send_order(link, clock, CommandDialogue(commands.set_message_interval(message, rate_hz), "stream"))

@@ -15,7 +15,7 @@ from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.errors import ConnectionFailed
-from executor.runtime import procedures, stream_requests
+from executor.runtime import procedures
 from missions import Dialect, MissionItem
 
 ONE_REAL_S = 5.0
@@ -137,4 +137,4 @@ async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _An
                         break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            await stream_requests.request_streams(link, clock, dialect)
+            await procedures.request_streams(link, clock, dialect)

@@ -1,4 +1,4 @@
-"""Before the flight: who answers, where everybody stands, what is in the batteries; then the missions on board."""
+"""Before a flight, and before each sortie of a day: who answers, where everybody stands, what is in the batteries."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from executor.core.context import Context
+from executor.core.interface.events import Examined
 from executor.core.interface.messages import (
     Battery,
     DoubleHeard,
@@ -19,17 +21,19 @@ from executor.core.interface.messages import (
     Version,
 )
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import failsafe_parameters, prearm
+from executor.core.preflight import failsafe_parameters, fence_checks, prearm
+from executor.core.preflight.failsafe_parameters import describe_unread_parameters
 from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.preflight.parameter_proposals import ParameterProposal, propose_return_changes
+from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.firmware import parse_banner_version
 from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
-from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.runtime import procedures, stream_requests
-from executor.runtime.board_restore import read_parameters
+from executor.protocols import commands
+from executor.protocols.commands import CommandDialogue
+from executor.runtime import procedures
+from executor.runtime.board_restore import read_parameters, read_present, set_changes
 from missions import Dialect, EncodedMission, MissionKind
 
 STEADY_S = 3.0
@@ -179,11 +183,11 @@ async def interview_vehicle(
     heard = _VehicleAnswers(clock)
     stop_listening = link.listen(heard.update)
     try:
-        await stream_requests.request_streams(link, clock, dialect)
+        await procedures.request_streams(link, clock, dialect)
         await procedures.send_order(
             link,
             clock,
-            CommandDialogue(vehicle_commands.request_message(vehicle_commands.AUTOPILOT_VERSION), "version"),
+            CommandDialogue(commands.request_message(commands.AUTOPILOT_VERSION), "version"),
         )
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
@@ -233,7 +237,7 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
             return
         if heard.is_unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
             asked_s = clock.now_s()
-            link.send(vehicle_commands.run_prearm_checks())
+            link.send(commands.run_prearm_checks())
         if missing and missing != told and clock.now_s() - told_s >= TELL_S:
             told, told_s = missing, clock.now_s()
             waits(missing)
@@ -243,7 +247,7 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
 
 async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
     """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
-    await procedures.send_order(link, clock, CommandDialogue(vehicle_commands.send_banner(), "banner"))
+    await procedures.send_order(link, clock, CommandDialogue(commands.send_banner(), "banner"))
     until_s = clock.now_s() + BANNER_TIMEOUT_S
     while heard.version is None and clock.now_s() < until_s:
         heard.changed.clear()
@@ -311,3 +315,68 @@ async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, want
         done = await procedures.upload_and_verify(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
         if not done.accepted:
             raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")
+
+
+async def examine_vehicle(
+    context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
+) -> Examined:
+    """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
+
+    It may just be booting: nothing that it said before this counts.
+
+    Args:
+        context: Of the flight.
+        name: Of the vehicle.
+        link: To it.
+        clock: The flight's.
+        within_s: How long it may take to be ready, in its time.
+        sets: Whether what is not as the flight had set it is set again.
+    """
+    dialect, began_s = context.vehicles[name].dialect, clock.now_s()
+    seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), within_s)
+    if not seen:
+        return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
+    left_s = within_s - (clock.now_s() - began_s)
+    try:
+        facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None)
+        proposal = await _build_proposal(context, name, link, clock)
+        if sets and (lacks := proposal.changes_of(name)):
+            await set_changes(link, clock, lacks)
+            proposal = await _build_proposal(context, name, link, clock)
+    except PreflightFailed as error:
+        return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
+    if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
+        return Examined(name, ready=False, reason=reason)
+    return Examined(
+        name,
+        ready=True,
+        reason="",
+        remaining_pct=facts.remaining_pct,
+        voltage_v=facts.voltage_v,
+        cells=facts.cells,
+        parameters=tuple(sorted(facts.parameters.items())),
+        changed=tuple(change.words for change in proposal.changes_of(name)),
+        sets=sets,
+    )
+
+
+async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
+    """Return what would have to be set on it: nothing, where it is as the flight has set it."""
+    beside = fence_checks.list_fence_parameters(context, name)
+    present = await read_present(link, clock, context.vehicles[name].dialect, beside)
+    return fence_checks.add_fence_changes(context, propose_return_changes(context, {name: present}))
+
+
+def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
+    """Return what cannot be known of its parameters; empty if everything is."""
+    if facts.unread:
+        return describe_unread_parameters(facts.unread)
+    return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
+
+
+def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
+    """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
+    dialect = context.vehicles[facts.name].dialect
+    if facts.heartbeat.autopilot != dialect.number:
+        return f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
+    return "it is armed" if facts.heartbeat.armed else ""

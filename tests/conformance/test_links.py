@@ -7,10 +7,10 @@ import asyncio
 import pytest
 
 from executor.core.interface.messages import Heartbeat, Position, SendCommand
-from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import DownloadDialogue
+from executor.protocols import commands
+from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Accepted
+from executor.protocols.mission_transfer import DownloadDialogue
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import run_dialogue
 from missions import find_mission_differences
@@ -94,7 +94,7 @@ async def test_a_command_is_acknowledged_and_an_unknown_one_is_not_accepted(way:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
+        interval = commands.set_message_interval(commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         refused = await procedures.send_order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
         assert not refused.accepted
@@ -107,7 +107,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
+        interval = commands.set_message_interval(commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         assert (await procedures.upload_and_verify(link, clock, dialect, route(dialect))).accepted
         done = await procedures.arm_and_start(link, clock, dialect)

@@ -8,9 +8,9 @@ from dataclasses import fields, replace
 
 import pytest
 
-from executor.protocols import upload, vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_READ_TRIP, DownloadDialogue
+from executor.protocols import commands, mission_transfer
+from executor.protocols.commands import CommandDialogue
+from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
@@ -19,8 +19,8 @@ from tests.executor.core.vehicles import flying
 BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
-UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))
-ARM = vehicle_commands.arm()
+UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}))
+ARM = commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 
 
@@ -47,7 +47,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "answered": -1,
                 "answered_s": -math.inf,
                 "first_s": -math.inf,
-                "round_trip": upload.FIRST_TRIP,
+                "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,
                 "refusal": None,
             },

@@ -24,8 +24,8 @@ from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.telemetry.foreign_systems import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
-from executor.protocols import vehicle_commands
-from executor.runtime import stream_requests, vehicle_preflight
+from executor.protocols import commands
+from executor.runtime import procedures, vehicle_preflight
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
@@ -71,7 +71,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     assert facts.unread == frozenset(), "the others are not there: these two were answered over the same link"
     assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
-    assert ready.vehicle.commands.count(511) == len(stream_requests.streams_hz(dialect))
+    assert ready.vehicle.commands.count(511) == len(procedures.streams_hz(dialect))
 
 
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
@@ -89,7 +89,7 @@ async def test_a_firmware_without_a_version_message_is_asked_for_its_banner() ->
 
     def hear(message: Outgoing, now_s: float) -> list[Message]:
         said = asked(message, now_s)
-        if isinstance(message, SendCommand) and message.command == vehicle_commands.DO_SEND_BANNER:
+        if isinstance(message, SendCommand) and message.command == commands.DO_SEND_BANNER:
             said.append(StatusText(6, "ArduCopter V4.5.7 (2a3dc4b7)"))
         return said
 
@@ -176,7 +176,7 @@ async def test_a_vehicle_that_never_gets_ready_says_why() -> None:
     why = "its own pre-arm checks fail: compass not calibrated"
     assert str(raised.value) == f"uav1: not ready after 20 s: {why}"
     assert ready.waited_for[-1] == why
-    assert ready.vehicle.commands.count(vehicle_commands.RUN_PREARM_CHECKS) == 2
+    assert ready.vehicle.commands.count(commands.RUN_PREARM_CHECKS) == 2
 
 
 async def test_a_place_in_the_gulf_of_guinea_is_no_place() -> None:

@@ -8,7 +8,7 @@ from executor.core.interface.messages import (
     CommandAck,
     SendCommand,
 )
-from executor.protocols.command import CommandDialogue
+from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Rejected, TimedOut
 from tests.executor.protocols.silences import unanswered
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.protocols.round_trip import RoundTrip
+from executor.protocols.machine import RoundTrip
 
 
 def test_the_first_answer_is_trusted_little_and_many_alike_much() -> None:

@@ -12,8 +12,8 @@ from executor.core.interface.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted, TimedOut
+from executor.protocols.mission_transfer import DownloadDialogue
 from missions import MissionItem
 from tests.executor.protocols.silences import unanswered
 

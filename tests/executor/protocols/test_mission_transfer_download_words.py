@@ -15,8 +15,8 @@ from executor.core.interface.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
+from executor.protocols.mission_transfer import DownloadDialogue
 from missions import ARDUPILOT, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying

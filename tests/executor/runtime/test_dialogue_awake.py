@@ -16,11 +16,10 @@ from benchmarks.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Heartbeat, SendCommand
-from executor.protocols.command import CommandDialogue
+from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
 from executor.runtime import procedures
-from executor.runtime.awake import BEAT_REAL_S, MOST_REAL_S, Lateness, awake
-from executor.runtime.dialogue import run_dialogue
+from executor.runtime.dialogue import BEAT_REAL_S, MOST_REAL_S, Lateness, awake, run_dialogue
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.executor.core.stories import under_way
 from tests.fakes.clock import LoopClock

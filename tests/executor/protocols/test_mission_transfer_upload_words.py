@@ -14,7 +14,7 @@ from executor.core.interface.messages import (
     MissionRequest,
     SendMissionAck,
 )
-from executor.protocols import upload
+from executor.protocols import mission_transfer
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from missions import ARDUPILOT, encode
 from tests.executor.core.steps import rounded
@@ -24,7 +24,7 @@ from tests.executor.protocols.talks import LATE, late, talk
 BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
-UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))
+UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}))
 GIVE_UP = "give up"
 
 

@@ -10,7 +10,7 @@ from executor.core.interface.messages import (
     SendMissionItem,
 )
 from executor.protocols.machine import Accepted, Rejected, TimedOut
-from executor.protocols.upload import UploadDialogue
+from executor.protocols.mission_transfer import UploadDialogue
 from missions import MissionItem
 from tests.executor.protocols.silences import unanswered
 
