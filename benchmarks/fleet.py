@@ -36,7 +36,7 @@ from executor.adapters.worker_pool import start_worker_pool
 from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import site_model

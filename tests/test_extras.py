@@ -15,7 +15,7 @@ import pytest
 
 from executor.adapters.extras import MODULES, Extra, packages_of
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
-from executor.flight.board_record import write_kept_parameters
+from executor.flight.restore_vehicles import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]

@@ -35,17 +35,17 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/witness/log_evidence.py",
     ),
     "tests/e2e/test_fleet.py": (
-        "executor/flight/flight_request.py",
+        "executor/flight/run_start.py",
         "executor/flight/run_flight.py",
         "executor/flight/open_links.py",
-        "executor/flight/preparation.py",
+        "executor/flight/checklist.py",
         "executor/flight/flight_recorder.py",
         "executor/simulated/injected_faults.py",
     ),
     "tests/e2e/test_given_back.py": (
         "executor/cli/restore.py",
         "executor/flight/restore_vehicles.py",
-        "executor/flight/concurrency.py",
+        "executor/flight/open_links.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
     "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
@@ -232,9 +232,9 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/interface/recorded_log.py",
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
-    "tests/executor/flight/test_checkpoint_files.py": ("executor/flight/checkpointer.py",),
-    "tests/executor/flight/test_parameter_changes.py": (
-        "executor/flight/board_record.py",
+    "tests/executor/flight/test_checkpoints_checkpoint_files.py": ("executor/flight/checkpoints.py",),
+    "tests/executor/flight/test_prepare_vehicles_board_changes_parameter_changes.py": (
+        "executor/flight/restore_vehicles.py",
         "executor/runtime/board_restore.py",
     ),
     "tests/executor/flight/test_resume_flight.py": (
@@ -317,7 +317,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/site/test_planned_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_planning_asked.py": (
         "executor/flight/checklist.py",
-        "executor/flight/checklist_only.py",
+        "executor/flight/checklist.py",
         "executor/site/plan_summary.py",
     ),
     "tests/executor/site/test_campaign_risk.py": (

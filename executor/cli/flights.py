@@ -54,11 +54,11 @@ from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
-from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import (
     OTHER_LOSS,
@@ -314,7 +314,7 @@ def preflight(
     as_json: JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
-    from executor.flight.checklist_only import run_checklist_only
+    from executor.flight.checklist import run_checklist_only
 
     wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)

@@ -1,19 +1,123 @@
-"""The checklist before the flight: every check over what the vehicles said, in the order in which a crew reads it."""
+"""What comes before a flight: everybody is asked, the checklist is made, the first missions are put on board."""
 
 from __future__ import annotations
 
+import asyncio
+import shutil
 from collections.abc import Mapping
+from functools import partial
 
+from executor import supervised
+from executor.adapters.clock import SystemClock
 from executor.core.context import Context
+from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.commands import Level
+from executor.core.interface.ports import OpenLink
 from executor.core.preflight import mission_checks, pack_checks, vehicle_checks
-from executor.core.preflight.failsafe_parameters import LinkFailsafe
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.flight.flight_request import FlightRequest
-from executor.site import day_flight
+from executor.errors import ExecutorError
+from executor.flight import open_links, prepare_vehicles
+from executor.flight.open_links import run_concurrently, run_for_each
+from executor.flight.prepare_vehicles import read_changes
+from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
+from executor.flight.simulation_clock import follow_fleet_time
+from executor.runtime import vehicle_preflight as asking
+from executor.site import day_flight, site_model
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_areas import build_places
 from executor.site.site_bases import base_places_m
+from executor.site.site_file import Site
+from executor.site.site_model import SiteModel
+from executor.site.tables.aircraft import VehicleTable
+from missions import FlightSetup, dialect_for, encode
+
+
+async def interview_vehicles(
+    order: FlightRequest, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+) -> Mapping[str, VehicleFacts]:
+    """Ask everybody.
+
+    Raises:
+        ConnectionFailed: somebody does not answer.
+        PreflightFailed: somebody does not become ready.
+    """
+    console.say(Level.INFO, f"waiting for {len(links)} vehicles")
+    everybody = order.site.vehicle
+    facts = await run_concurrently(
+        connect_and_interview(order.site, table, links[table.name], clock, console) for table in everybody
+    )
+    return {table.name: fact for table, fact in zip(everybody, facts, strict=True)}
+
+
+async def connect_and_interview(
+    site: Site, table: VehicleTable, link: OpenLink, clock: SystemClock, console: Console
+) -> VehicleFacts:
+    """Wait for one vehicle, and ask it what it is and whether it is ready.
+
+    Raises:
+        ConnectionFailed: it does not answer.
+        PreflightFailed: it does not become ready.
+    """
+    name, timeout_s = table.name, site.flight.connect_timeout_s
+    await asking.wait_for_vehicle(name, table.connection, table.sysid, link, timeout_s, clock)
+
+    def waits(missing: str) -> None:
+        console.say(Level.INFO, f"{name}: not ready yet: {missing}")
+
+    dialect = dialect_for(table.autopilot)
+    more = () if site.terrain is None else vehicle_checks.list_terrain_parameters(dialect)
+    more += vehicle_checks.list_shutter_parameters(dialect) if site.look else ()
+    facts = await asking.interview_vehicle(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
+    console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
+    return facts
+
+
+def build_context_and_checklist(
+    order: FlightRequest, facts: Mapping[str, VehicleFacts]
+) -> tuple[Context, Mapping[str, OnboardMission | None], list[Check]]:
+    """Return the context of the flight, everybody's first mission, and the checklist."""
+    ground = order.ground
+    setup = _build_setup(ground, facts)
+    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    own = {name: read_link_failsafe(dialects[name], fact.parameters, fact.unread) for name, fact in facts.items()}
+    parameters = {name: fact.parameters for name, fact in facts.items()}
+    context, boards = build_context_and_boards(ground, setup, order.plan, order.day, own, parameters)
+    return context, boards, build_checklist(order, context, facts, own, boards, shutil.disk_usage(order.run).free)
+
+
+def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> FlightSetup:
+    frame = ground.network.frame
+    pads = []
+    for name in ground.names:
+        position = facts[name].position
+        east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
+        pads.append(vehicle_checks.pad_from(facts[name], east_m, north_m))
+    return site_model.build_flight_setup(ground, pads)
+
+
+async def upload_first_missions(
+    context: Context,
+    links: Mapping[str, OpenLink],
+    clock: SystemClock,
+    boards: Mapping[str, OnboardMission | None],
+    console: Console,
+) -> None:
+    """Put everybody's first mission on board.
+
+    Raises:
+        VehicleRefused: a vehicle did not take its mission.
+    """
+    carried = {name: board for name, board in boards.items() if board is not None}
+
+    async def load(name: str) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(carried[name].path, dialect)
+        await asking.load_mission(name, links[name], clock, dialect, mission, partial(console.say, Level.WARNING))
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
+
+    await run_for_each(carried, load)
 
 
 def build_checklist(
@@ -74,3 +178,49 @@ def build_checklist(
     # Last, beside the question that follows: what is said yes to is what is seen.
     later = frozenset[int]() if order.day is None else day_flight.find_later_segments(order.day)
     return found + build_plan_checks(plan, len(context.setup.network.segments), later)
+
+
+async def run_checklist_only(order: FlightRequest, console: Console) -> list[Check]:
+    """Ask every vehicle, and return what a flight would be told before its take-off.
+
+    A vehicle that does not answer, or is not ready, is a check that stops; the others are looked at all the same.
+
+    Raises:
+        ConnectionFailed: a connection cannot be opened.
+    """
+    with supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), None):
+        async with follow_fleet_time(order.site, console) as found:
+            return await _interview_and_check(
+                order, console, SystemClock.start_on(order.site.flight.speedup, found.steady)
+            )
+
+
+async def _interview_and_check(order: FlightRequest, console: Console, clock: SystemClock) -> list[Check]:
+    async def one(table: VehicleTable, link: OpenLink) -> VehicleFacts | Check:
+        try:
+            return await connect_and_interview(order.site, table, link, clock, console)
+        except ExecutorError as error:
+            return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "), CheckCode.NOT_READY)
+
+    async with open_links.open_links(order, clock, recorded=False) as links:
+        answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
+        facts = {answer.name: answer for answer in answers if isinstance(answer, VehicleFacts)}
+        found = [answer for answer in answers if isinstance(answer, Check)]
+        if not found:
+            context, boards, found_of = build_context_and_checklist(order, facts)
+            found_of += prepare_vehicles.check_fences_on_board(
+                context, facts, boards, await prepare_vehicles.read_fences(context, links, clock)
+            )
+            return [*found_of, *(await read_changes(context, links, clock)).checks]
+    found += build_plan_checks(order.plan, len(order.ground.network.segments))
+    # Without everybody's place there are no pads, and no paths to look at.
+    frame = order.ground.network.frame
+    for table in order.site.vehicle:
+        if table.name in facts:
+            fact, dialect = facts[table.name], dialect_for(table.autopilot)
+            found += vehicle_checks.check_identity(
+                fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
+            )
+            found += vehicle_checks.check_ground_stations(fact, dialect)
+            found += vehicle_checks.check_battery_failsafe_settings(fact, dialect, None)
+    return found

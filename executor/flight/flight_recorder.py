@@ -18,10 +18,9 @@ from executor.core.interface.commands import Command, Level, Say, Solve, Upload
 from executor.core.interface.events import Event, SolveEnded, Tick
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from executor.flight import fencing
-from executor.flight.checkpoint_files import Checkpoint, Planned
-from executor.flight.checkpointer import Checkpointer
-from executor.flight.flight_request import Console, FlightRequest
+from executor.flight import prepare_vehicles
+from executor.flight.checkpoints import Checkpoint, Checkpointer, Planned
+from executor.flight.run_start import Console, FlightRequest
 from executor.runtime.flight_loop import Observer
 from executor.supervised import report_mistake
 from missions import MissionsError, PlanFile, Pricing, SolverRecord, Task, make_plan_file, read_plan, write_plan
@@ -98,7 +97,7 @@ class FlightRecorder:
             self._log.note(now_s, command=to_plain(command))
         if isinstance(command, Upload):
             try:
-                fencing.record_wider_fence(self._order.run, self._context, command)
+                prepare_vehicles.record_wider_fence(self._order.run, self._context, command)
             except (OSError, LogError) as error:
                 self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 

@@ -1,10 +1,12 @@
-"""Opens the links of a flight, and keeps up our heartbeat on them."""
+"""The links of a flight: opened, kept up with our heartbeat, and used for several vehicles side by side."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping
+import asyncio
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
+from typing import TypeVar
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, require_extra
@@ -15,7 +17,7 @@ from executor.adapters.mavsdk import mavsdk_link as mavsdk
 from executor.adapters.mavsdk.library import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
-from executor.flight.flight_request import FlightRequest
+from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import send_heartbeats
 from executor.site.site_file import Site, read_signing_key
 from executor.supervised import run_beside
@@ -58,3 +60,30 @@ async def open_links(
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
         async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
             yield links
+
+
+T = TypeVar("T")
+AT_ONCE = 10
+"""Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
+
+
+async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
+    """Do several things side by side; the first that fails ends the others, and is raised as it is."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        return await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def run_for_each(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
+    """Do something with every vehicle, `AT_ONCE` of them at a time; as `run_concurrently` otherwise."""
+    turn, every = asyncio.Semaphore(AT_ONCE), list(names)
+
+    async def one(name: str) -> T:
+        async with turn:
+            return await work(name)
+
+    return dict(zip(every, await run_concurrently(map(one, every)), strict=True))

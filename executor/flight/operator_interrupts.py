@@ -12,7 +12,7 @@ from executor.adapters.interrupts import ENDS, SignalDebouncer, forget_terminal
 from executor.core.interface.commands import Level
 from executor.core.interface.events import ReturnAllOrdered
 from executor.errors import PreflightFailed
-from executor.flight.flight_request import Console
+from executor.flight.run_start import Console
 from executor.runtime.flight_loop import Flight
 
 LEAVE_AFTER_S = 5.0

@@ -33,14 +33,13 @@ from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import run_flight
-from executor.flight.board_record import build_parameter_rows, read_kept_parameters
-from executor.flight.checkpoint_files import FoundCheckpoint, Planned, find_newest_checkpoint
+from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
 from executor.flight.flight_recorder import InheritedRecord, plan_path_of
-from executor.flight.flight_request import Console, FlightRequest
 from executor.flight.mqtt_settings import MqttSettings, read_mqtt_settings
 from executor.flight.open_links import open_links
+from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.flight.run_flight import FlightResult, FlightSession
-from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
+from executor.flight.run_start import Console, FlightRequest, RunStart, read_flown_day_plan, read_run_start
 from executor.flight.simulation_clock import follow_fleet_time
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_file import read_site

@@ -12,7 +12,7 @@ from executor.adapters.clock import steady_s
 from executor.adapters.fleet_time import FleetTime
 from executor.core.interface.commands import Level
 from executor.core.interface.connection import Scheme
-from executor.flight.flight_request import MessageSink
+from executor.flight.run_start import MessageSink
 from executor.runtime.fair_event_loop import FairEventLoop
 from executor.site.site_file import Site
 from executor.supervised import run_beside

@@ -16,7 +16,7 @@ from executor.core.interface.commands import Level
 from executor.core.interface.intents import Intent, IntentRecord
 from executor.core.state.fleet_state import FleetState
 from executor.errors import ConnectionFailed, LogError, SiteError
-from executor.flight.flight_request import FlightRequest, MessageSink
+from executor.flight.run_start import FlightRequest, MessageSink
 from executor.runtime.flight_loop import Flight
 from executor.site.ground_files import encode_ground, read_ground_files
 from executor.site.ground_view import GroundView, compute_shown_area

@@ -4,7 +4,8 @@ A machine is a frozen state. ``begin``, ``on_message``, ``on_deadline`` and ``ca
 send. A state with an outcome is final: whatever comes later leaves it as it is and sends nothing.
 
 A round trip is measured after RFC 6298, and Karn's rule. That rule is the asker's to keep: what was asked twice is no
-measure, as nobody knows which of the two was answered."""
+measure, as nobody knows which of the two was answered.
+"""
 
 from __future__ import annotations
 

@@ -12,7 +12,8 @@ link, until it is answered. What comes twice, or late, is passed over.
 
 An error is no end of a download: it may be the late answer to a doubled item of the upload before, or another station's
 transfer that will be over soon. It is the reason if the question stays without an answer. PX4 ends a transfer with one
-where a repeated question comes two items late, and without a word after 5 s: then the list is asked for anew."""
+where a repeated question comes two items late, and without a word after 5 s: then the list is asked for anew.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 A computer with too much to do lets a program wait. What a vehicle answered meanwhile lies unread, and by the clock
 every patience is spent. So a beat goes beside the dialogues, and of a beat that comes late only `MOST_REAL_S` counts:
-this program's own time-outs count in no other time."""
+this program's own time-outs count in no other time.
+"""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from executor.analysis.pictures import draw_profile_figure, save_figure
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model
 from executor.site.planned_heights import compute_planned_heights
 from executor.site.site_file import read_site

@@ -19,9 +19,15 @@ from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
-from executor.flight import parameter_changes
-from executor.flight.board_record import build_parameter_rows, read_kept_parameters, write_kept_parameters
-from executor.flight.restore_vehicles import check_run, find_open_parameters, restore_board
+from executor.flight import prepare_vehicles
+from executor.flight.restore_vehicles import (
+    build_parameter_rows,
+    check_run,
+    find_open_parameters,
+    read_kept_parameters,
+    restore_board,
+    write_kept_parameters,
+)
 from executor.runtime.board_restore import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
@@ -99,8 +105,8 @@ class Pads:
     async def apply(self) -> list[Check]:
         """Set what the flight needs."""
         context = self.fleet.context
-        proposal = await parameter_changes.read_changes(context, self.links, self.clock)
-        return await parameter_changes.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
+        proposal = await prepare_vehicles.read_changes(context, self.links, self.clock)
+        return await prepare_vehicles.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
 
     async def give_back(self) -> tuple[KeptParameter, ...]:
         kept, _ = await restore_board(self.run, self.links, self.clock, self.console)
@@ -155,11 +161,11 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
 @AUTOPILOTS
 async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
-    proposal = await parameter_changes.read_changes(pads.fleet.context, pads.links, pads.clock)
-    assert parameter_changes.describe_parameter_changes(proposal)
-    assert all(" -> " in line for line in parameter_changes.describe_parameter_changes(proposal))
+    proposal = await prepare_vehicles.read_changes(pads.fleet.context, pads.links, pads.clock)
+    assert prepare_vehicles.describe_parameter_changes(proposal)
+    assert all(" -> " in line for line in prepare_vehicles.describe_parameter_changes(proposal))
     assert (
-        parameter_changes.compose_changes_question(proposal)
+        prepare_vehicles.compose_changes_question(proposal)
         == f"Change {len(proposal.changes)} parameters on board until the flight is over?"
     )
     assert pads.sets() == []
