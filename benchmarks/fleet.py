@@ -31,8 +31,8 @@ from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.eventlog import LogHeader, read_head
+from executor.adapters.interrupts import start_worker_pool
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.worker_pool import start_worker_pool
 from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying

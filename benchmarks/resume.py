@@ -25,8 +25,7 @@ from benchmarks.fleetsite import site_of, write_network
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
-from executor.adapters.eventlog import read_events
-from executor.adapters.log_end import count_lines_after, read_last_event_s
+from executor.adapters.eventlog import count_lines_after, read_events, read_last_event_s
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.events import Heard
 from executor.flight import resume_flight

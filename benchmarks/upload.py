@@ -23,7 +23,7 @@ from itertools import product
 from benchmarks.mavsdk_upload import open_uploader
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
-from executor.adapters.mavsdk.library import MOST_AT_ONCE
+from executor.adapters.mavsdk.mavsdk_link import MOST_AT_ONCE
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import LinkRequest
 from executor.protocols.machine import Accepted

@@ -10,7 +10,10 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
-    "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
+    "tests/simulator/test_fences.py": (
+        "simulator/fence.py",
+        "simulator/lists_ardupilot.py",
+    ),
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
         "benchmarks/reallogspage.py",
@@ -25,7 +28,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/outlines.py",
         "missions/reachability.py",
     ),
-    "tests/properties/test_missions_areas.py": ("missions/areas.py", "missions/shortest_ways.py"),
+    "tests/properties/test_missions_areas.py": (
+        "missions/areas.py",
+        "missions/shortest_ways.py",
+    ),
     "tests/executor/replay/test_learning.py": ("executor/replay/learned_toml.py",),
     "tests/benchmarks/witness/test_verdicts.py": (
         "benchmarks/witness/hands.py",
@@ -45,7 +51,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_given_back.py": (
         "executor/cli/restore.py",
         "executor/flight/restore_vehicles.py",
-        "executor/flight/open_links.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
     "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
@@ -61,25 +66,15 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/ardupilot_codes.py",
         "executor/adapters/logs/px4_vehicle.py",
     ),
-    "tests/executor/adapters/mavlink/test_codec.py": (
-        "executor/adapters/mavlink/message_readers.py",
-        "executor/adapters/mavlink/integers.py",
-        "executor/adapters/mavlink/statustext.py",
-    ),
+    "tests/executor/adapters/mavlink/test_codec.py": ("executor/adapters/mavlink/statustext.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
-        "executor/adapters/mavlink/frame_layout.py",
         "executor/adapters/chunks.py",
         "executor/adapters/mavlink/tlog_kinds.py",
     ),
-    "tests/executor/adapters/mavsdk/test_mavsdk_link.py": ("executor/adapters/mavsdk/library.py",),
-    "tests/executor/adapters/mqtt/test_client.py": (
-        "executor/adapters/mqtt/broker.py",
-        "executor/adapters/mqtt/outbox.py",
-    ),
+    "tests/executor/adapters/mqtt/test_client.py": ("executor/adapters/mqtt/broker.py",),
     "tests/executor/adapters/web/test_server.py": (
         "executor/adapters/web/guard.py",
         "executor/adapters/web/snapshot.py",
-        "executor/adapters/web/stream.py",
     ),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
@@ -90,7 +85,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/style.py",
         "executor/analysis/pictures/window_figure.py",
     ),
-    "tests/executor/analysis/test_report.py": ("executor/adapters/document.py", "executor/analysis/documents.py"),
+    "tests/executor/analysis/test_report.py": (
+        "executor/adapters/run_directory.py",
+        "executor/analysis/documents.py",
+    ),
     "tests/benchmarks/virtual/test_learned.py": ("executor/analysis/learned_document.py",),
     "tests/benchmarks/table/test_cells.py": (
         "benchmarks/machine.py",
@@ -220,7 +218,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
-    "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/flight_loop.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
@@ -232,16 +229,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/interface/recorded_log.py",
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
-    "tests/executor/flight/test_checkpoints_checkpoint_files.py": ("executor/flight/checkpoints.py",),
-    "tests/executor/flight/test_prepare_vehicles_board_changes_parameter_changes.py": (
-        "executor/flight/restore_vehicles.py",
-        "executor/runtime/board_restore.py",
-    ),
-    "tests/executor/flight/test_resume_flight.py": (
-        "executor/adapters/clock.py",
-        "executor/adapters/run_directory.py",
-        "executor/flight/run_start.py",
-    ),
+    "tests/executor/flight/test_prepare_vehicles.py": ("executor/runtime/board_restore.py",),
+    "tests/executor/flight/test_resume_flight.py": ("executor/adapters/clock.py",),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
         "executor/replay/replay_page.py",
@@ -252,7 +241,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/replay/test_pack_book.py": ("executor/replay/packs_file.py",),
-    "tests/executor/runtime/test_turnaround.py": ("executor/runtime/vehicle_preflight.py",),
     "tests/benchmarks/test_distance.py": (
         "benchmarks/distancepage.py",
         "benchmarks/report.py",
@@ -286,7 +274,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/few_lines_detector.py",
         "benchmarks/tuning_picture.py",
     ),
-    "tests/executor/runtime/test_vehicle_preflight.py": ("executor/runtime/procedures.py",),
     "tests/executor/simulated/test_demo_site.py": ("executor/simulated/simulated_fleet.py",),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
     "tests/simulator/test_leg_times.py": (
@@ -315,11 +302,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/site/tables/links.py",
     ),
     "tests/executor/site/test_planned_heights.py": ("executor/site/site_model.py",),
-    "tests/executor/site/test_site_planning_asked.py": (
-        "executor/flight/checklist.py",
-        "executor/flight/checklist.py",
-        "executor/site/plan_summary.py",
-    ),
+    "tests/executor/site/test_site_planning_asked.py": ("executor/site/plan_summary.py",),
     "tests/executor/site/test_campaign_risk.py": (
         "executor/analysis/pictures/risk_figure.py",
         "executor/cli/risk.py",
@@ -329,9 +312,15 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/autopilots/ardupilot.py",
         "missions/autopilots/px4.py",
     ),
-    "tests/missions/test_plan_file.py": ("missions/plan_json.py", "missions/plan_json_v1.py"),
+    "tests/missions/test_plan_file.py": (
+        "missions/plan_json.py",
+        "missions/plan_json_v1.py",
+    ),
     "tests/missions/test_routes.py": ("missions/setup.py",),
-    "tests/missions/test_tasks.py": ("missions/flight_model.py", "missions/pricing.py"),
+    "tests/missions/test_tasks.py": (
+        "missions/flight_model.py",
+        "missions/pricing.py",
+    ),
     "tests/benchmarks/scenarios/test_losses.py": ("benchmarks/scenarios/road_graph.py",),
     "tests/planner/test_exact.py": (
         "planner/highs.py",
@@ -385,7 +374,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_annealing.py",
         "planner/sorties/sortie_solve.py",
     ),
-    "tests/benchmarks/test_exact_sorties.py": ("benchmarks/row_matrix.py", "planner/sorties/sortie_model.py"),
+    "tests/benchmarks/test_exact_sorties.py": (
+        "benchmarks/row_matrix.py",
+        "planner/sorties/sortie_model.py",
+    ),
     "tests/executor/cli/test_day.py": (
         "executor/analysis/pictures/gantt_figure.py",
         "executor/site/day_summary.py",

@@ -10,8 +10,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from executor.adapters.document import Document, Whole
-from executor.adapters.run_directory import RunDirectory
+from executor.adapters.run_directory import Document, RunDirectory, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context

@@ -22,8 +22,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from executor.adapters.eventlog import DISK_S, EventLog
-from executor.adapters.log_end import LogPlace, is_place_in_log
+from executor.adapters.eventlog import DISK_S, EventLog, LogPlace, is_place_in_log
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import SolveEnded

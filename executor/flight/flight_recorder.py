@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import CLOCK_SET, EventLog, to_plain
-from executor.adapters.log_end import LogPlace
+from executor.adapters.eventlog import CLOCK_SET, EventLog, LogPlace, to_plain
 from executor.adapters.run_directory import RunDirectory
 from executor.adapters.solver import REPLAN_COST, build_replan_task
 from executor.core.context import Context

@@ -14,7 +14,7 @@ from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import mavsdk_link as mavsdk
-from executor.adapters.mavsdk.library import WANTED_BY
+from executor.adapters.mavsdk.mavsdk_link import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
 from executor.flight.run_start import FlightRequest

@@ -11,9 +11,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Subscriber
+from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Outbox, Subscriber
 from executor.adapters.mqtt.intake import IntentIntake
-from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.publisher import Publisher
 from executor.core.fleet_view import FleetView
 from executor.core.imaging.asset_status import AssetView

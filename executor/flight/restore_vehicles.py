@@ -1,4 +1,4 @@
-"""The record of all that a flight changed on board, parameters.json and fences.json, and how vehicles are given it back."""
+"""The record of what a flight changed on board, parameters.json and fences.json, and how vehicles get it back."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from typing import Annotated, Generic, Literal
 from pydantic import Field
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.document import Document, Number, Whole, YesNo
 from executor.adapters.mavlink import endpoints
-from executor.adapters.run_directory import RunDirectory, lock_run_directory
+from executor.adapters.run_directory import Document, Number, RunDirectory, Whole, YesNo, lock_run_directory
 from executor.analysis.documents import ParameterRow
 from executor.core.formatting import command_line
 from executor.core.interface.commands import Level

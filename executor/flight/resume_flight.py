@@ -15,14 +15,16 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import (
     EventLog,
     LogHeader,
+    count_lines_after,
+    is_flight_finished,
     read_decisions,
     read_events,
     read_head,
+    read_last_event_s,
     to_plain,
     total_clock_step_s,
 )
 from executor.adapters.extras import Extra, describe_missing_extra
-from executor.adapters.log_end import count_lines_after, is_flight_finished, read_last_event_s
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
 from executor.analysis.learned_document import read_learned_before

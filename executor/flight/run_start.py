@@ -1,4 +1,4 @@
-"""What a flight begins with: what is to be flown, where the operator looks, and what its run directory keeps of that."""
+"""What a flight begins with: what is flown, where the operator looks, and what its run directory keeps of that."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from executor.adapters.document import Document, Number, Whole
+from executor.adapters.run_directory import Document, Number, Whole
 from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history
 from executor.site.site_file import Site
 

@@ -22,8 +22,8 @@ from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.link import VehicleLink
 from executor.adapters.mqtt.broker import IntakeRules, MqttTopics
+from executor.adapters.mqtt.client import Outbox
 from executor.adapters.mqtt.intake import RefusedMessage, read_intent
-from executor.adapters.mqtt.outbox import Outbox
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.web import WebServer, WebSettings
 from executor.core import fleet_step

@@ -15,11 +15,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import camera_messages, integers, message_readers, px4_events
-from executor.adapters.mavlink.frame_layout import message_id_of, payload_of
+from executor.adapters.mavlink import frame_layout, message_readers
+from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning, message_id_of, payload_of
 from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.message_readers import Frame
-from executor.adapters.mavlink.signing import FrameRejection, LinkSigning
 from executor.adapters.mavlink.statustext import StatusTextAssembler
 from executor.core import formatting
 from executor.core.interface.messages import (
@@ -115,7 +114,7 @@ class MavlinkCodec:
         self._sent: dict[int, int] = {}
         """How many frames went to each system: each is numbered as a stream of its own."""
         self._speakers: dict[int, AutopilotComponent] = {}
-        self._events: dict[int, px4_events.Px4EventDecoder] = {}
+        self._events: dict[int, message_readers.Px4EventDecoder] = {}
         self.autopilots: dict[int, int] = {}
         """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
         self.garbage = 0
@@ -194,7 +193,7 @@ class MavlinkCodec:
             compid: its component.
             fields: by MAVLink's names; None stands for a float that is not finite.
         """
-        if name == px4_events.NAME:
+        if name == message_readers.EVENT_NAME:
             return self._read_event(sysid, compid, fields)
         kind = _BY_NAME.get(name)
         if kind is None:
@@ -204,7 +203,9 @@ class MavlinkCodec:
             packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
         except (struct.error, TypeError, AttributeError):
             return None  # another parser's definition of the message is another one
-        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
+        lost = (
+            name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in frame_layout.INTEGER_TYPES
+        )
         [received] = self.read([frame])
         message = ParamRefused(formatting.escape_controls(frame.param_id), absent=False) if lost else received.message
         said = (message, *received.more)
@@ -213,7 +214,7 @@ class MavlinkCodec:
     def _read_event(
         self, sysid: int, compid: int, fields: Mapping[str, object]
     ) -> tuple[bytes, tuple[Message, ...]] | None:
-        packed = px4_events.build_event_frame(fields, sysid, compid)
+        packed = message_readers.build_event_frame(fields, sysid, compid)
         if packed is None:
             return None
         [received] = self.read(FrameParser(in_datagrams=True).feed(packed))
@@ -240,7 +241,9 @@ class MavlinkCodec:
             return None
         if frame.get_type() == "PARAM_VALUE":
             name = formatting.escape_controls(frame.param_id)
-            value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
+            value = frame_layout.from_wire(
+                frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem())
+            )
             return filter_implausible(ParamValue(name, value, frame.param_type)) or ParamRefused(name, absent=False)
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
             return None
@@ -266,10 +269,12 @@ class MavlinkCodec:
     def _parse_px4_event(self, unknown: Frame) -> Iterator[OwnFailsafe | ModeChange]:
         """Yield what an event of PX4 is evidence of."""
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
-        if message_id_of(raw) != px4_events.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
+        if message_id_of(raw) != message_readers.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
             return
-        number, boot_ms, sequence, *_, arguments = px4_events.LAYOUT.unpack(payload_of(raw, px4_events.LAYOUT.size))
-        said = self._events.setdefault(system, px4_events.Px4EventDecoder()).decode(
+        number, boot_ms, sequence, *_, arguments = message_readers.EVENT_LAYOUT.unpack(
+            payload_of(raw, message_readers.EVENT_LAYOUT.size)
+        )
+        said = self._events.setdefault(system, message_readers.Px4EventDecoder()).decode(
             number, boot_ms, sequence, arguments
         )
         if said is not None:
@@ -324,7 +329,7 @@ def _read_version(frame: Frame) -> Version | None:
 
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
-    **camera_messages.CAMERA_READERS,
+    **message_readers.CAMERA_READERS,
     "HEARTBEAT": _read_heartbeat,
     "MISSION_REQUEST": _make_mission_reader(MissionRequest, attrgetter("seq")),
     "MISSION_REQUEST_INT": _make_mission_reader(MissionRequest, attrgetter("seq")),
@@ -364,5 +369,5 @@ def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | Non
         case SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
         case SendParamSet(name, value, kind):
-            wire = integers.to_wire(value, kind, autopilot)
+            wire = frame_layout.to_wire(value, kind, autopilot)
             return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

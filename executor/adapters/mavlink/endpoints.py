@@ -15,9 +15,9 @@ from functools import partial
 from typing import cast
 
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec, Sender
+from executor.adapters.mavlink.frame_layout import LinkSigning
 from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.link import VehicleLink, Write, discard_frame
-from executor.adapters.mavlink.signing import LinkSigning
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import Keyring, LinkRequest
 from executor.errors import ConnectionFailed

@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import px4_events
+from executor.adapters.mavlink import message_readers
 from executor.adapters.mavlink.frame_layout import CHECKSUM, HEADS, V1, V2, has_valid_checksum, message_id_of
 
 SIGNATURE, SIGNED = 13, 1
@@ -91,7 +91,7 @@ class FrameParser:
         if buffer[at] == V2:
             flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
             end += SIGNATURE * (flags & SIGNED)
-        known = number in mav.mavlink_map or number == px4_events.EVENT
+        known = number in mav.mavlink_map or number == message_readers.EVENT
         if flags & ~SIGNED or not (known or self._is_followed(end)):
             return at
         return end
@@ -105,7 +105,7 @@ class FrameParser:
         if end == at:
             return None
         data = self._buffer[at:end]
-        if message_id_of(data) == px4_events.EVENT and not has_valid_checksum(data, px4_events.EXTRA):
+        if message_id_of(data) == message_readers.EVENT and not has_valid_checksum(data, message_readers.EVENT_EXTRA):
             return None
         try:
             frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
-from executor.adapters.mavlink.signing import FrameRejection
+from executor.adapters.mavlink.frame_layout import FrameRejection
 from executor.core.interface.messages import (
     DoubleHeard,
     Heartbeat,

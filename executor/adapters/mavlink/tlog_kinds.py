@@ -15,7 +15,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import message_readers, px4_events
+from executor.adapters.mavlink import message_readers
 from executor.adapters.mavlink.frame_layout import payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface.messages import FlightMessage
@@ -114,10 +114,10 @@ _SPECIAL = {
 }
 """What is not simply that."""
 _EVENT = MessageKind(
-    px4_events.NAME,
-    px4_events.EXTRA,
-    px4_events.LAYOUT,
-    _named_tuple(px4_events.NAME, px4_events.FIELDS)._make,
+    message_readers.EVENT_NAME,
+    message_readers.EVENT_EXTRA,
+    message_readers.EVENT_LAYOUT,
+    _named_tuple(message_readers.EVENT_NAME, message_readers.EVENT_FIELDS)._make,
     _ignore_message,
     every_usec=0,
     special=True,
@@ -125,12 +125,12 @@ _EVENT = MessageKind(
 KINDS: Mapping[int, MessageKind] = (
     {_DEFINED[name].id: _make_kind(name, every_usec, special=False) for name, every_usec in _PLAIN.items()}
     | {_DEFINED[name].id: _make_kind(name, every_usec, special=True) for name, every_usec in _SPECIAL.items()}
-    | {px4_events.EVENT: _EVENT}
+    | {message_readers.EVENT: _EVENT}
 )
 """By message id: what is read; RADIO_STATUS is also what SiK radios send."""
 ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
 TOLD_BY_VEHICLES = frozenset({
-    px4_events.NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
-    "POSITION_TARGET_LOCAL_NED",
+    message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE",
+    "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED",
 })  # fmt: skip

@@ -15,7 +15,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from executor.adapters.intent_body import IntentBody
 from executor.adapters.mqtt.broker import IntakeRules
-from executor.adapters.mqtt.reasons import IntakeReason
+from executor.adapters.mqtt.payloads import IntakeReason
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error

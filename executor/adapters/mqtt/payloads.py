@@ -6,11 +6,11 @@ the topic, the states of a connection. What a flight looks like is in the core's
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.fleet_view import OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetView
 from executor.core.interface.endings import Ending
@@ -19,6 +19,24 @@ from executor.core.state.fleet_state import CheckLine, Question
 from executor.core.state.vehicle_state import FaultCode
 from missions.plan_json import PlanDocument
 from missions.validation import document_of
+
+
+class IntakeReason(StrEnum):
+    """Why a message is not taken for an intent."""
+
+    INVALID = "invalid"
+    """It is too long, no JSON, or a key is missing, unknown or of the wrong kind."""
+    CLOSED = "closed"
+    """This site takes no intents from its broker."""
+    UNAUTHORIZED = "unauthorized"
+    """The token is not the site's."""
+    RETAINED = "retained"
+    """The broker had kept it."""
+    TIMESTAMP = "timestamp"
+    """It is too old, or from the future."""
+    TOO_MANY = "too_many"
+    """Too many intents came at once."""
+
 
 VERSION = "1.6.0"
 

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 
 from executor.adapters.mqtt.broker import MqttTopics
-from executor.adapters.mqtt.client import Presence
+from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
 from executor.adapters.mqtt.intake import RefusedMessage
-from executor.adapters.mqtt.outbox import MqttMessage, Outbox
 from executor.adapters.mqtt.payloads import (
     AcknowledgementMessage,
     AssetsMessage,

@@ -31,10 +31,15 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.intent_body import IntentBody
-from executor.adapters.web.connection_limits import ConnectionLimits, ConnectionRegistry, WebConnection
+from executor.adapters.web.connection_limits import (
+    ConnectionLimits,
+    ConnectionRegistry,
+    EventStream,
+    LatestValue,
+    WebConnection,
+)
 from executor.adapters.web.guard import Guard
 from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
-from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
 from executor.core.interface.intents import Intent, IntentRecord, Outcome

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters.eventlog import EventLog, from_plain
-from executor.adapters.log_end import LogPlace
+from executor.adapters.eventlog import EventLog, LogPlace, from_plain
 from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet_step
 from executor.core.interface.commands import Solve

@@ -20,7 +20,7 @@ from missions import MissionItem, MissionKind, dialect_for
 from missions.fences import Fence, find_list_differences
 from missions.items import PlaceCommand
 from tests.executor.builders import fleet_of
-from tests.executor.flight.test_prepare_vehicles_board_changes_parameter_changes import Terminal
+from tests.executor.flight.test_prepare_vehicles import Terminal
 from tests.fakes.clock import LoopClock
 from tests.fakes.disk import room_for
 from tests.fakes.link import CLEAN, Air, FakeLink

@@ -13,8 +13,7 @@ import pytest
 
 from executor.adapters.mqtt import client as connection
 from executor.adapters.mqtt.broker import BrokerAddress
-from executor.adapters.mqtt.client import MqttClient, Presence, Subscriber
-from executor.adapters.mqtt.outbox import MqttMessage, Outbox
+from executor.adapters.mqtt.client import MqttClient, MqttMessage, Outbox, Presence, Subscriber
 from executor.core.interface.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S

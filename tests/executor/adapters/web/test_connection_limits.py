@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from executor.adapters.web import connection_limits, stream
+from executor.adapters.web import connection_limits
 from executor.adapters.web.connection_limits import HERE, ConnectionLimits, ConnectionQuota, origin_of
 from tests.executor.adapters.web.test_server import TOKEN, Beside
 from tests.patience import PATIENCE_S
@@ -27,7 +27,7 @@ def abroad(monkeypatch: pytest.MonkeyPatch) -> None:
         return HERE if peer == "127.0.0.1" else peer
 
     monkeypatch.setattr(connection_limits, "origin_of", origin)
-    monkeypatch.setattr(stream, "origin_of", origin)
+    monkeypatch.setattr(connection_limits, "origin_of", origin)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from tests.patience import PATIENCE_S
 ROOT = Path(__file__).parents[3]
 PROGRAM = """
 import os, signal, sys, time
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 
 def begun(path):
     with open(path, "a") as file:

@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router
+from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
 from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mavlink.signing import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
 from executor.core.interface.messages import (
     Heartbeat,
     MissionCurrent,

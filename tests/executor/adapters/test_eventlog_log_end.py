@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters import log_end as logend
+from executor.adapters import eventlog as logend
 from executor.adapters.eventlog import EventLog, read_events, to_plain, total_clock_step_s
 from executor.core.interface.commands import Finish
 from executor.core.interface.events import Heard, Tick

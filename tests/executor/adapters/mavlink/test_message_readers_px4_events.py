@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.logs.ulog import UlogFile
-from executor.adapters.mavlink import px4_events
+from executor.adapters.mavlink import message_readers
 from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
 from executor.adapters.mavlink.frame_layout import has_valid_checksum
 from executor.adapters.mavlink.frame_parser import FrameParser
@@ -34,7 +34,7 @@ def fields(name: str, arguments: bytes = b"", sequence: int = 5) -> dict[str, An
 
 
 def event(name: str, arguments: bytes = b"", sequence: int = 5, component: int = 1) -> bytes:
-    frame = px4_events.build_event_frame(fields(name, arguments, sequence), 7, component)
+    frame = message_readers.build_event_frame(fields(name, arguments, sequence), 7, component)
     assert frame is not None
     return frame
 
@@ -63,7 +63,7 @@ def test_what_a_recorded_one_looks_like() -> None:
     """As PX4 1.17 sent it: commander_armed_by, by a mission's start; zeros at the end are left out."""
     recorded = bytes.fromhex("fd0e00009329019a0100f3ca9001a4140000040000006605d2bf")
     [frame] = FrameParser().feed(recorded)
-    assert has_valid_checksum(frame.get_msgbuf(), px4_events.EXTRA)
+    assert has_valid_checksum(frame.get_msgbuf(), message_readers.EVENT_EXTRA)
     assert recorded[10:14] == struct.pack("<I", compute_event_id("commander_armed_by"))
 
 

@@ -7,8 +7,8 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink.camera_messages import angles_deg
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.message_readers import angles_deg
 from executor.core.interface.messages import (
     CameraHeard,
     CameraStatus,
