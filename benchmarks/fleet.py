@@ -30,6 +30,7 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from benchmarks.virtual_flight import SilentConsole
+from executor.adapters import fair_event_loop
 from executor.adapters.eventlog import LogHeader, read_head
 from executor.adapters.interrupts import start_worker_pool
 from executor.adapters.run_directory import RunDirectory
@@ -37,7 +38,6 @@ from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
 from executor.flight.run_start import FlightRequest, write_run_start
-from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import Site, check_site

@@ -53,7 +53,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/restore_vehicles.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
-    "tests/executor/adapters/test_fleet_time.py": ("simulator/common_time.py",),
+    "tests/executor/adapters/test_fair_event_loop_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",

@@ -10,6 +10,7 @@ from typing import Annotated, TextIO
 
 import typer
 
+from executor.adapters import fair_event_loop
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
@@ -59,7 +60,6 @@ from executor.flight.next_flight import describe_next_flight, plan_next_flight, 
 from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.flight.run_start import FlightRequest, write_run_start
-from executor.runtime import fair_event_loop
 from executor.simulated.demo_site import (
     OTHER_LOSS,
     USUAL_LOSS,

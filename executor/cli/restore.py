@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 
+from executor.adapters import fair_event_loop
 from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
 from executor.core.preflight.board_changes import KeptList, KeptParameter
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_lists, read_kept_parameters
-from executor.runtime import fair_event_loop
 from missions.files import json_text
 
 

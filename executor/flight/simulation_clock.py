@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from executor.adapters.clock import steady_s
-from executor.adapters.fleet_time import FleetTime
+from executor.adapters.fair_event_loop import FairEventLoop, FleetTime
 from executor.core.interface.commands import Level
 from executor.core.interface.connection import Scheme
 from executor.flight.run_start import MessageSink
-from executor.runtime.fair_event_loop import FairEventLoop
 from executor.site.site_file import Site
 from executor.supervised import run_beside
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from executor.adapters import fair_event_loop
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Check
@@ -19,7 +20,6 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.flight import run_flight
 from executor.flight.run_start import FlightRequest, write_run_start
-from executor.runtime import fair_event_loop
 from executor.site import site_model, site_planning
 from executor.site.site_file import Site, check_site
 from executor.site.site_model import SiteModel

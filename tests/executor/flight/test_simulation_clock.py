@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.adapters import fair_event_loop
 from executor.adapters.clock import SystemClock, steady_s
 from executor.adapters.mavlink.endpoints import open_mavlink_links
 from executor.core.interface.commands import Level
@@ -20,7 +21,6 @@ from executor.core.interface.messages import Heartbeat, Message
 from executor.core.interface.ports import LinkRequest
 from executor.flight import simulation_clock
 from executor.flight.simulation_clock import describe_slow_host, follow_fleet_time
-from executor.runtime import fair_event_loop
 from executor.runtime.procedures import wait_for
 from executor.simulated.demo_site import build_demo_site
 from executor.simulated.simulated_fleet import fleet_of

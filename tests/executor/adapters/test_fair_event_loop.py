@@ -7,10 +7,11 @@ import socket
 from collections.abc import Iterator
 from contextlib import ExitStack
 from selectors import EVENT_READ
+from typing import cast
 
 import pytest
 
-from executor.runtime.fair_event_loop import AT_ONCE, FairEventLoop, FairSelector, run_on_fair_loop
+from executor.adapters.fair_event_loop import AT_ONCE, FairEventLoop, FairSelector, FleetTime, run_on_fair_loop
 
 VEHICLES = 20
 MESSAGES = 5
@@ -130,7 +131,7 @@ def test_deadlines_go_by_another_time_after_everything_that_came_before_it() -> 
 
         loop.add_reader(here, more)
         loop.add_reader(heard, lambda: happened.append(heard.recv(100).decode()))
-        with loop.follow_pacemaker(pace):
+        with loop.follow_pacemaker(cast("FleetTime", pace)):
             before_s = loop.time()
             for _ in range(3):
                 await asyncio.sleep(1.0)
@@ -150,7 +151,7 @@ def test_without_another_time_the_computers_goes_on() -> None:
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         with here, there:
             pace = Slow(there, 7.0)
-            with loop.follow_pacemaker(pace):
+            with loop.follow_pacemaker(cast("FleetTime", pace)):
                 pace.is_synchronised = False
                 await asyncio.sleep(0)
             before_s = loop.time()
