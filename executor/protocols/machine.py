@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Message, Outgoing
@@ -63,6 +63,9 @@ SAME_S = 1e-6
 class Accepted:
     """The vehicle has done, or will do, what was asked."""
 
+    reason: ClassVar[str] = ""
+    code: ClassVar[Ending | None] = None
+
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
@@ -84,6 +87,9 @@ class TimedOut:
 class Aborted:
     """We gave it up ourselves."""
 
+    reason: ClassVar[str] = "cancelled"
+    code: ClassVar[Ending | None] = Ending.BROKEN_OFF
+
 
 Outcome = Accepted | Rejected | TimedOut | Aborted
 
@@ -97,21 +103,45 @@ class DialogueMachine(ABC):
     deadline_s: float = 0.0
     """When `on_deadline` wants to be called if nothing comes before."""
 
+    @property
+    def accepted(self) -> bool:
+        """Whether it ended well."""
+        return isinstance(self.outcome, Accepted)
+
+    @property
+    def reason(self) -> str:
+        """Why it did not, in words."""
+        return "" if self.outcome is None else self.outcome.reason
+
+    @property
+    def code(self) -> Ending | None:
+        """The same as a code."""
+        return None if self.outcome is None else self.outcome.code
+
     @abstractmethod
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Open the dialogue."""
 
-    @abstractmethod
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take a message that may or may not belong to this dialogue."""
+        return self._take(message, now_s) if self.outcome is None else (self, ())
 
-    @abstractmethod
     def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """`deadline_s` has passed."""
+        """`deadline_s` has passed: repeat what may be repeated, or give up."""
+        return self._expire(now_s) if self.outcome is None else (self, ())
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; what is sent tells the vehicle so where it can be told."""
-        return (self if self.outcome is not None else self._finish(Aborted())), ()
+        return (self._finish(Aborted()), self._build_farewell()) if self.outcome is None else (self, ())
+
+    @abstractmethod
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]: ...
+
+    @abstractmethod
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]: ...
+
+    def _build_farewell(self) -> tuple[Outgoing, ...]:
+        return ()
 
     def _finish(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))

@@ -34,7 +34,7 @@ from executor.core.interface.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.machine import SAME_S, Aborted, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
+from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
@@ -99,10 +99,8 @@ class UploadDialogue(DialogueMachine):
         state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
         return state, (SendMissionCount(len(self.items), self.kind),)
 
-    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Answer requests; end on an acknowledgement that is final."""
-        if self.outcome is not None:
-            return self, ()
         match message:
             case MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
@@ -111,10 +109,8 @@ class UploadDialogue(DialogueMachine):
             case _:
                 return self, ()
 
-    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Repeat what may be repeated, or give up."""
-        if self.outcome is not None:
-            return self, ()
         if not self.is_begun:
             if self.counts_sent >= COUNT_TRIES:
                 return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
@@ -129,11 +125,9 @@ class UploadDialogue(DialogueMachine):
             return state, (SendMissionItem(self.items[-1], self.kind),)
         return state, ()
 
-    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Give up; PX4 takes the cancellation, ArduPilot notices the silence."""
-        if self.outcome is not None:
-            return self, ()
-        return self._finish(Aborted()), (SendMissionAck(RESULT_CANCELLED, self.kind),)
+    def _build_farewell(self) -> tuple[Outgoing, ...]:
+        """PX4 takes the cancellation, ArduPilot notices the silence."""
+        return (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         trip = self._update_round_trip(now_s) if seq == self.answered + 1 else self.round_trip
@@ -218,10 +212,8 @@ class DownloadDialogue(DialogueMachine):
         """Ask how many items there are."""
         return _request_open_items(replace(self, heard_s=now_s), now_s)
 
-    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the count, then the items in their order."""
-        if self.outcome is not None:
-            return self, ()
         match message:
             case MissionCount(count, kind) if kind is self.kind and self.count is None:
                 return self._request_next(now_s, count, ())
@@ -232,10 +224,8 @@ class DownloadDialogue(DialogueMachine):
             case _:
                 return self, ()
 
-    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
-        if self.outcome is not None:
-            return self, ()
         if now_s >= self.heard_s + SILENT_S - SAME_S:
             if self.refusal is not None:
                 return self._finish(build_rejection("download", self.refusal)), ()
@@ -248,11 +238,8 @@ class DownloadDialogue(DialogueMachine):
             )
         return _request_open_items(state, now_s)
 
-    def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Give up."""
-        if self.outcome is not None:
-            return self, ()
-        return self._finish(Aborted()), (SendMissionAck(15, self.kind),)
+    def _build_farewell(self) -> tuple[Outgoing, ...]:
+        return (SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     @property
     def _open(self) -> str:

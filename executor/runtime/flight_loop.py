@@ -24,7 +24,7 @@ from executor.core.replanning import loss_preview, new_missions
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
-from executor.protocols import commands as vehicle_commands
+from executor.protocols import vehicle_commands
 from executor.runtime import procedures, reconnect, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
 from missions import EncodeError, encode, flag_current
@@ -247,6 +247,7 @@ class Flight:
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
+        ended: Callable[..., Event]
         if self._leaves and isinstance(command, commands.Solve | commands.Compose | commands.Upload | commands.Start):
             return  # nobody would be there to look after what it begins
         match command:
@@ -259,15 +260,15 @@ class Flight:
                 self._start_job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
             case commands.Start(vehicle):
                 self._start_job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
-            case commands.SendHome(vehicle):
-                self._start_job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
-            case commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
-                failed = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)], False)
-                self._start_job(command.vehicle, partial(self._run_order, command), failed)
+            case commands.SendHome() | commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
+                ended = partial(events.ReturnEnded, command.vehicle)
+                if not isinstance(command, commands.SendHome):
+                    ended = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)])
+                self._start_job(command.vehicle, partial(self._give_order, command, ended), partial(ended, False))
             case commands.HandsOff(vehicle):
                 self._stop_commanding(vehicle)
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
-                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_parameters
+                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_mission
                 self._start_side_job(vehicle, asks(vehicle))
             case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
@@ -408,27 +409,12 @@ class Flight:
         link, before_s = self._links[vehicle], turnaround.READY_S
         return await vehicle_preflight.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
 
-    async def _send_home(self, vehicle: str) -> Event:
-        done = await procedures.order_rtl(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
-
-    async def _run_order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
+    async def _give_order(self, command: procedures.Order, ended: Callable[..., Event]) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
-        match command:
-            case commands.Hold():
-                done = await procedures.order_hold(link, self._clock, dialect)
-            case commands.Resume(_, speed_m_s):
-                done = await procedures.resume_mission(link, self._clock, dialect, speed_m_s)
-            case commands.LandNow():
-                done = await procedures.order_landing(link, self._clock, dialect)
-            case commands.Disarm(_, force):
-                done = await procedures.order_disarm(link, self._clock, force=force)
-        action = ORDERS[type(command)]
-        return events.OrderEnded(
-            command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
-        )
+        done = await procedures.give_order(link, self._clock, dialect, command)
+        return ended(done.accepted, done.reason, done.lost, done.refused, done.code)
 
-    async def _read_parameters(self, vehicle: str) -> None:
+    async def _read_mission(self, vehicle: str) -> None:
         unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))
         await self._run_job(f"a question to {vehicle}", partial(self._read_back_mission, vehicle), lambda _: unread)
 
@@ -438,9 +424,8 @@ class Flight:
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            await procedures.request_streams_again(
-                self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect
-            )
+            dialect = self.context.vehicles[vehicle].dialect
+            await procedures.request_streams(self._links[vehicle], self._clock, dialect, again=True)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_mistake(f"an order to {vehicle}", error)
 

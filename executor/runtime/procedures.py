@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.protocols import commands
-from executor.protocols.commands import CommandDialogue
-from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
+from executor.protocols import vehicle_commands
+from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime.dialogue import LEAST_WAIT_S, count_awake_time, run_dialogue, times_slower, underlying
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
@@ -75,28 +76,6 @@ class ProcedureResult:
     """Whether an upload had begun, and nobody knows its end."""
 
 
-def reason_of(outcome: Outcome | None) -> str:
-    """Return why a dialogue did not end well, in words."""
-    match outcome:
-        case Rejected(reason) | TimedOut(reason):
-            return reason
-        case Accepted() | None:
-            return ""
-        case _:
-            return "cancelled"
-
-
-def code_of(outcome: Outcome | None) -> Ending | None:
-    """Return the same as a code."""
-    match outcome:
-        case Rejected(_, code) | TimedOut(_, code):
-            return code
-        case Accepted() | None:
-            return None
-        case _:
-            return Ending.BROKEN_OFF
-
-
 @count_awake_time
 async def upload_and_verify(
     link: Link,
@@ -141,15 +120,15 @@ async def upload_and_verify(
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.is_begun or not isinstance(upload.outcome, Rejected)
         broken_off = _is_broken_off(upload, broken=broken_off)
-        if not isinstance(upload.outcome, Accepted):
-            reason, code = reason_of(upload.outcome), code_of(upload.outcome)
+        if not upload.accepted:
+            reason, code = upload.reason, upload.code
             busy = _count_busy(upload, code, busy, dialect, tell)
             if (items and not upload.is_begun) or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
         download = await _read_back(link, clock, kind, upload)
-        if not isinstance(download.outcome, Accepted):
-            reason, code = reason_of(download.outcome), code_of(download.outcome)
+        if not download.accepted:
+            reason, code = download.reason, download.code
             broken_off |= isinstance(download.outcome, TimedOut)
             continue
         different = (
@@ -166,9 +145,9 @@ async def upload_and_verify(
 async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
     """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
     trip = replace(FIRST_READ_TRIP, waits_s=max(FIRST_READ_TRIP.waits_s, upload.round_trip.waits_s))
-    for _ in range(READ_BACK_TRIES if isinstance(upload.outcome, Accepted) else 1):
+    for _ in range(READ_BACK_TRIES if upload.accepted else 1):
         download = await run_dialogue(DownloadDialogue(kind, round_trip=trip), link, clock)
-        if isinstance(download.outcome, Accepted):
+        if download.accepted:
             break
     return download
 
@@ -177,7 +156,7 @@ def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
     """Return whether an upload has come to no end since one began: who does not answer any more has ended nothing."""
     if upload.is_begun:
         return isinstance(upload.outcome, TimedOut | Rejected)
-    unheard = isinstance(upload.outcome, TimedOut) or code_of(upload.outcome) in BUSY
+    unheard = isinstance(upload.outcome, TimedOut) or upload.code in BUSY
     return broken and unheard
 
 
@@ -213,7 +192,7 @@ async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | No
 async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
     """Read one of a vehicle's lists; None if it does not let it be read."""
     download = await run_dialogue(DownloadDialogue(kind), link, clock)
-    return download.items if isinstance(download.outcome, Accepted) else None
+    return download.items if download.accepted else None
 
 
 async def upload_and_verify_fence(
@@ -268,11 +247,11 @@ async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> Proc
     """Give one command."""
     ended = await _run_patiently(command, link, clock)
     return ProcedureResult(
-        isinstance(ended.outcome, Accepted),
-        reason_of(ended.outcome),
+        ended.accepted,
+        ended.reason,
         lost=isinstance(ended.outcome, TimedOut),
         refused=isinstance(ended.outcome, Rejected),
-        code=code_of(ended.outcome),
+        code=ended.code,
     )
 
 
@@ -343,7 +322,7 @@ async def _start_step(
             )
             return replace(seen, armed=True)
         case StartStep.MISSION_START:
-            done = await send_order(link, clock, CommandDialogue(commands.start_mission(), "start the mission"))
+            done = await send_order(link, clock, CommandDialogue(vehicle_commands.start_mission(), "start the mission"))
             if not done.accepted:
                 return done
             mode = dialect.modes.mission.custom_mode
@@ -368,7 +347,7 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
     )
     try:
         while len(modes) < 2:
-            done = await send_order(link, clock, CommandDialogue(commands.arm(), "arm"))
+            done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
@@ -381,30 +360,34 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
         stop_listening()
 
 
-async def order_rtl(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a return, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.return_home, dialect.modes.land)
+Order = SendHome | Hold | LandNow | Disarm | Resume
 
 
-async def order_hold(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a stop in place, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.hold)
+async def give_order(link: Link, clock: Clock, dialect: Dialect, order: Order) -> ProcedureResult:
+    """Order a return, a stop in place, a landing, the motors to stop or to go on, and see that the vehicle does it."""
+    modes = dialect.modes
+    match order:
+        case SendHome():
+            return await switch_mode(link, clock, modes.return_home, modes.land)
+        case Hold():
+            return await switch_mode(link, clock, modes.hold)
+        case LandNow():
+            return await switch_mode(link, clock, modes.land)
+        case Resume(_, speed_m_s):
+            return await _resume_mission(link, clock, dialect, speed_m_s)
+        case Disarm(_, force):
+            return await _order_disarm(link, clock, force=force)
 
 
-async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a landing where it is, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.land)
-
-
-async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
+async def _order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
     """Order the motors to stop, and see that the vehicle says so."""
-    done = await send_order(link, clock, CommandDialogue(commands.disarm(force=force), "disarm"))
+    done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
     if not done.accepted:
         return done
     return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
 
 
-async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
+async def _resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
     """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
 
     Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a
@@ -412,7 +395,7 @@ async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: 
     by the dialogues that follow, as both orders may be given again. The last one is for PX4, which acknowledges a mode
     before it changes.
     """
-    mode_order, speed_order = commands.set_mode(dialect.modes.mission), commands.change_speed(speed_m_s)
+    mode_order, speed_order = vehicle_commands.set_mode(dialect.modes.mission), vehicle_commands.change_speed(speed_m_s)
     link.send(mode_order)
     link.send(speed_order)
     done = await send_order(link, clock, CommandDialogue(mode_order, "change of mode"))
@@ -439,7 +422,7 @@ async def switch_mode(link: Link, clock: Clock, mode: ModeNumber, *follows: Mode
         mode: What is ordered.
         follows: What the vehicle may be in by then instead.
     """
-    done = await send_order(link, clock, CommandDialogue(commands.set_mode(mode), "change of mode"))
+    done = await send_order(link, clock, CommandDialogue(vehicle_commands.set_mode(mode), "change of mode"))
     if not done.accepted:
         return done
     accepted = {one.custom_mode for one in (mode, *follows)}
@@ -483,7 +466,7 @@ async def read_parameter(link: Link, clock: Clock, name: str) -> ParameterDialog
 async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> ProcedureResult:
     """Set a parameter and see the new value."""
     ended = await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock)
-    return ProcedureResult(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
+    return ProcedureResult(ended.accepted, ended.reason, code=ended.code)
 
 
 @count_awake_time
@@ -498,14 +481,14 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
 
 
 STREAMS_HZ = {
-    commands.GLOBAL_POSITION_INT: 5.0,
-    commands.SYS_STATUS: 1.0,
-    commands.BATTERY_STATUS: 1.0,
-    commands.MISSION_CURRENT: 2.0,
-    commands.EXTENDED_SYS_STATE: 1.0,
-    commands.ATTITUDE: 1.0,
-    commands.GPS_RAW_INT: 1.0,
-    commands.RC_CHANNELS: 1.0,  # its pilot's switches
+    vehicle_commands.GLOBAL_POSITION_INT: 5.0,
+    vehicle_commands.SYS_STATUS: 1.0,
+    vehicle_commands.BATTERY_STATUS: 1.0,
+    vehicle_commands.MISSION_CURRENT: 2.0,
+    vehicle_commands.EXTENDED_SYS_STATE: 1.0,
+    vehicle_commands.ATTITUDE: 1.0,
+    vehicle_commands.GPS_RAW_INT: 1.0,
+    vehicle_commands.RC_CHANNELS: 1.0,  # its pilot's switches
 }
 """What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 HEARTBEAT_HZ = 1.0
@@ -516,16 +499,17 @@ def streams_hz(dialect: Dialect) -> dict[int, float]:
     return STREAMS_HZ | dict(dialect.own_streams_hz)
 
 
-async def request_streams(link: Link, clock: Clock, dialect: Dialect) -> None:
-    """Ask a vehicle for everything that we follow."""
-    await _request_streams_at(link, clock, streams_hz(dialect))
+async def request_streams(link: Link, clock: Clock, dialect: Dialect, *, again: bool = False) -> None:
+    """Ask a vehicle for everything that we follow.
 
-
-async def request_streams_again(link: Link, clock: Clock, dialect: Dialect) -> None:
-    """Ask a vehicle of which something does not come any more; HEARTBEAT comes unasked, until it does not."""
-    await _request_streams_at(link, clock, {commands.HEARTBEAT: HEARTBEAT_HZ} | streams_hz(dialect))
-
-
-async def _request_streams_at(link: Link, clock: Clock, rates_hz: Mapping[int, float]) -> None:
-    for message, rate_hz in rates_hz.items():
-        await send_order(link, clock, CommandDialogue(commands.set_message_interval(message, rate_hz), "stream"))
+    Args:
+        link: To it.
+        clock: The flight's.
+        dialect: The vehicle's.
+        again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
+    """
+    beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
+    for message, rate_hz in (beat_hz | streams_hz(dialect)).items():
+        await send_order(
+            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
+        )

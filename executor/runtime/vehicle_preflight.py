@@ -30,8 +30,8 @@ from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition
 from executor.core.telemetry.firmware import parse_banner_version
 from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
-from executor.protocols import commands
-from executor.protocols.commands import CommandDialogue
+from executor.protocols import vehicle_commands
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
 from executor.runtime.board_restore import read_parameters, read_present, set_changes
 from missions import Dialect, EncodedMission, MissionKind
@@ -187,7 +187,7 @@ async def interview_vehicle(
         await procedures.send_order(
             link,
             clock,
-            CommandDialogue(commands.request_message(commands.AUTOPILOT_VERSION), "version"),
+            CommandDialogue(vehicle_commands.request_message(vehicle_commands.AUTOPILOT_VERSION), "version"),
         )
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
@@ -237,7 +237,7 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
             return
         if heard.is_unarmable and clock.now_s() - asked_s >= ASK_WHY_S:
             asked_s = clock.now_s()
-            link.send(commands.run_prearm_checks())
+            link.send(vehicle_commands.run_prearm_checks())
         if missing and missing != told and clock.now_s() - told_s >= TELL_S:
             told, told_s = missing, clock.now_s()
             waits(missing)
@@ -247,7 +247,7 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
 
 async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
     """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
-    await procedures.send_order(link, clock, CommandDialogue(commands.send_banner(), "banner"))
+    await procedures.send_order(link, clock, CommandDialogue(vehicle_commands.send_banner(), "banner"))
     until_s = clock.now_s() + BANNER_TIMEOUT_S
     while heard.version is None and clock.now_s() < until_s:
         heard.changed.clear()

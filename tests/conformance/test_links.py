@@ -6,11 +6,12 @@ import asyncio
 
 import pytest
 
+from executor.core.interface.commands import SendHome
 from executor.core.interface.messages import Heartbeat, Position, SendCommand
-from executor.protocols import commands
-from executor.protocols.commands import CommandDialogue
+from executor.protocols import vehicle_commands
 from executor.protocols.machine import Accepted
 from executor.protocols.mission_transfer import DownloadDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import run_dialogue
 from missions import find_mission_differences
@@ -94,7 +95,7 @@ async def test_a_command_is_acknowledged_and_an_unknown_one_is_not_accepted(way:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = commands.set_message_interval(commands.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         refused = await procedures.send_order(link, clock, CommandDialogue(SendCommand(NO_COMMAND), "nonsense"))
         assert not refused.accepted
@@ -107,7 +108,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
     async with way.vehicles.start(port, [ONE], []), station(way, port, [ONE]) as ground:
         assert await heard(ground)
         link, clock = ground.links[ONE], ground.clock
-        interval = commands.set_message_interval(commands.GLOBAL_POSITION_INT, 5.0)
+        interval = vehicle_commands.set_message_interval(vehicle_commands.GLOBAL_POSITION_INT, 5.0)
         assert (await procedures.send_order(link, clock, CommandDialogue(interval, "stream"))).accepted
         assert (await procedures.upload_and_verify(link, clock, dialect, route(dialect))).accepted
         done = await procedures.arm_and_start(link, clock, dialect)
@@ -115,7 +116,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
         assert await procedures.wait_for(
             link, clock, lambda message: isinstance(message, Position) and message.alt_rel_m > 5.0, 60.0
         )
-        assert (await procedures.order_rtl(link, clock, dialect)).accepted
+        assert (await procedures.give_order(link, clock, dialect, SendHome("uav1"))).accepted
 
 
 @every_way

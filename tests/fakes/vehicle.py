@@ -28,7 +28,7 @@ from executor.core.interface.messages import (
     SendParamRequest,
     SendParamSet,
 )
-from executor.protocols import commands
+from executor.protocols import vehicle_commands
 from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber
 
 ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
@@ -260,16 +260,16 @@ class FakeAutopilot:
     def _obey(self, message: SendCommand) -> None:
         modes = self.dialect.modes
         match message.command:
-            case commands.COMPONENT_ARM_DISARM:
+            case vehicle_commands.COMPONENT_ARM_DISARM:
                 self.armed = message.params[0] == 1.0
-            case commands.MISSION_START:
+            case vehicle_commands.MISSION_START:
                 self.mode = modes.mission
                 self.armed = self.armed and not self.tires
-            case commands.DO_SET_MODE:
+            case vehicle_commands.DO_SET_MODE:
                 known: tuple[ModeNumber, ...] = (modes.mission, modes.hold, modes.guided, modes.return_home, modes.land)
                 wanted = (message.params[1], message.params[2])
                 self.change_mode(next(mode for mode in known if (mode.param2, mode.param3) == wanted))
-            case commands.DO_CHANGE_SPEED:
+            case vehicle_commands.DO_CHANGE_SPEED:
                 self.change_speed(message.params[1])
 
     def change_mode(self, mode: ModeNumber) -> None:

@@ -20,8 +20,8 @@ from executor.core.operator.intent_refusals import find_refusal
 from executor.core.state.fleet_state import Briefing, FleetState, Question
 from executor.core.state.vehicle_state import FaultCode, Stage
 from executor.protocols import mission_transfer
-from executor.protocols.commands import CommandDialogue, arm
 from executor.protocols.machine import Rejected
+from executor.protocols.vehicle_commands import CommandDialogue, arm
 from scripts.pages.reference import DOMAINS
 from tests.executor.core.operator.test_intent_refusals import ROWS, grounded, state_of
 from tests.executor.core.steps import plan_of

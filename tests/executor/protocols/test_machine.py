@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 
 import pytest
 
-from executor.protocols import commands, mission_transfer
-from executor.protocols.commands import CommandDialogue
+from executor.protocols import mission_transfer, vehicle_commands
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -20,7 +20,7 @@ BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
 UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}))
-ARM = commands.arm()
+ARM = vehicle_commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 
 

@@ -16,8 +16,8 @@ from benchmarks.virtual.loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Heartbeat, SendCommand
-from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import BEAT_REAL_S, MOST_REAL_S, Lateness, awake, run_dialogue
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup

@@ -6,9 +6,10 @@ import asyncio
 
 import pytest
 
+from executor.core.interface.commands import SendHome
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import ParamValue, StatusText
-from executor.protocols import commands
+from executor.protocols import vehicle_commands
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult
 from missions import ARDUPILOT, PX4, Dialect
@@ -20,8 +21,8 @@ pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 ORDER_OF_START = {
-    "ardupilot": [commands.DO_SET_MODE, commands.COMPONENT_ARM_DISARM, commands.MISSION_START],
-    "px4": [commands.COMPONENT_ARM_DISARM, commands.DO_SET_MODE],
+    "ardupilot": [vehicle_commands.DO_SET_MODE, vehicle_commands.COMPONENT_ARM_DISARM, vehicle_commands.MISSION_START],
+    "px4": [vehicle_commands.COMPONENT_ARM_DISARM, vehicle_commands.DO_SET_MODE],
 }
 
 
@@ -39,7 +40,7 @@ class Pad:
         return done
 
     async def send_home(self) -> ProcedureResult:
-        done = await procedures.order_rtl(self.link, self.clock, self.dialect)
+        done = await procedures.give_order(self.link, self.clock, self.dialect, SendHome("uav1"))
         self.link.close()
         return done
 
@@ -86,33 +87,33 @@ class SleepyClock:
 @pytest.mark.parametrize("answers", [[0], [4]], ids=["between two steps", "while it waits to arm again"])
 async def test_a_computer_that_slept_starts_nobody_by_an_old_word(dialect: Dialect, answers: list[int]) -> None:
     pad, clock = Pad(dialect), SleepyClock()
-    pad.vehicle.results[commands.COMPONENT_ARM_DISARM] = answers
+    pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = answers
     start = asyncio.ensure_future(procedures.arm_and_start(pad.link, clock, dialect))
     for _ in range(300):
-        if commands.COMPONENT_ARM_DISARM in pad.vehicle.commands:
+        if vehicle_commands.COMPONENT_ARM_DISARM in pad.vehicle.commands:
             break
         await asyncio.sleep(0.01)
     clock.slept_s = 30.0
     done = await start
     pad.link.close()
     assert (done.accepted, done.reason, done.code) == (False, procedures.SLEPT, Ending.STOOD_STILL)
-    assert pad.vehicle.commands.count(commands.COMPONENT_ARM_DISARM) == 1
-    assert commands.MISSION_START not in pad.vehicle.commands
+    assert pad.vehicle.commands.count(vehicle_commands.COMPONENT_ARM_DISARM) == 1
+    assert vehicle_commands.MISSION_START not in pad.vehicle.commands
     assert pad.vehicle.mode != dialect.modes.mission
 
 
 @DIALECTS
 async def test_arming_is_tried_with_patience(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    pad.vehicle.results[commands.COMPONENT_ARM_DISARM] = [4, 4, 0]
+    pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = [4, 4, 0]
     assert await pad.start() == ProcedureResult(accepted=True)
-    assert pad.vehicle.commands.count(commands.COMPONENT_ARM_DISARM) == 3
+    assert pad.vehicle.commands.count(vehicle_commands.COMPONENT_ARM_DISARM) == 3
 
 
 @DIALECTS
 async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    pad.vehicle.results[commands.COMPONENT_ARM_DISARM] = [4]
+    pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = [4]
     pad.link.say(StatusText(4, "Arm: compass not calibrated"))
     pad.link.say(StatusText(6, "a mere remark"))
     done = await pad.start()
@@ -123,28 +124,28 @@ async def test_a_vehicle_that_cannot_be_armed_says_why(dialect: Dialect) -> None
 @DIALECTS
 async def test_who_changes_its_mode_while_it_is_armed_wants_something_else_of_it(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    pad.vehicle.results[commands.COMPONENT_ARM_DISARM] = [4]
+    pad.vehicle.results[vehicle_commands.COMPONENT_ARM_DISARM] = [4]
     start = asyncio.ensure_future(pad.start())
     await asyncio.sleep(5.0)
     pad.vehicle.mode = dialect.modes.return_home
     done = await start
     assert done == ProcedureResult(accepted=False, reason="somebody else changed its mode")
     assert done.code is Ending.MODE_CHANGED
-    armings = pad.vehicle.commands.count(commands.COMPONENT_ARM_DISARM)
+    armings = pad.vehicle.commands.count(vehicle_commands.COMPONENT_ARM_DISARM)
     await asyncio.sleep(30.0)
-    assert pad.vehicle.commands.count(commands.COMPONENT_ARM_DISARM) == armings <= 5
+    assert pad.vehicle.commands.count(vehicle_commands.COMPONENT_ARM_DISARM) == armings <= 5
 
 
 @DIALECTS
 async def test_an_acknowledgement_is_no_arming(dialect: Dialect) -> None:
     pad = Pad(dialect)
-    pad.vehicle.deaf.add(commands.COMPONENT_ARM_DISARM)
+    pad.vehicle.deaf.add(vehicle_commands.COMPONENT_ARM_DISARM)
     assert await pad.start() == ProcedureResult(accepted=False, reason="does not report that it is armed", armed=True)
 
 
 async def test_ardupilot_that_denies_the_mission_has_not_started() -> None:
     pad = Pad(ARDUPILOT)
-    pad.vehicle.results[commands.MISSION_START] = [4]
+    pad.vehicle.results[vehicle_commands.MISSION_START] = [4]
     assert await pad.start() == ProcedureResult(accepted=False, reason="start the mission: failed", armed=True)
 
 
@@ -157,7 +158,7 @@ async def test_ardupilot_that_disarmed_before_the_order_came_has_not_started() -
 
 async def test_px4_that_stays_in_its_mode_has_not_started() -> None:
     pad = Pad(PX4)
-    pad.vehicle.deaf.add(commands.DO_SET_MODE)
+    pad.vehicle.deaf.add(vehicle_commands.DO_SET_MODE)
     assert await pad.start() == ProcedureResult(accepted=False, reason="does not report the new mode", armed=True)
 
 
@@ -167,7 +168,7 @@ async def test_a_return_is_seen_in_the_heartbeat(dialect: Dialect) -> None:
     assert await pad.send_home() == ProcedureResult(accepted=True)
     assert pad.vehicle.mode == dialect.modes.return_home
     deaf = Pad(dialect)
-    deaf.vehicle.deaf.add(commands.DO_SET_MODE)
+    deaf.vehicle.deaf.add(vehicle_commands.DO_SET_MODE)
     assert await deaf.send_home() == ProcedureResult(accepted=False, reason="does not report the new mode")
 
 
@@ -184,7 +185,7 @@ async def test_a_return_that_nobody_hears(dialect: Dialect) -> None:
 async def test_a_landing_vehicle_needs_no_return(dialect: Dialect) -> None:
     pad = Pad(dialect)
     pad.vehicle.mode = dialect.modes.land
-    pad.vehicle.deaf.add(commands.DO_SET_MODE)
+    pad.vehicle.deaf.add(vehicle_commands.DO_SET_MODE)
     assert await pad.send_home() == ProcedureResult(accepted=True)
 
 

@@ -24,7 +24,7 @@ from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.telemetry.foreign_systems import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
-from executor.protocols import commands
+from executor.protocols import vehicle_commands
 from executor.runtime import procedures, vehicle_preflight
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.fakes.clock import LoopClock
@@ -89,7 +89,7 @@ async def test_a_firmware_without_a_version_message_is_asked_for_its_banner() ->
 
     def hear(message: Outgoing, now_s: float) -> list[Message]:
         said = asked(message, now_s)
-        if isinstance(message, SendCommand) and message.command == commands.DO_SEND_BANNER:
+        if isinstance(message, SendCommand) and message.command == vehicle_commands.DO_SEND_BANNER:
             said.append(StatusText(6, "ArduCopter V4.5.7 (2a3dc4b7)"))
         return said
 
@@ -176,7 +176,7 @@ async def test_a_vehicle_that_never_gets_ready_says_why() -> None:
     why = "its own pre-arm checks fail: compass not calibrated"
     assert str(raised.value) == f"uav1: not ready after 20 s: {why}"
     assert ready.waited_for[-1] == why
-    assert ready.vehicle.commands.count(commands.RUN_PREARM_CHECKS) == 2
+    assert ready.vehicle.commands.count(vehicle_commands.RUN_PREARM_CHECKS) == 2
 
 
 async def test_a_place_in_the_gulf_of_guinea_is_no_place() -> None:

@@ -9,28 +9,28 @@ import pytest
 from executor.core.interface.messages import (
     SendCommand,
 )
-from executor.protocols import commands
+from executor.protocols import vehicle_commands
 from missions import ARDUPILOT, PX4
 from tests.executor.core.steps import rounded
 
-ARM = commands.arm()
+ARM = vehicle_commands.arm()
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the orders",
         lambda: [
-            commands.arm(),
-            commands.disarm(force=False),
-            commands.disarm(force=True),
-            commands.start_mission(),
-            commands.change_speed(4.5),
-            commands.set_message_interval(33, 4.0),
-            commands.request_message(148),
-            commands.run_prearm_checks(),
-            commands.send_banner(),
-            commands.set_mode(ARDUPILOT.modes.hold),
-            commands.set_mode(PX4.modes.land),
-            commands._build_command(1, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
+            vehicle_commands.arm(),
+            vehicle_commands.disarm(force=False),
+            vehicle_commands.disarm(force=True),
+            vehicle_commands.start_mission(),
+            vehicle_commands.change_speed(4.5),
+            vehicle_commands.set_message_interval(33, 4.0),
+            vehicle_commands.request_message(148),
+            vehicle_commands.run_prearm_checks(),
+            vehicle_commands.send_banner(),
+            vehicle_commands.set_mode(ARDUPILOT.modes.hold),
+            vehicle_commands.set_mode(PX4.modes.land),
+            vehicle_commands._build_command(1, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
         ],
         [
             ARM,
@@ -50,15 +50,15 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the messages that are asked for",
         lambda: [
-            commands.GPS_RAW_INT,
-            commands.ATTITUDE,
-            commands.HEARTBEAT,
-            commands.GLOBAL_POSITION_INT,
-            commands.SYS_STATUS,
-            commands.MISSION_CURRENT,
-            commands.BATTERY_STATUS,
-            commands.AUTOPILOT_VERSION,
-            commands.EXTENDED_SYS_STATE,
+            vehicle_commands.GPS_RAW_INT,
+            vehicle_commands.ATTITUDE,
+            vehicle_commands.HEARTBEAT,
+            vehicle_commands.GLOBAL_POSITION_INT,
+            vehicle_commands.SYS_STATUS,
+            vehicle_commands.MISSION_CURRENT,
+            vehicle_commands.BATTERY_STATUS,
+            vehicle_commands.AUTOPILOT_VERSION,
+            vehicle_commands.EXTENDED_SYS_STATE,
         ],
         [24, 30, 0, 33, 1, 42, 147, 148, 245],
     ),

@@ -12,13 +12,13 @@ from executor.core.interface.messages import (
     MissionAck,
     SendCommand,
 )
-from executor.protocols import commands
-from executor.protocols.commands import CommandDialogue
+from executor.protocols import vehicle_commands
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
+from executor.protocols.vehicle_commands import CommandDialogue
 from tests.executor.core.steps import rounded
 from tests.executor.protocols.talks import LATE, late, talk
 
-ARM = commands.arm()
+ARM = vehicle_commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 GIVE_UP = "give up"
 

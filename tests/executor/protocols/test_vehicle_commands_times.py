@@ -8,8 +8,8 @@ from executor.core.interface.messages import (
     CommandAck,
     SendCommand,
 )
-from executor.protocols.commands import CommandDialogue
 from executor.protocols.machine import Rejected, TimedOut
+from executor.protocols.vehicle_commands import CommandDialogue
 from tests.executor.protocols.silences import unanswered
 
 ORDER = SendCommand(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

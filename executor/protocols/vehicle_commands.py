@@ -115,10 +115,8 @@ class CommandDialogue(DialogueMachine):
         """Send the command."""
         return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self.command,)
 
-    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the acknowledgement; 'temporarily rejected' is asked again at the deadline."""
-        if self.outcome is not None:
-            return self, ()
         match message:
             case CommandAck(command, result) if command == self.command.command:
                 match result:
@@ -135,10 +133,8 @@ class CommandDialogue(DialogueMachine):
             case _:
                 return self, ()
 
-    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Send it again with the next confirmation number, or give up."""
-        if self.outcome is not None:
-            return self, ()
         if self.tries >= TRIES:
             if self.refusal:
                 return self._finish(Rejected(f"{self.what}: {self.refusal}", Ending.TEMPORARILY_REJECTED)), ()
