@@ -165,6 +165,6 @@ def test_taking_a_flight_up_loads_only_what_every_flight_has() -> None:
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines() if line.startswith("import time:")}
     assert "executor.flight.run_flight" in loaded
     assert {name.partition(".")[0] for name in loaded} & (HEAVY | {"numba", "paho", "anyio"}) == set()
-    parts = ("executor.adapters.mqtt.payloads", "executor.adapters.web", "executor.analysis.pictures", "benchmarks")
+    parts = ("executor.adapters.mqtt.publisher", "executor.adapters.web", "executor.analysis.pictures", "benchmarks")
     assert {name for name in loaded if name.startswith(parts)} == set()
     assert {name for name in loaded if name.startswith("simulator.")} == {"simulator.common_time", "simulator.truth"}

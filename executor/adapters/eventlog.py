@@ -11,13 +11,15 @@ import asyncio
 import dataclasses
 import hashlib
 import json
+import mmap
 import os
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeGuard, get_args, get_type_hints
 
@@ -26,7 +28,7 @@ from executor.core.interface.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
 
 PIECE_BYTES = 64 * 1024
-"""A log is read from its end in pieces of this size."""
+"""Of a log: pieces are read, and its end is looked at, in this size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,64 +58,53 @@ def is_place_in_log(path: Path, place: LogPlace) -> bool:
     return False
 
 
+@contextmanager
+def _map_log(path: Path) -> Iterator[mmap.mmap | bytes]:
+    """Have a log as bytes of which only the pages that are looked at are read."""
+    with path.open("rb") as file:
+        if not os.fstat(file.fileno()).st_size:
+            yield b""
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as log:
+            yield log
+
+
 def read_ends(path: Path, size: int) -> tuple[bytes, bytes]:
     """Return the first line of a log, and the last one of its first `size` bytes."""
-    with path.open("rb") as file:
-        first = file.readline()
-        tail, begin = b"", size
-        while begin > 0 and b"\n" not in tail[:-1]:
-            piece = min(begin, PIECE_BYTES)
-            begin -= piece
-            file.seek(begin)
-            tail = file.read(piece) + tail
-    return first, tail[tail.rfind(b"\n", 0, -1) + 1 :]
+    with _map_log(path) as log:
+        begin = log.rfind(b"\n", 0, max(0, size - 1)) + 1
+        return log[: log.find(b"\n") + 1] or log[:], log[begin:size]
 
 
 def count_whole_bytes(path: Path) -> int:
     """Return how many bytes of a log are whole lines."""
-    with path.open("rb") as file:
-        end = file.seek(0, os.SEEK_END)
-        while end > 0:
-            begin = max(0, end - PIECE_BYTES)
-            file.seek(begin)
-            at = file.read(end - begin).rfind(b"\n")
-            if at >= 0:
-                return begin + at + 1
-            end = begin
-    return 0
+    with _map_log(path) as log:
+        return log.rfind(b"\n") + 1
 
 
 def count_lines_after(path: Path, place: LogPlace | None) -> int:
     """Return how many whole lines follow a place, or are in the whole log."""
-    lines = 0
     with path.open("rb") as file:
         file.seek(0 if place is None else place.size)
-        while piece := file.read(PIECE_BYTES):
-            lines += piece.count(b"\n")
-    return lines
+        return sum(piece.count(b"\n") for piece in iter(partial(file.read, PIECE_BYTES), b""))
 
 
 def is_flight_finished(path: Path) -> bool:
     """Return whether the last that a log holds is that nothing is left to supervise."""
-    with path.open("rb") as file:
-        size = file.seek(0, os.SEEK_END)
-        file.seek(max(0, size - PIECE_BYTES))
-        return b'"command":{"kind":"Finish"' in file.read(PIECE_BYTES)
+    with _map_log(path) as log:
+        return b'"command":{"kind":"Finish"' in log[max(0, len(log) - PIECE_BYTES) :]
 
 
 def read_last_event_s(path: Path) -> float | None:
     """Return the time of a log's last event; None if it holds none."""
-    with path.open("rb") as file:
-        begin, after = count_whole_bytes(path), b""
-        while begin > 0:
-            piece = min(begin, PIECE_BYTES)
-            begin -= piece
-            file.seek(begin)
-            after, *lines = (file.read(piece) + after).split(b"\n")
-            for line in reversed(lines):
-                t_s = _parse_event_time_s(line)
-                if t_s is not None:
-                    return t_s
+    with _map_log(path) as log:
+        end = log.rfind(b"\n")
+        while end >= 0:
+            begin = log.rfind(b"\n", 0, end) + 1
+            t_s = _parse_event_time_s(log[begin:end])
+            if t_s is not None:
+                return t_s
+            end = begin - 1
     return None
 
 

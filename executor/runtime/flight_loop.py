@@ -25,7 +25,7 @@ from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
 from executor.protocols import vehicle_commands
-from executor.runtime import procedures, reconnect, vehicle_preflight
+from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
 from missions import EncodeError, encode, flag_current
 
@@ -195,7 +195,7 @@ class Flight:
         return True
 
     async def _reconnect(self, patience_real_s: float) -> events.Resumed:
-        return await reconnect.reconnect_vehicles(
+        return await vehicle_preflight.reconnect_vehicles(
             self.context, lambda: self.state, self._links, self._clock, patience_real_s
         )
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from executor.adapters.mqtt import intake, payloads
+from executor.adapters.mqtt import intake, publisher
 from executor.analysis import documents, learned_document
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
@@ -43,16 +43,16 @@ FILES: dict[str, type[BaseModel]] = {
     "vehicles": documents.AskedVehicles,
 }
 MESSAGES: dict[str, type[BaseModel]] = {
-    "acknowledgement": payloads.AcknowledgementMessage,
-    "assets": payloads.AssetsMessage,
-    "connection": payloads.ConnectionMessage,
-    "event": payloads.EventMessage,
-    "fault": payloads.FaultMessage,
-    "fleet-state": payloads.FleetStateMessage,
+    "acknowledgement": publisher.AcknowledgementMessage,
+    "assets": publisher.AssetsMessage,
+    "connection": publisher.ConnectionMessage,
+    "event": publisher.EventMessage,
+    "fault": publisher.FaultMessage,
+    "fleet-state": publisher.FleetStateMessage,
     "intent": intake.IntentMessage,
-    "plan": payloads.PlanMessage,
-    "telemetry": payloads.TelemetryMessage,
-    "vehicle-state": payloads.VehicleStateMessage,
+    "plan": publisher.PlanMessage,
+    "telemetry": publisher.TelemetryMessage,
+    "vehicle-state": publisher.VehicleStateMessage,
 }
 SITE = (
     site_file,
@@ -101,12 +101,14 @@ def schemas() -> dict[str, str]:
     )
     words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
-    sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}
+    sent = {
+        f"mqtt/{name}": _text(f"faultline/{publisher.VERSION}/{name}", one, words) for name, one in MESSAGES.items()
+    }
     return {f"{place}.schema.json": text for place, text in (files | sent).items()}
 
 
 def _text(name: str, model: type[BaseModel], words: Words) -> str:
-    sent = issubclass(model, payloads.MqttPayload)
+    sent = issubclass(model, publisher.MqttPayload)
     content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
     for part in (content, *content.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():

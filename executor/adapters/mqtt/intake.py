@@ -9,13 +9,13 @@ from __future__ import annotations
 import hmac
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executor.adapters.intent_body import IntentBody
 from executor.adapters.mqtt.broker import IntakeRules
-from executor.adapters.mqtt.payloads import IntakeReason
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error
@@ -31,6 +31,23 @@ ID = r"^[A-Za-z0-9._:-]{1,64}$"
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
 TOLD_EVERY_S = 10.0
 """Real seconds between two lines for the operator about messages that were refused."""
+
+
+class IntakeReason(StrEnum):
+    """Why a message is not taken for an intent."""
+
+    INVALID = "invalid"
+    """It is too long, no JSON, or a key is missing, unknown or of the wrong kind."""
+    CLOSED = "closed"
+    """This site takes no intents from its broker."""
+    UNAUTHORIZED = "unauthorized"
+    """The token is not the site's."""
+    RETAINED = "retained"
+    """The broker had kept it."""
+    TIMESTAMP = "timestamp"
+    """It is too old, or from the future."""
+    TOO_MANY = "too_many"
+    """Too many intents came at once."""
 
 
 class IntentMessage(IntentBody):

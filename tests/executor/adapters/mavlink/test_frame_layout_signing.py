@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
+from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
-from executor.adapters.mavlink.link import VehicleLink
 from executor.core.interface.messages import (
     Heartbeat,
     MissionCurrent,
@@ -22,7 +21,7 @@ from executor.core.interface.messages import (
 from simulator.config import Signing as SimSigning
 from simulator.messages import MissionCount, build_message
 from simulator.wire import Codec as SimCodec
-from tests.executor.adapters.mavlink.test_link import into
+from tests.executor.adapters.mavlink.test_endpoints_link import into
 
 KEY = bytes(range(32))
 NOW_UNIX_S = 1.79e9

@@ -12,9 +12,8 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.logs.ulog import UlogFile
 from executor.adapters.mavlink import message_readers
-from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
+from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCodec
 from executor.adapters.mavlink.frame_layout import has_valid_checksum
-from executor.adapters.mavlink.frame_parser import FrameParser
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.core.interface.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
 from executor.core.telemetry.px4_event_meanings import compute_event_id

@@ -8,8 +8,15 @@ from typing import get_args
 import pytest
 
 from executor.adapters.mqtt.broker import IntakeRules
-from executor.adapters.mqtt.intake import BURST, MOST_BYTES, IntentIntake, RateLimiter, RefusedMessage, read_intent
-from executor.adapters.mqtt.payloads import IntakeReason
+from executor.adapters.mqtt.intake import (
+    BURST,
+    MOST_BYTES,
+    IntakeReason,
+    IntentIntake,
+    RateLimiter,
+    RefusedMessage,
+    read_intent,
+)
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, ActionName, Intent
 

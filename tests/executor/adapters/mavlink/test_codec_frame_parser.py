@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.frame_parser import MOST_WRONG, FrameParser
+from executor.adapters.mavlink.codec import MOST_WRONG, FrameParser, MavlinkCodec
 from tests.executor.adapters.mavlink.test_codec import Vehicle
 
 MESSAGES = (

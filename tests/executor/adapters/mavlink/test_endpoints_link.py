@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink, Write
+from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write
 from executor.core.interface.messages import (
     DoubleHeard,
     Heartbeat,

@@ -21,7 +21,7 @@ from executor.core.interface.messages import (
 )
 from executor.core.state.fleet_state import FleetState, NewMission, Replan
 from executor.core.state.vehicle_state import Stage
-from executor.runtime import reconnect
+from executor.runtime import vehicle_preflight
 from missions import MissionItem, encode
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.clock import LoopClock
@@ -34,7 +34,12 @@ READY = fleet_of({"uav1": (0, 2)})
 BOARD = READY.boards["uav1"]
 assert BOARD is not None
 ITEMS = encode(BOARD.path, READY.context.vehicles["uav1"].dialect).items
-MOST_S = reconnect.READ_REAL_S + reconnect.READ_WAYPOINT_REAL_S * len(ITEMS) + reconnect.STREAMS_REAL_S + 1.5
+MOST_S = (
+    vehicle_preflight.READ_REAL_S
+    + vehicle_preflight.READ_WAYPOINT_REAL_S * len(ITEMS)
+    + vehicle_preflight.STREAMS_REAL_S
+    + 1.5
+)
 
 
 class Speaker:
@@ -67,7 +72,9 @@ async def asked(state: FleetState, air: Air) -> tuple[Found, float, FakeLink]:
     """Ask the one vehicle; returns what was found, how long it took, and the link."""
     clock = LoopClock()
     link = FakeLink(Speaker(ITEMS), clock, air, seed=5)
-    [found] = (await reconnect.reconnect_vehicles(READY.context, lambda: state, {"uav1": link}, clock, 10.0)).found
+    [found] = (
+        await vehicle_preflight.reconnect_vehicles(READY.context, lambda: state, {"uav1": link}, clock, 10.0)
+    ).found
     link.close()
     return found, asyncio.get_running_loop().time(), link
 
