@@ -55,9 +55,9 @@ from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
-from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
+from executor.flight.publication import read_mqtt_settings
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.flight.run_start import FlightRequest, write_run_start
 from executor.simulated.demo_site import (

@@ -6,7 +6,6 @@ import asyncio
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, EventLog, LogPlace, to_plain
@@ -19,14 +18,12 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import prepare_vehicles
 from executor.flight.checkpoints import Checkpoint, Checkpointer, Planned
+from executor.flight.publication import Publication
 from executor.flight.run_start import Console, FlightRequest
 from executor.runtime.flight_loop import Observer
 from executor.supervised import report_mistake
 from missions import MissionsError, PlanFile, Pricing, SolverRecord, Task, make_plan_file, read_plan, write_plan
 from planner import Plan, Route, segment_of
-
-if TYPE_CHECKING:
-    from executor.flight.publication import Publication
 
 CLOCK_SET_S = 2.0
 """Smaller steps are drift or NTP corrections."""
@@ -63,7 +60,7 @@ class FlightRecorder:
         console: Console,
         log: EventLog,
         clock: SystemClock,
-        publication: Publication | None,
+        publication: Publication,
         legacy: InheritedRecord = NOTHING_LEFT,
     ) -> None:
         """Name who is told."""
@@ -114,8 +111,7 @@ class FlightRecorder:
         """Show and publish a line by the clock that people go by, which begins with the order to take off."""
         flight_s = None if self._launched_s is None else now_s - self._launched_s
         self._console.say(line.level, line.text, flight_s)
-        if self._publication is not None:
-            self._publication.publish_line(line, now_s, flight_s)
+        self._publication.publish_line(line, now_s, flight_s)
 
     def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
@@ -132,8 +128,7 @@ class FlightRecorder:
         if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
             self._write_plans()
         self._console.show(self._context, state, now_s)
-        if self._publication is not None:
-            self._publication.publish_event(event, state)
+        self._publication.publish_event(event, state)
         if self._checkpoints.is_due(state, now_s):
             # Between two events: what this one decides is in the log by then.
             asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._build_checkpoint)
@@ -180,8 +175,7 @@ class FlightRecorder:
             return
         if plan_path_of(self._order.run, planned).exists():
             self._in_no_file.remove(planned)
-        if self._publication is not None:
-            self._publication.publish_plan(planned[1].revision, content)
+        self._publication.publish_plan(planned[1].revision, content)
 
     async def settle(self) -> None:
         """Wait until everything is kept, but not for a disk that never answers."""

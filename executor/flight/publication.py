@@ -1,56 +1,140 @@
-"""What a flight publishes over MQTT: wires the parts, and keeps them off the flight.
+"""What a flight publishes over MQTT, as its site says: wires the parts, and keeps them off the flight.
 
-Loaded only where the site names a broker: it needs the extra mqtt.
+What needs the extra mqtt is loaded only where the site names a broker.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+import os
+import ssl
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from secrets import token_hex
+from typing import TYPE_CHECKING
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Outbox, Subscriber
-from executor.adapters.mqtt.intake import IntentIntake
-from executor.adapters.mqtt.publisher import Publisher
+from executor.adapters.extras import Extra, require_extra
+from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.core.fleet_view import FleetView
 from executor.core.imaging.asset_status import AssetView
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Intent
 from executor.core.state.fleet_state import FleetState
-from executor.flight.mqtt_settings import MqttSettings
-from executor.supervised import keep_going, report_mistake
+from executor.errors import SiteError
+from executor.site.site_file import read_secret
+from executor.site.tables.links import MqttTable
+from executor.supervised import call_safely, keep_going
 from missions import PlanFile, build_plan_document
+
+if TYPE_CHECKING:
+    from executor.adapters.mqtt.publisher import Publisher
+
+
+@dataclass(frozen=True, slots=True)
+class MqttSettings:
+    """What a site says of its broker."""
+
+    topics: MqttTopics
+    broker: BrokerAddress
+    rules: IntakeRules
+    period_s: float
+    """Of telemetry, in real seconds."""
+    exposed: bool
+    """Whether secrets leave this computer without TLS."""
+
+
+def read_mqtt_settings(
+    table: MqttTable | None, base: Path, source: str, environment: Mapping[str, str] = os.environ
+) -> MqttSettings | None:
+    """Return what a site says of its broker, with the secrets that it names; None if it has none.
+
+    Args:
+        table: The site's table.
+        base: The folder that the site file's paths are relative to.
+        source: The site file, for messages.
+        environment: Where the secrets are.
+
+    Raises:
+        ExtraMissing: there is a broker, and nothing installed to speak to it with.
+        SiteError: a secret is not set, or the authority's certificate cannot be used.
+    """
+    if table is None:
+        return None
+    require_extra(Extra.MQTT, f"[mqtt] in {source}")
+    broker = BrokerAddress(
+        table.host,
+        table.port or (8883 if table.tls else 1883),
+        # The same at every connection of this flight, and nobody else's.
+        f"faultline-{token_hex(6)}",
+        read_secret(table.username_env, "mqtt.username_env", source, environment),
+        read_secret(table.password_env, "mqtt.password_env", source, environment),
+        _build_tls_context(table, base, source),
+    )
+    token = (environment.get(table.token_env) if table.token_env is not None else None) or None
+    exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
+    return MqttSettings(
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
+    )
+
+
+def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
+    closed = ""
+    if token is None and table.token_env is not None:
+        closed = f"the environment variable {table.token_env} is not set"
+    elif token is None and not table.is_here:
+        closed = "the broker is not on this computer, and the site names no token_env"
+    return IntakeRules(table.intent_max_age_s, token, closed)
+
+
+def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+    if not table.tls:
+        return None
+    try:
+        return ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
+    except (OSError, ssl.SSLError) as error:
+        why = error.strerror or type(error).__name__
+        text = f"{source}: mqtt.ca_file: expected a certificate (PEM) in {table.ca_file}: {why}"
+        raise SiteError(text) from error
+
 
 MessageCallback = Callable[[Level, str], None]
 AssetsNow = Callable[[], tuple[AssetView, ...]]
 
 
 class Publication:
-    """What one flight publishes; every method but `running` returns at once and raises nothing."""
+    """What one flight publishes, nothing without a broker; all but `run` return at once and raise nothing."""
 
-    def __init__(self, settings: MqttSettings, run: Path, clock: SystemClock) -> None:
+    def __init__(self, settings: MqttSettings | None, run: Path, clock: SystemClock) -> None:
         """Prepare everything; nothing is connected yet."""
         self._settings = settings
         self._clock = clock
-        self._outbox = Outbox()
-        self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
-        self._tell: MessageCallback = lambda *_: None
-        self._mistakes: set[str] = set()
+        self._publisher: Publisher | None = None
+        if settings is not None:
+            from executor.adapters.mqtt.client import Outbox
+            from executor.adapters.mqtt.publisher import Publisher
+
+            self._outbox = Outbox()
+            self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
 
     def publish_event(self, event: Event, state: FleetState) -> None:
         """Publish what an event led to."""
-        self._call_safely(lambda: self._publisher.publish_event(event, state))
+        self._publish(lambda to: to.publish_event(event, state))
 
     def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator."""
-        self._call_safely(lambda: self._publisher.publish_line(line, at_s, flight_s))
+        self._publish(lambda to: to.publish_line(line, at_s, flight_s))
 
     def publish_plan(self, revision: int, plan: PlanFile) -> None:
         """Publish the plan in force."""
-        self._call_safely(lambda: self._publisher.publish_plan(revision, build_plan_document(plan)))
+        self._publish(lambda to: to.publish_plan(revision, build_plan_document(plan)))
+
+    def _publish(self, work: Callable[[Publisher], None]) -> None:
+        if self._publisher is not None:
+            call_safely("mqtt", work, self._publisher)
 
     @asynccontextmanager
     async def run(
@@ -68,21 +152,24 @@ class Publication:
             tell: Called with what the operator should know.
             assets: Returns what became of each asset; None where none asks for pictures.
         """
-        self._tell = tell
-        loop = asyncio.get_running_loop()
+        if self._settings is None or self._publisher is None:
+            yield
+            return
+        from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Subscriber
+        from executor.adapters.mqtt.intake import IntentIntake
+
+        settings, loop = self._settings, asyncio.get_running_loop()
         intake = IntentIntake(
-            self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
+            settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
         )
-        subscriber = Subscriber(self._settings.topics.intent_topic, intake.handle_message)
-        client = MqttClient(self._settings.broker, self._outbox, self._publisher.build_presence, subscriber, tell)
-        if self._settings.rules.closed:
-            tell(Level.INFO, f"mqtt: no intents are taken: {self._settings.rules.closed}")
-        if self._settings.exposed:
-            tell(
-                Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
-            )
+        subscriber = Subscriber(settings.topics.intent_topic, intake.handle_message)
+        client = MqttClient(settings.broker, self._outbox, self._publisher.build_presence, subscriber, tell)
+        if settings.rules.closed:
+            tell(Level.INFO, f"mqtt: no intents are taken: {settings.rules.closed}")
+        if settings.exposed:
+            tell(Level.WARNING, f"mqtt: without tls everybody on the way to {settings.broker} can read its secrets")
         views = asyncio.create_task(
-            keep_going("mqtt's views", lambda: self._publish_views(view, assets)), name="mqtt views"
+            keep_going("mqtt's views", lambda: self._publish_views(view, assets, settings.period_s)), name="mqtt views"
         )
         carrier = asyncio.create_task(keep_going("mqtt's connection", client.run), name="mqtt")
         try:
@@ -95,26 +182,16 @@ class Publication:
             carrier.cancel()
             _, left = await asyncio.wait({views, carrier}, timeout=FLUSH_S)
             if left:
-                tell(Level.WARNING, f"mqtt: the connection to {self._settings.broker} does not end, and is left")
+                tell(Level.WARNING, f"mqtt: the connection to {settings.broker} does not end, and is left")
             if len(self._outbox):
-                tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {self._settings.broker}")
+                tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {settings.broker}")
 
-    async def _publish_views(self, view: Callable[[], FleetView], assets: AssetsNow | None) -> None:
+    async def _publish_views(self, view: Callable[[], FleetView], assets: AssetsNow | None, period_s: float) -> None:
         while True:
             self._publish_view(view, assets)
-            await asyncio.sleep(self._settings.period_s)
+            await asyncio.sleep(period_s)
 
     def _publish_view(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
-        self._call_safely(lambda: self._publisher.publish_view(view()))
+        self._publish(lambda to: to.publish_view(view()))
         if assets is not None:
-            self._call_safely(lambda: self._publisher.publish_assets(assets, last=last))
-
-    def _call_safely(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except Exception as error:  # noqa: BLE001 - what is told of the flight must not end it
-            text = f"internal error in mqtt: {type(error).__name__}: {error}"
-            if text not in self._mistakes:
-                self._mistakes.add(text)
-                self._tell(Level.FAULT, text)
-                report_mistake("mqtt", error, said=True)
+            self._publish(lambda to: to.publish_assets(assets, last=last))

@@ -9,7 +9,6 @@ from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
@@ -40,6 +39,7 @@ from executor.flight.checklist import build_context_and_checklist, interview_veh
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.open_links import open_links
 from executor.flight.operator_interrupts import Interrupts
+from executor.flight.publication import Publication
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
 from executor.flight.simulation_clock import follow_fleet_time
@@ -49,9 +49,6 @@ from executor.site import day_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
 from missions.fences import Fence
-
-if TYPE_CHECKING:
-    from executor.flight.publication import Publication
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +87,7 @@ def load_optional_parts(order: FlightRequest) -> None:
     """
     web_page.check_web(order.site.web)
     if order.mqtt is not None:
-        import executor.flight.publication  # noqa: F401 - it is loaded, and used later
+        import executor.adapters.mqtt.publisher  # noqa: F401 - it is loaded, and used later
 
 
 def make_solver_process(order: FlightRequest, console: Console) -> SolverProcess:
@@ -234,9 +231,9 @@ async def supervise(
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    publication = _build_publication(order, clock)
+    publication = Publication(order.mqtt, order.run, clock)
     keeper = FlightRecorder(order, context, console, seat.log, clock, publication, seat.legacy)
-    if publication is not None:
+    if order.mqtt is not None:
         publication.publish_plan(
             seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
         )
@@ -296,19 +293,9 @@ def write_results(
     return failed
 
 
-def _build_publication(order: FlightRequest, clock: SystemClock) -> Publication | None:
-    if order.mqtt is None:
-        return None
-    from executor.flight.publication import Publication
-
-    return Publication(order.mqtt, order.run, clock)
-
-
 def _publish_flight(
-    publication: Publication | None, flight: Flight, keeper: FlightRecorder, clock: SystemClock
+    publication: Publication, flight: Flight, keeper: FlightRecorder, clock: SystemClock
 ) -> AbstractAsyncContextManager[None]:
-    if publication is None:
-        return nullcontext()
     context, looks = flight.context, flight.context.setup.looks
     asked = list_asked_pictures(context) if looks else {}
     return publication.run(

@@ -21,7 +21,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
-from executor.flight.mqtt_settings import MqttSettings
+from executor.flight.publication import MqttSettings
 from executor.site import day_flight, site_model
 from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
