@@ -43,7 +43,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_fleet.py": (
         "executor/flight/run_start.py",
         "executor/flight/run_flight.py",
-        "executor/flight/open_links.py",
         "executor/flight/checklist.py",
         "executor/flight/flight_recorder.py",
         "executor/simulated/injected_faults.py",
@@ -53,7 +52,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/flight/restore_vehicles.py",
     ),
     "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
-    "tests/executor/adapters/test_fair_event_loop_fleet_time.py": ("simulator/common_time.py",),
+    "tests/executor/adapters/test_clock_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
@@ -66,7 +65,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/logs/ardupilot_codes.py",
         "executor/adapters/logs/px4_vehicle.py",
     ),
-    "tests/executor/adapters/mavlink/test_codec.py": ("executor/adapters/mavlink/statustext.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": (
         "executor/adapters/chunks.py",
         "executor/adapters/mavlink/tlog_kinds.py",
@@ -230,7 +228,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/flight/test_prepare_vehicles.py": ("executor/runtime/board_restore.py",),
-    "tests/executor/flight/test_resume_flight.py": ("executor/adapters/clock.py",),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
         "executor/replay/replay_page.py",

@@ -10,7 +10,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from executor.adapters import fair_event_loop
+from executor.adapters import clock as fair_event_loop
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from executor.adapters import fair_event_loop
+from executor.adapters import clock
 from executor.cli.console import TerminalConsole
 from executor.cli.options import JsonOption, QuietOption
 from executor.core.formatting import format_count
@@ -42,7 +42,7 @@ def restore(
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
-    kept, fences = fair_event_loop.run_on_fair_loop(restoring.restore_from_run(directory, console))
+    kept, fences = clock.run_on_fair_loop(restoring.restore_from_run(directory, console))
     _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
 

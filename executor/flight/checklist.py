@@ -19,10 +19,9 @@ from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError
 from executor.flight import open_links, prepare_vehicles
-from executor.flight.open_links import run_concurrently, run_for_each
+from executor.flight.open_links import follow_fleet_time, run_concurrently, run_for_each
 from executor.flight.prepare_vehicles import read_changes
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
-from executor.flight.simulation_clock import follow_fleet_time
 from executor.runtime import vehicle_preflight as asking
 from executor.site import day_flight, site_model
 from executor.site.plan_summary import build_plan_checks

@@ -21,9 +21,8 @@ from executor.core.interface.commands import Level
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
 from executor.core.preflight.board_changes import Change, ChangeStage, Items, KeptList, KeptParameter
 from executor.errors import LogError, PreflightFailed
-from executor.flight.open_links import AT_ONCE
+from executor.flight.open_links import AT_ONCE, follow_fleet_time
 from executor.flight.run_start import Console
-from executor.flight.simulation_clock import follow_fleet_time
 from executor.runtime.board_restore import (
     HEARD_S,
     RestingVehicle,

@@ -37,12 +37,11 @@ from executor.errors import LogError
 from executor.flight import run_flight
 from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
 from executor.flight.flight_recorder import InheritedRecord, plan_path_of
-from executor.flight.open_links import open_links
+from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.publication import MqttSettings, read_mqtt_settings
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.flight.run_flight import FlightResult, FlightSession
 from executor.flight.run_start import Console, FlightRequest, RunStart, read_flown_day_plan, read_run_start
-from executor.flight.simulation_clock import follow_fleet_time
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel, load_site_model

@@ -34,15 +34,15 @@ from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
-from executor.flight import prepare_vehicles, web_page
+from executor.flight import prepare_vehicles
+from executor.flight import publication as web_page
 from executor.flight.checklist import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
-from executor.flight.open_links import open_links
+from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.operator_interrupts import Interrupts
 from executor.flight.publication import Publication
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
-from executor.flight.simulation_clock import follow_fleet_time
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_flight

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from executor.adapters import fair_event_loop
+from executor.adapters import clock
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Check
@@ -232,7 +232,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
                 vehicle.other.sign(vehicle.sysid, KEY)
-        fair_event_loop.run_on_fair_loop(run_flight.run_flight(order, console))
+        clock.run_on_fair_loop(run_flight.run_flight(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)

@@ -29,8 +29,7 @@ from executor.adapters.mavlink.frame_layout import (
     message_id_of,
     payload_of,
 )
-from executor.adapters.mavlink.message_readers import Frame
-from executor.adapters.mavlink.statustext import StatusTextAssembler
+from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
 from executor.core import formatting
 from executor.core.interface.messages import (
     GROUND_STATION,

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import frame_layout, message_readers
 from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
-from executor.adapters.mavlink.message_readers import Frame
+from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
 from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
-from executor.adapters.mavlink.statustext import StatusTextAssembler
 from executor.adapters.mavlink.tlog_kinds import (
     ITEMS,
     KINDS,

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters import fair_event_loop
+from executor.adapters import clock as fair_event_loop
 from executor.adapters.clock import SystemClock, steady_s
 from executor.adapters.mavlink.endpoints import open_mavlink_links
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message
 from executor.core.interface.ports import LinkRequest
-from executor.flight import simulation_clock
-from executor.flight.simulation_clock import describe_slow_host, follow_fleet_time
+from executor.flight import open_links
+from executor.flight.open_links import describe_slow_host, follow_fleet_time
 from executor.runtime.procedures import wait_for
 from executor.simulated.demo_site import build_demo_site
 from executor.simulated.simulated_fleet import fleet_of
@@ -117,7 +117,7 @@ async def stalled(site: Site, lines: Lines, pauses: list[float]) -> Seen:
 
 
 def test_a_stall_of_either_is_no_time_of_the_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation_clock, "WINDOW_S", 0.3)
+    monkeypatch.setattr(open_links, "WINDOW_S", 0.3)
     site, lines = site_at(SPEEDUP), Lines()
     with simulated(site) as pauses:
         seen = fair_event_loop.run_on_fair_loop(stalled(site, lines, pauses))
@@ -161,7 +161,7 @@ def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
 
 
 def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulation_clock, "CALL_AGAIN_S", 0.02)
+    monkeypatch.setattr(open_links, "CALL_AGAIN_S", 0.02)
     site = site_at(SPEEDUP)
 
     async def look() -> None:

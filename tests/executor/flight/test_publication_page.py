@@ -14,7 +14,7 @@ from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, Outcome
 from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
-from executor.flight import web_page as web
+from executor.flight import publication as web
 from executor.runtime.flight_loop import Flight, Observer
 from executor.site.site_file import check_site
 from executor.site.tables.links import WebTable

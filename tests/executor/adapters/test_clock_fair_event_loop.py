@@ -11,7 +11,7 @@ from typing import cast
 
 import pytest
 
-from executor.adapters.fair_event_loop import AT_ONCE, FairEventLoop, FairSelector, FleetTime, run_on_fair_loop
+from executor.adapters.clock import AT_ONCE, FairEventLoop, FairSelector, FleetTime, run_on_fair_loop
 
 VEHICLES = 20
 MESSAGES = 5

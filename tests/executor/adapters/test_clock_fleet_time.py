@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from executor.adapters.clock import SystemClock
-from executor.adapters.fair_event_loop import BUSY_REAL_S, FleetTime
+from executor.adapters.clock import BUSY_REAL_S, FleetTime, SystemClock
 from simulator.common_time import (
     AHEAD_S,
     LOOK_REAL_S,
