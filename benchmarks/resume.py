@@ -181,7 +181,7 @@ def _is_logged_after(run: Path, size: int, words: bytes) -> bool:
 def _per_line_ms(run: Path) -> float:
     """Return what a line of a log costs that is read without a checkpoint."""
     known = resume_flight.read_resume_plan(run)
-    if isinstance(known, resume_flight.UnlaunchedRun):
+    if not isinstance(known, resume_flight.ResumePlan):
         raise BenchError("resume: expected a flight that was launched")
     began_s = time.process_time()
     left = resume_flight.replay_interrupted_run(run, replace(known, found=replace(known.found, checkpoint=None)))

@@ -57,9 +57,8 @@ from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
-from executor.flight.publication import read_mqtt_settings
 from executor.flight.restore_vehicles import check_run, find_open_parameters
-from executor.flight.run_start import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
 from executor.simulated.demo_site import (
     OTHER_LOSS,
     USUAL_LOSS,
@@ -345,13 +344,9 @@ def resume(
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     known = resuming.read_resume_plan(directory)
-    if isinstance(known, resuming.UnlaunchedRun):
-        order = resuming.build_resumed_request(directory, known.ground, known.plan)
-        _finish_flight(
-            order,
-            fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(directory, known, console)),
-            as_json=as_json,
-        )
+    if not isinstance(known, resuming.ResumePlan):
+        flown = fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
+        _finish_flight(known, flown, as_json=as_json)
         return
     left = resuming.read_finished_run(directory)
     report = None if left is None else resuming.finish_report(directory, left)

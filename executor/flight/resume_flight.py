@@ -7,7 +7,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from executor import supervised
@@ -27,7 +28,6 @@ from executor.adapters.eventlog import (
 from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
-from executor.analysis.learned_document import read_learned_before
 from executor.analysis.report import NOTHING_SAID, PreflightRecord, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
@@ -38,28 +38,25 @@ from executor.flight import run_flight
 from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
 from executor.flight.flight_recorder import InheritedRecord, plan_path_of
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.publication import MqttSettings, read_mqtt_settings
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.flight.run_flight import FlightResult, FlightSession
-from executor.flight.run_start import Console, FlightRequest, RunStart, read_flown_day_plan, read_run_start
+from executor.flight.run_start import (
+    Console,
+    FlightRequest,
+    RunStart,
+    build_run_start,
+    read_flown_day_plan,
+    read_mqtt_settings,
+    read_site_and_plan,
+)
 from executor.simulated.injected_faults import read_injected_faults
-from executor.site.site_file import read_site
-from executor.site.site_model import SiteModel, load_site_model
-from executor.site.site_planning import check_plan_belongs
-from missions import PlanFile, read_plan
+from executor.site.site_model import SiteModel
+from missions import PlanFile
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
 LAUNCH = b'"LaunchOrdered"'
 """What stands in the line of a launch; within a text the quotation marks would be escaped."""
-
-
-@dataclass(frozen=True, slots=True)
-class UnlaunchedRun:
-    """A run directory of a flight that was never launched: nothing has moved, so it begins from its beginning."""
-
-    ground: SiteModel
-    plan: PlanFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +91,10 @@ class ResumePlan:
     """By how much the computer's time of day was set in the flight."""
 
 
-def read_resume_plan(run: Path) -> UnlaunchedRun | ResumePlan:
+def read_resume_plan(run: Path) -> FlightRequest | ResumePlan:
     """Return what is known of a flight without reading its log, as far as there is a checkpoint.
+
+    One that was never launched begins from its beginning, as nothing has moved: it is a request again.
 
     Raises:
         LogError: the directory holds no flight, or one of a newer version.
@@ -107,20 +106,16 @@ def read_resume_plan(run: Path) -> UnlaunchedRun | ResumePlan:
     path = RunDirectory(run).events
     found = find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
-    ground, plan = (
-        load_site_model(read_site(RunDirectory(run).site), run, read_learned_before(run)),
-        read_plan(RunDirectory(run).plan_path(0)),
-    )
-    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
+    order = _build_request(run, *read_site_and_plan(run), launched=launched)
     if not launched:
-        return UnlaunchedRun(ground, plan)
+        return order
     known = found.checkpoint
     set_s = total_clock_step_s(path) if known is None else known.set_s + total_clock_step_s(path, known.place)
     last_s = read_last_event_s(path) or 0.0
-    return ResumePlan(_build_request_in_air(run, ground, plan), read_head(path), found, last_s, set_s)
+    return ResumePlan(order, read_head(path), found, last_s, set_s)
 
 
-def read_interrupted_run(run: Path) -> UnlaunchedRun | InterruptedRun:
+def read_interrupted_run(run: Path) -> FlightRequest | InterruptedRun:
     """Return how a flight was left.
 
     Raises:
@@ -129,7 +124,7 @@ def read_interrupted_run(run: Path) -> UnlaunchedRun | InterruptedRun:
         MissionsError: the first plan, or the network, cannot be used.
     """
     known = read_resume_plan(run)
-    return known if isinstance(known, UnlaunchedRun) else replay_interrupted_run(run, known)
+    return known if isinstance(known, FlightRequest) else replay_interrupted_run(run, known)
 
 
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
@@ -143,7 +138,8 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
     Raises:
         LogError: as `read_interrupted_run`, or it was stopped.
     """
-    path, begun, checkpoint = RunDirectory(run).events, read_run_start(run), known.found.checkpoint
+    path, checkpoint = RunDirectory(run).events, known.found.checkpoint
+    begun = build_run_start(run, known.order.ground, known.order.plan)
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -233,47 +229,26 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     return report
 
 
-def build_resumed_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    """Return the order to fly what a run directory describes."""
-    return replace(_build_unpublished_request(run, ground, plan), mqtt=_read_broker(run, ground))
+def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bool) -> FlightRequest:
+    """Return the order to fly what a run directory describes; one in the air goes on though it cannot be published."""
+    silent = launched and describe_missing_extra(Extra.MQTT, "[mqtt]")
+    mqtt = None if silent else read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
+    truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
+    return FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-def _build_unpublished_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    return FlightRequest(
-        ground.site,
-        run,
-        ground,
-        plan,
-        run,
-        lambda clock: read_injected_faults(run, clock),
-        day=read_flown_day_plan(run),
-    )
-
-
-def _read_broker(run: Path, ground: SiteModel) -> MqttSettings | None:
-    return read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-
-
-def _build_request_in_air(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    """Return the order of a flight that was launched: it is taken up though it cannot be published."""
-    order = _build_unpublished_request(run, ground, plan)
-    return order if describe_missing_extra(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_read_broker(run, ground))
-
-
-async def start_unlaunched_run(run: Path, ready: UnlaunchedRun, console: Console) -> FlightResult:
+async def start_unlaunched_run(order: FlightRequest, console: Console) -> FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
         ExecutorError: as `app.fly`.
     """
-    kept = RunDirectory(run)
-    for file in (
-        kept.events,
-        *kept.checkpoints,
-    ):  # the log holds its head at most; checkpoints would be another flight's
+    kept = RunDirectory(order.run)
+    # The log holds its head at most; checkpoints would be another flight's.
+    for file in (kept.events, *kept.checkpoints):
         file.unlink(missing_ok=True)
-    console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
-    return await run_flight.run_flight(build_resumed_request(run, ready.ground, ready.plan), console)
+    console.say(Level.INFO, f"{order.run}: nothing was launched; the flight begins from its beginning")
+    return await run_flight.run_flight(order, console)
 
 
 def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
@@ -305,7 +280,7 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
     """
     with lock_run_directory(run), supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), run):
         known = read_resume_plan(run)  # now that nobody else writes to it
-        if isinstance(known, UnlaunchedRun):
+        if isinstance(known, FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
         if order.mqtt is None and order.site.mqtt is not None:

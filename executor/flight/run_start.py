@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import ssl
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from secrets import token_hex
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
+from executor.adapters.extras import Extra, require_extra
+from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_answers
 from executor.analysis.learned_document import build_learned_document, read_learned_before
@@ -21,13 +26,14 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
-from executor.flight.publication import MqttSettings
+from executor.errors import SiteError
 from executor.site import day_flight, site_model
 from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
-from executor.site.site_file import Site, read_site
+from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import check_plan_belongs
+from executor.site.tables.links import MqttTable
 from missions import (
     DayPlanFile,
     FlightSetup,
@@ -72,6 +78,73 @@ class Console(MessageSink, Protocol):
     def stop_drawing(self) -> None:
         """Stop drawing."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class MqttSettings:
+    """What a site says of its broker."""
+
+    topics: MqttTopics
+    broker: BrokerAddress
+    rules: IntakeRules
+    period_s: float
+    """Of telemetry, in real seconds."""
+    exposed: bool
+    """Whether secrets leave this computer without TLS."""
+
+
+def read_mqtt_settings(
+    table: MqttTable | None, base: Path, source: str, environment: Mapping[str, str] = os.environ
+) -> MqttSettings | None:
+    """Return what a site says of its broker, with the secrets that it names; None if it has none.
+
+    Args:
+        table: The site's table.
+        base: The folder that the site file's paths are relative to.
+        source: The site file, for messages.
+        environment: Where the secrets are.
+
+    Raises:
+        ExtraMissing: there is a broker, and nothing installed to speak to it with.
+        SiteError: a secret is not set, or the authority's certificate cannot be used.
+    """
+    if table is None:
+        return None
+    require_extra(Extra.MQTT, f"[mqtt] in {source}")
+    broker = BrokerAddress(
+        table.host,
+        table.port or (8883 if table.tls else 1883),
+        # The same at every connection of this flight, and nobody else's.
+        f"faultline-{token_hex(6)}",
+        read_secret(table.username_env, "mqtt.username_env", source, environment),
+        read_secret(table.password_env, "mqtt.password_env", source, environment),
+        _build_tls_context(table, base, source),
+    )
+    token = (environment.get(table.token_env) if table.token_env is not None else None) or None
+    exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
+    return MqttSettings(
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
+    )
+
+
+def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
+    closed = ""
+    if token is None and table.token_env is not None:
+        closed = f"the environment variable {table.token_env} is not set"
+    elif token is None and not table.is_here:
+        closed = "the broker is not on this computer, and the site names no token_env"
+    return IntakeRules(table.intent_max_age_s, token, closed)
+
+
+def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+    if not table.tls:
+        return None
+    try:
+        return ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
+    except (OSError, ssl.SSLError) as error:
+        why = error.strerror or type(error).__name__
+        text = f"{source}: mqtt.ca_file: expected a certificate (PEM) in {table.ca_file}: {why}"
+        raise SiteError(text) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,14 +225,29 @@ def read_run_start(run: Path) -> RunStart:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    site = read_site(RunDirectory(run).site)
-    ground = site_model.load_site_model(site, run, read_learned_before(run))
-    plan = read_plan(RunDirectory(run).plan_path(0))
-    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
+    return build_run_start(run, *read_site_and_plan(run))
+
+
+def read_site_and_plan(run: Path) -> tuple[SiteModel, PlanFile]:
+    """Return the site of a flight and its first plan.
+
+    Raises:
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    kept = RunDirectory(run)
+    ground = site_model.load_site_model(read_site(kept.site), run, read_learned_before(run))
+    plan = read_plan(kept.plan_path(0))
+    check_plan_belongs(plan, ground, str(kept.plan_path(0)))
+    return ground, plan
+
+
+def build_run_start(run: Path, ground: SiteModel, plan: PlanFile) -> RunStart:
+    """Return what a flight began with, as `read_run_start`."""
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
     setup = site_model.build_flight_setup(ground, pads)
-    dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
+    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)

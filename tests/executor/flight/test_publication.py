@@ -17,7 +17,8 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Tick
 from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
-from executor.flight.publication import MqttSettings, Publication, read_mqtt_settings
+from executor.flight.publication import Publication
+from executor.flight.run_start import MqttSettings, read_mqtt_settings
 from executor.site.tables.links import MqttTable
 from executor.supervised import watch_mistakes
 from tests.brokers import secured_in

@@ -20,7 +20,8 @@ from executor.core.fleet_view import build_fleet_view
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import IntentReceived
 from executor.core.interface.intents import Action, Intent
-from executor.flight.publication import Publication, read_mqtt_settings
+from executor.flight.publication import Publication
+from executor.flight.run_start import read_mqtt_settings
 from executor.site.tables.links import MqttTable
 from tests.brokers import KIND, RealBroker, running, slowed
 from tests.executor.core.stories import EVERYTHING, story

@@ -31,7 +31,7 @@ from executor.core.state.vehicle_state import Stage
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.errors import LogError
 from executor.flight import resume_flight
-from executor.flight.run_start import read_run_start
+from executor.flight.run_start import FlightRequest, read_run_start
 from executor.replay.run_replay import replay_run
 from executor.site import site_model
 from executor.site.site_file import read_site
@@ -215,7 +215,7 @@ def test_a_flight_that_was_never_launched_begins_from_its_beginning(tmp_path: Pa
     elif content is not None:
         (run / "events.jsonl").write_bytes(content)
     found = resume_flight.read_interrupted_run(run)
-    assert isinstance(found, resume_flight.UnlaunchedRun)
+    assert isinstance(found, FlightRequest)
     assert found.ground.names == ("uav1", "uav2")
 
 
