@@ -16,17 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ParamSpec, Self, TypeVar, cast
 
-from simulator.common_time import (
-    AHEAD_S,
-    HERE,
-    LOOK_REAL_S,
-    Greeting,
-    LineBuffer,
-    ReplyWait,
-    format_time_line,
-    parse_greeting,
-    parse_time_line,
-)
+from simulator import common_time
 
 
 def steady_s() -> float:
@@ -132,8 +122,8 @@ class FleetTime(asyncio.Protocol):
         self._own_s = steady_s
         self._monotonic_s = monotonic_s
         self._transport: asyncio.Transport | None = None
-        self._lines = LineBuffer()
-        self._turn: ReplyWait | None = None
+        self._lines = common_time.LineBuffer()
+        self._turn: common_time.ReplyWait | None = None
         self._came = asyncio.Event()
         self._behind_s = 0.0
         """Of our time behind the computer's clock, while alone."""
@@ -177,7 +167,7 @@ class FleetTime(asyncio.Protocol):
         """Ask the fleet behind this port for a common time; returns whether there is one."""
         try:
             async with asyncio.timeout(GREETS_REAL_S):
-                await asyncio.get_running_loop().create_connection(lambda: self, HERE, port)
+                await asyncio.get_running_loop().create_connection(lambda: self, common_time.HERE, port)
                 await self._came.wait()
         except (OSError, TimeoutError):
             self.disconnect()
@@ -186,18 +176,18 @@ class FleetTime(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for the greeting."""
         self._came.clear()
-        self._transport, self._lines = cast("asyncio.Transport", transport), LineBuffer()
+        self._transport, self._lines = cast("asyncio.Transport", transport), common_time.LineBuffer()
 
     def data_received(self, data: bytes) -> None:
         """Hear how far the fleet has lived."""
         for line in self._lines.take(data):
             if self._turn is None:
-                greeting = parse_greeting(line)
+                greeting = common_time.parse_greeting(line)
                 if greeting is None or greeting.speedup != self._speedup:
                     self.disconnect()
                     return
                 self._handle_greeting(greeting)
-            elif (told_s := parse_time_line(line)) is not None and told_s > self._told_s:
+            elif (told_s := common_time.parse_time_line(line)) is not None and told_s > self._told_s:
                 if not self._together:
                     self._synchronise(told_s)
                 if self._told_s == self._lived_s:
@@ -205,13 +195,13 @@ class FleetTime(asyncio.Protocol):
                 self._told_s = told_s
                 self._turn.end()
         # It lived on without us, and what it said meanwhile is late already: it is heard as late as it was.
-        if self._together and self._told_s - self._lived_s > 2 * AHEAD_S:
+        if self._together and self._told_s - self._lived_s > 2 * common_time.AHEAD_S:
             self._advance()
 
-    def _handle_greeting(self, greeting: Greeting) -> None:
-        self._turn = ReplyWait(greeting.pid)
+    def _handle_greeting(self, greeting: common_time.Greeting) -> None:
+        self._turn = common_time.ReplyWait(greeting.pid)
         if self._transport is not None:
-            self._transport.write(Greeting(os.getpid(), self._speedup).to_line())
+            self._transport.write(common_time.Greeting(os.getpid(), self._speedup).to_line())
         self._synchronise(greeting.lived_s)
         self._dated = (self._base_s, greeting.unix_s)
         self._came.set()
@@ -236,7 +226,7 @@ class FleetTime(asyncio.Protocol):
             return True
         if self._taken_s < self._lived_s and self._transport is not None and self._turn is not None:
             self._taken_s = self._lived_s
-            self._transport.write(format_time_line(self._taken_s))
+            self._transport.write(common_time.format_time_line(self._taken_s))
             self._turn.begin(self._monotonic_s())
         return False
 
@@ -346,7 +336,7 @@ class _PacedSelector(FairSelector):
             return ready
         if pace.note_idle():
             return []
-        ready = super().select(LOOK_REAL_S)
+        ready = super().select(common_time.LOOK_REAL_S)
         if not ready:
             pace.note_silence()
         return ready

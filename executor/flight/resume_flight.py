@@ -12,19 +12,8 @@ from functools import partial
 from pathlib import Path
 
 from executor import supervised
+from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import (
-    EventLog,
-    LogHeader,
-    count_lines_after,
-    is_flight_finished,
-    read_decisions,
-    read_events,
-    read_head,
-    read_last_event_s,
-    to_plain,
-    total_clock_step_s,
-)
 from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
@@ -34,21 +23,12 @@ from executor.core.interface.commands import Command, Level, Say, Solve
 from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from executor.flight import run_flight
+from executor.flight import run_flight, run_start
 from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
 from executor.flight.flight_recorder import InheritedRecord, plan_path_of
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.flight.run_flight import FlightResult, FlightSession
-from executor.flight.run_start import (
-    Console,
-    FlightRequest,
-    RunStart,
-    build_run_start,
-    read_flown_day_plan,
-    read_mqtt_settings,
-    read_site_and_plan,
-)
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
@@ -63,8 +43,8 @@ LAUNCH = b'"LaunchOrdered"'
 class InterruptedRun:
     """A flight as its log ends."""
 
-    begun: RunStart
-    head: LogHeader
+    begun: run_start.RunStart
+    head: eventlog.LogHeader
     state: FleetState
     last_s: float
     """The last time that is on record."""
@@ -81,8 +61,8 @@ class InterruptedRun:
 class ResumePlan:
     """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
 
-    order: FlightRequest
-    head: LogHeader
+    order: run_start.FlightRequest
+    head: eventlog.LogHeader
     found: FoundCheckpoint
     """Its checkpoint, if there is a good one."""
     last_s: float
@@ -91,7 +71,7 @@ class ResumePlan:
     """By how much the computer's time of day was set in the flight."""
 
 
-def read_resume_plan(run: Path) -> FlightRequest | ResumePlan:
+def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     """Return what is known of a flight without reading its log, as far as there is a checkpoint.
 
     One that was never launched begins from its beginning, as nothing has moved: it is a request again.
@@ -106,16 +86,20 @@ def read_resume_plan(run: Path) -> FlightRequest | ResumePlan:
     path = RunDirectory(run).events
     found = find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
-    order = _build_request(run, *read_site_and_plan(run), launched=launched)
+    order = _build_request(run, *run_start.read_site_and_plan(run), launched=launched)
     if not launched:
         return order
     known = found.checkpoint
-    set_s = total_clock_step_s(path) if known is None else known.set_s + total_clock_step_s(path, known.place)
-    last_s = read_last_event_s(path) or 0.0
-    return ResumePlan(order, read_head(path), found, last_s, set_s)
+    set_s = (
+        eventlog.total_clock_step_s(path)
+        if known is None
+        else known.set_s + eventlog.total_clock_step_s(path, known.place)
+    )
+    last_s = eventlog.read_last_event_s(path) or 0.0
+    return ResumePlan(order, eventlog.read_head(path), found, last_s, set_s)
 
 
-def read_interrupted_run(run: Path) -> FlightRequest | InterruptedRun:
+def read_interrupted_run(run: Path) -> run_start.FlightRequest | InterruptedRun:
     """Return how a flight was left.
 
     Raises:
@@ -124,7 +108,7 @@ def read_interrupted_run(run: Path) -> FlightRequest | InterruptedRun:
         MissionsError: the first plan, or the network, cannot be used.
     """
     known = read_resume_plan(run)
-    return known if isinstance(known, FlightRequest) else replay_interrupted_run(run, known)
+    return known if isinstance(known, run_start.FlightRequest) else replay_interrupted_run(run, known)
 
 
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
@@ -139,7 +123,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         LogError: as `read_interrupted_run`, or it was stopped.
     """
     path, checkpoint = RunDirectory(run).events, known.found.checkpoint
-    begun = build_run_start(run, known.order.ground, known.order.plan)
+    begun = run_start.build_run_start(run, known.order.ground, known.order.plan)
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -150,7 +134,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         planned = list(checkpoint.unkept)
     replayed = 0
     latest: tuple[Command, ...] = ()
-    for last_s, event in read_events(path, notes.append, place):
+    for last_s, event in eventlog.read_events(path, notes.append, place):
         if stopped():
             raise LogError(f"{path}: was not read to its end")
         latest = ()
@@ -161,12 +145,12 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
             state, latest = fleet_step.step(begun.context, state, event, last_s)
             replayed += len(latest)
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
-    missing = replayed - sum(1 for _ in read_decisions(path, place))
+    missing = replayed - sum(1 for _ in eventlog.read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
     unkept = tuple(one for one in planned if not plan_path_of(run, one).exists())
     solve = solves[max(solves)] if solves else None
     legacy = InheritedRecord(unkept, solve, known.set_s, known.found.name)
-    lines = (0 if place is None else place.lines) + count_lines_after(path, place)
+    lines = (0 if place is None else place.lines) + eventlog.count_lines_after(path, place)
     return InterruptedRun(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
 
 
@@ -176,7 +160,7 @@ def read_finished_run(run: Path) -> InterruptedRun | None:
     Raises:
         LogError: as `read_interrupted_run`.
     """
-    if not RunDirectory(run).events.exists() or not is_flight_finished(RunDirectory(run).events):
+    if not RunDirectory(run).events.exists() or not eventlog.is_flight_finished(RunDirectory(run).events):
         return None
     left = read_interrupted_run(run)
     return left if isinstance(left, InterruptedRun) and left.state.progress.finished else None
@@ -188,7 +172,7 @@ def _is_launched(run: Path) -> bool:
     if not path.exists() or path.stat().st_size == 0:
         return False
     with suppress(LogError):
-        read_head(path)
+        eventlog.read_head(path)
         with path.open("rb") as file:
             return any(LAUNCH in line[:200] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
@@ -196,7 +180,7 @@ def _is_launched(run: Path) -> bool:
     # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
     torn = not line.endswith(b"\n") and (line.startswith(HEAD) or HEAD.startswith(line))
     if not torn:
-        read_head(path)  # says what is wrong with it
+        eventlog.read_head(path)  # says what is wrong with it
     return False
 
 
@@ -229,15 +213,15 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     return report
 
 
-def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bool) -> FlightRequest:
+def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bool) -> run_start.FlightRequest:
     """Return the order to fly what a run directory describes; one in the air goes on though it cannot be published."""
     silent = launched and describe_missing_extra(Extra.MQTT, "[mqtt]")
-    mqtt = None if silent else read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-    truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
-    return FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
+    mqtt = None if silent else run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
+    truths, day = partial(read_injected_faults, run), run_start.read_flown_day_plan(run)
+    return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(order: FlightRequest, console: Console) -> FlightResult:
+async def start_unlaunched_run(order: run_start.FlightRequest, console: run_start.Console) -> FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
@@ -264,7 +248,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -> FlightResult:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightResult:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -280,7 +264,7 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
     """
     with lock_run_directory(run), supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), run):
         known = read_resume_plan(run)  # now that nobody else writes to it
-        if isinstance(known, FlightRequest):
+        if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
         if order.mqtt is None and order.site.mqtt is not None:
@@ -303,7 +287,9 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
             for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)
-            log = EventLog(RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines)
+            log = eventlog.EventLog(
+                RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines
+            )
             for command in left.undone:
                 _note_undone_command(log, command, left.last_s)
             away_s = max(0.0, clock.now_s() - left.last_s)
@@ -329,12 +315,12 @@ async def _replay_in_thread(run: Path, known: ResumePlan) -> InterruptedRun:
         over.set()
 
 
-def _note_undone_command(log: EventLog, command: Command, at_s: float) -> None:
+def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) -> None:
     """Write down what was decided when the ground station died: the vehicles may not know of it."""
     if isinstance(command, Say):
         log.note(at_s, said=command.text, level=command.level.value, carried_out=False)
     else:
-        log.note(at_s, command=to_plain(command), carried_out=False)
+        log.note(at_s, command=eventlog.to_plain(command), carried_out=False)
 
 
 def _read_preflight_record(run: Path) -> PreflightRecord:

@@ -20,20 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
+from executor.core.interface import messages
 from executor.core.interface.endings import Ending
-from executor.core.interface.messages import (
-    Message,
-    MissionAck,
-    MissionCount,
-    MissionItemReceived,
-    MissionRequest,
-    Outgoing,
-    SendMissionAck,
-    SendMissionCount,
-    SendMissionItem,
-    SendMissionRequest,
-    SendMissionRequestList,
-)
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 from missions.items import MissionItem, MissionKind
 
@@ -94,42 +82,42 @@ class UploadDialogue(DialogueMachine):
         """Whether the vehicle has asked for an item: from then on ArduPilot's old mission is no longer whole."""
         return self.furthest >= 0
 
-    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def begin(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Announce the number of items."""
         state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
-        return state, (SendMissionCount(len(self.items), self.kind),)
+        return state, (messages.SendMissionCount(len(self.items), self.kind),)
 
-    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Answer requests; end on an acknowledgement that is final."""
         match message:
-            case MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
+            case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
-            case MissionAck(result, kind) if kind is self.kind:
+            case messages.MissionAck(result, kind) if kind is self.kind:
                 return self._handle_acknowledgement(result), ()
             case _:
                 return self, ()
 
-    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Repeat what may be repeated, or give up."""
         if not self.is_begun:
             if self.counts_sent >= COUNT_TRIES:
                 return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
             state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
-            return state, (SendMissionCount(len(self.items), self.kind),)
+            return state, (messages.SendMissionCount(len(self.items), self.kind),)
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
                 return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
         if self.furthest == len(self.items) - 1:
-            return state, (SendMissionItem(self.items[-1], self.kind),)
+            return state, (messages.SendMissionItem(self.items[-1], self.kind),)
         return state, ()
 
-    def _build_farewell(self) -> tuple[Outgoing, ...]:
+    def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
-        return (SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
 
-    def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         trip = self._update_round_trip(now_s) if seq == self.answered + 1 else self.round_trip
         deadline_s = now_s + min(max(LAST_ITEM_PERIOD_S, trip.waits_s), self.silence_s)
         state = replace(
@@ -140,7 +128,7 @@ class UploadDialogue(DialogueMachine):
             return state, ()
         first_s = self.first_s if seq == self.answered else now_s
         state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
-        return state, (SendMissionItem(self.items[seq], self.kind),)
+        return state, (messages.SendMissionItem(self.items[seq], self.kind),)
 
     def _update_round_trip(self, now_s: float) -> RoundTrip:
         """Return what is known of the link once the next item is asked for.
@@ -208,23 +196,23 @@ class DownloadDialogue(DialogueMachine):
     broke_off_at: str = ""
     """What was asked for in vain before that."""
 
-    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def begin(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Ask how many items there are."""
         return _request_open_items(replace(self, heard_s=now_s), now_s)
 
-    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Take the count, then the items in their order."""
         match message:
-            case MissionCount(count, kind) if kind is self.kind and self.count is None:
+            case messages.MissionCount(count, kind) if kind is self.kind and self.count is None:
                 return self._request_next(now_s, count, ())
-            case MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
+            case messages.MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
                 return self._request_next(now_s, self.count, (*self.items, item))
-            case MissionAck(result, kind) if kind is self.kind and result != 0:
+            case messages.MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
                 return self, ()
 
-    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
         if now_s >= self.heard_s + SILENT_S - SAME_S:
             if self.refusal is not None:
@@ -238,8 +226,8 @@ class DownloadDialogue(DialogueMachine):
             )
         return _request_open_items(state, now_s)
 
-    def _build_farewell(self) -> tuple[Outgoing, ...]:
-        return (SendMissionAck(RESULT_CANCELLED, self.kind),)
+    def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
+        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     @property
     def _open(self) -> str:
@@ -253,7 +241,7 @@ class DownloadDialogue(DialogueMachine):
 
     def _request_next(
         self, now_s: float, count: int | None, items: tuple[MissionItem, ...]
-    ) -> tuple[Self, tuple[Outgoing, ...]]:
+    ) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Ask for what comes after an answer, or say that all has come."""
         trip = self.round_trip.record_round_trip(now_s - self.asked_s) if self.tries == 1 else self.round_trip
         state = replace(
@@ -261,14 +249,14 @@ class DownloadDialogue(DialogueMachine):
         )
         if len(items) == count:
             done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
-            return done, (SendMissionAck(0, self.kind),)
+            return done, (messages.SendMissionAck(0, self.kind),)
         return _request_open_items(state, now_s)
 
 
-def _request_open_items(state: D, now_s: float) -> tuple[D, tuple[Outgoing, ...]]:
+def _request_open_items(state: D, now_s: float) -> tuple[D, tuple[messages.Outgoing, ...]]:
     """Ask what is open."""
     deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
     state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)
     if state.count is None:
-        return state, (SendMissionRequestList(state.kind),)
-    return state, (SendMissionRequest(len(state.items), state.kind),)
+        return state, (messages.SendMissionRequestList(state.kind),)
+    return state, (messages.SendMissionRequest(len(state.items), state.kind),)

@@ -10,14 +10,7 @@ from typing import Generic
 
 from executor.core.interface.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.interface.ports import Clock, Link
-from executor.core.preflight.board_changes import (
-    Change,
-    ChangeStage,
-    KeptList,
-    KeptParameter,
-    ValueOrigin,
-    format_number,
-)
+from executor.core.preflight import board_changes
 from executor.core.preflight.parameter_proposals import (
     Answers,
     ParameterChange,
@@ -94,10 +87,10 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChang
 
 
 @dataclass(frozen=True, slots=True)
-class RestoreResult(Generic[Change]):
+class RestoreResult(Generic[board_changes.Change]):
     """What became of what was changed on one vehicle."""
 
-    kept: tuple[Change, ...]
+    kept: tuple[board_changes.Change, ...]
     """Each as it is on record now."""
     problems: tuple[str, ...] = ()
     """Why something stays; empty if all was given back."""
@@ -175,8 +168,8 @@ def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
 
 
 async def restore_parameters(
-    link: Link, clock: Clock, kept: Sequence[KeptParameter], vehicle: RestingVehicle
-) -> RestoreResult[KeptParameter]:
+    link: Link, clock: Clock, kept: Sequence[board_changes.KeptParameter], vehicle: RestingVehicle
+) -> RestoreResult[board_changes.KeptParameter]:
     """Give one vehicle its parameters back; what somebody else set since stays.
 
     Looks and sets until everything is as it was in a round after the one that set it.
@@ -188,7 +181,7 @@ async def restore_parameters(
         vehicle: It at rest.
     """
     waiting = {one.name: one for one in kept}
-    ended: dict[str, KeptParameter] = {}
+    ended: dict[str, board_changes.KeptParameter] = {}
     problems: list[str] = []
     said: Present = {}
     for turn in range(ROUNDS):
@@ -198,26 +191,28 @@ async def restore_parameters(
         for name, value in said.items():
             one = waiting[name]
             what = one.classify(value.value)
-            if what is ValueOrigin.OTHER:
-                ended[name] = replace(waiting.pop(name), stage=ChangeStage.LEFT)
-                problems.append(f"{name} is {format_number(value.value)}, which somebody set since: left as it is")
-            elif what is ValueOrigin.OLD and turn:
-                ended[name] = replace(waiting.pop(name), stage=ChangeStage.RESTORED)
-            elif what is ValueOrigin.OURS:
+            if what is board_changes.ValueOrigin.OTHER:
+                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.LEFT)
+                problems.append(
+                    f"{name} is {board_changes.format_number(value.value)}, which somebody set since: left as it is"
+                )
+            elif what is board_changes.ValueOrigin.OLD and turn:
+                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.RESTORED)
+            elif what is board_changes.ValueOrigin.OURS:
                 if not vehicle.is_at_rest:
                     return _build_result(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)
         if not (waiting and said):
             break
     for name in waiting:
-        stays = f"stays {format_number(said[name].value)}" if name in said else "does not answer"
+        stays = f"stays {board_changes.format_number(said[name].value)}" if name in said else "does not answer"
         problems.append(f"{name} {stays}")
     return _build_result(kept, ended, problems)
 
 
 async def restore_lists(
-    link: Link, clock: Clock, kept: Sequence[KeptList], vehicle: RestingVehicle
-) -> RestoreResult[KeptList]:
+    link: Link, clock: Clock, kept: Sequence[board_changes.KeptList], vehicle: RestingVehicle
+) -> RestoreResult[board_changes.KeptList]:
     """Give one vehicle its fence and its rally points back; what somebody else put on board since stays.
 
     Args:
@@ -226,7 +221,7 @@ async def restore_lists(
         kept: What is on record of it, and open.
         vehicle: It at rest.
     """
-    ended: dict[str, KeptList] = {}
+    ended: dict[str, board_changes.KeptList] = {}
     problems: list[str] = []
     for one in kept:
         if not vehicle.is_at_rest:
@@ -237,19 +232,19 @@ async def restore_lists(
             problems.append(f"{one.words_open} cannot be read")
             continue
         what = one.classify(found)
-        if what is ValueOrigin.OTHER:
-            ended[one.name] = replace(one, stage=ChangeStage.LEFT)
+        if what is board_changes.ValueOrigin.OTHER:
+            ended[one.name] = replace(one, stage=board_changes.ChangeStage.LEFT)
             problems.append(f"somebody has changed the {one.words_open} since: left as found")
             continue
-        problem = "" if what is ValueOrigin.OLD else await _put_list_back(link, clock, one)
+        problem = "" if what is board_changes.ValueOrigin.OLD else await _put_list_back(link, clock, one)
         if problem:
             problems.append(problem)
         else:
-            ended[one.name] = replace(one, stage=ChangeStage.RESTORED)
+            ended[one.name] = replace(one, stage=board_changes.ChangeStage.RESTORED)
     return _build_result(kept, ended, problems)
 
 
-async def _put_list_back(link: Link, clock: Clock, one: KeptList) -> str:
+async def _put_list_back(link: Link, clock: Clock, one: board_changes.KeptList) -> str:
     """Send a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
     dialect, items = dialect_for(one.autopilot), number_items(one.old)
     if one.kind is MissionKind.FENCE:
@@ -260,6 +255,6 @@ async def _put_list_back(link: Link, clock: Clock, one: KeptList) -> str:
 
 
 def _build_result(
-    kept: Sequence[Change], ended: Mapping[str, Change], problems: Sequence[str]
-) -> RestoreResult[Change]:
+    kept: Sequence[board_changes.Change], ended: Mapping[str, board_changes.Change], problems: Sequence[str]
+) -> RestoreResult[board_changes.Change]:
     return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))

@@ -11,20 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from executor.core.context import Context
+from executor.core.interface import messages
 from executor.core.interface.events import Examined, Found, Resumed
-from executor.core.interface.messages import (
-    Battery,
-    DoubleHeard,
-    Gps,
-    Heartbeat,
-    Message,
-    MissionCurrent,
-    Position,
-    StationHeard,
-    StatusText,
-    SystemStatus,
-    Version,
-)
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, fence_checks, prearm
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters
@@ -59,41 +47,41 @@ class _VehicleAnswers:
     """The latest of everything that a vehicle said before the flight."""
 
     clock: Clock
-    heartbeat: Heartbeat | None = None
-    position: Position | None = None
+    heartbeat: messages.Heartbeat | None = None
+    position: messages.Position | None = None
     remaining_pct: float | None = None
-    battery: Battery | None = None
-    status: SystemStatus | None = None
-    gps: Gps | None = None
-    version: Version | None = None
+    battery: messages.Battery | None = None
+    status: messages.SystemStatus | None = None
+    gps: messages.Gps | None = None
+    version: messages.Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own report, and when it said so last."""
     strangers: frozenset[ForeignSystem] = frozenset()
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def update(self, message: Message) -> None:
+    def update(self, message: messages.Message) -> None:
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.heartbeat = message
-            case Position():
+            case messages.Position():
                 self.position = message
                 told = ReportedPosition(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
                 self.twins = add_reported_position(self.twins, told)
                 if self.twins.are_two:
-                    self.strangers = add_foreign_system(self.strangers, DoubleHeard(0, ()))
-            case Battery(remaining_pct=remaining):
+                    self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
+            case messages.Battery(remaining_pct=remaining):
                 self.remaining_pct = self.remaining_pct if remaining is None else remaining
                 self.battery = message
-            case SystemStatus():
+            case messages.SystemStatus():
                 self.status = message
-            case Gps():
+            case messages.Gps():
                 self.gps = message
-            case Version():
+            case messages.Version():
                 self.version = message
-            case StationHeard() | DoubleHeard():
+            case messages.StationHeard() | messages.DoubleHeard():
                 self.strangers = add_foreign_system(self.strangers, message)
-            case StatusText(_, text):
+            case messages.StatusText(_, text):
                 self._note_prearm_text(text)
         self.changed.set()
 
@@ -146,7 +134,7 @@ async def wait_for_vehicle(
         ConnectionFailed: nobody answered.
     """
     seen = await procedures.wait_for(
-        link, clock, lambda message: isinstance(message, Heartbeat), timeout_real_s * clock.speedup
+        link, clock, lambda message: isinstance(message, messages.Heartbeat), timeout_real_s * clock.speedup
     )
     if not seen:
         raise ConnectionFailed(
@@ -214,7 +202,7 @@ async def interview_vehicle(
         stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
-    stations = [one for one in heard.strangers if isinstance(one, StationHeard)]
+    stations = [one for one in heard.strangers if isinstance(one, messages.StationHeard)]
     return VehicleFacts(
         name,
         heard.heartbeat,
@@ -223,7 +211,7 @@ async def interview_vehicle(
         heard.version,
         {name: one.value for name, one in answers.present.items()},
         tuple(sorted(stations, key=lambda station: (station.system, station.component))),
-        tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
+        tuple(one for one in heard.strangers if isinstance(one, messages.DoubleHeard)),
         heard.voltage_v,
         None if heard.battery is None else len(heard.battery.cells_v) or None,
         heard.gps,
@@ -341,7 +329,7 @@ async def examine_vehicle(
         sets: Whether what is not as the flight had set it is set again.
     """
     dialect, began_s = context.vehicles[name].dialect, clock.now_s()
-    seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), within_s)
+    seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, messages.Heartbeat), within_s)
     if not seen:
         return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
     left_s = within_s - (clock.now_s() - began_s)
@@ -410,11 +398,11 @@ class _Answer:
     seq: int | None = None
     items: tuple[MissionItem, ...] | None = None
 
-    def update(self, message: Message) -> None:
+    def update(self, message: messages.Message) -> None:
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.heard.set()
-            case MissionCurrent(seq):
+            case messages.MissionCurrent(seq):
                 self.seq = seq
 
 

@@ -31,34 +31,7 @@ from executor.adapters.mavlink.frame_layout import (
 )
 from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
 from executor.core import formatting
-from executor.core.interface.messages import (
-    GROUND_STATION,
-    CameraHeard,
-    CommandAck,
-    Heartbeat,
-    Message,
-    MissionAck,
-    MissionCount,
-    MissionItemReceived,
-    MissionRequest,
-    ModeChange,
-    OrderSeen,
-    Outgoing,
-    OwnFailsafe,
-    ParamRefused,
-    ParamValue,
-    SendCommand,
-    SendHeartbeat,
-    SendMissionAck,
-    SendMissionCount,
-    SendMissionItem,
-    SendMissionRequest,
-    SendMissionRequestList,
-    SendParamRequest,
-    SendParamSet,
-    StationHeard,
-    Version,
-)
+from executor.core.interface import messages
 from executor.core.telemetry.autopilot_component import (
     AutopilotComponent,
     select_component_message,
@@ -208,9 +181,9 @@ class DecodedFrame:
     compid: int
     seq: int
     frame: bytes
-    message: Message | None
+    message: messages.Message | None
     """None for a message that nobody here follows."""
-    more: tuple[Message, ...] = ()
+    more: tuple[messages.Message, ...] = ()
     """What else this frame brings to an end: a text whose last part never came."""
     own: bool = True
     """Whether the vehicle's autopilot says it, not another component, or a radio on the way."""
@@ -238,7 +211,7 @@ class MavlinkCodec:
         self.systems = systems
         self._signing = signing
         self._radios = radios
-        system, component = GROUND_STATION
+        system, component = messages.GROUND_STATION
         self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
         self._datagrams = FrameParser(in_datagrams=True, systems=systems)
         self._texts = StatusTextAssembler()
@@ -270,9 +243,9 @@ class MavlinkCodec:
             if isinstance(frame, mav.MAVLink_unknown) and self.systems is not None and source[0] not in self.systems:
                 yield DecodedFrame(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False)
                 continue
-            more: list[Message] = [*self._texts.count_frame(source)]
+            more: list[messages.Message] = [*self._texts.count_frame(source)]
             message = self._parse_message(frame)
-            if isinstance(message, Heartbeat):
+            if isinstance(message, messages.Heartbeat):
                 self._follow_speaker(source, message)
             if frame.get_type() == "COMMAND_ACK":
                 more += self._parse_acknowledged_order(frame)
@@ -297,7 +270,7 @@ class MavlinkCodec:
             return None
         return refusal
 
-    def _follow_speaker(self, source: Sender, beat: Heartbeat) -> None:
+    def _follow_speaker(self, source: Sender, beat: messages.Heartbeat) -> None:
         system, component = source
         speaker = self._speakers[system] = update_autopilot_component(
             self._speakers.get(system, AutopilotComponent()), component, beat
@@ -305,7 +278,7 @@ class MavlinkCodec:
         if speaker.component == component:
             self.autopilots[system] = beat.autopilot
 
-    def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
+    def encode(self, message: messages.Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
         self._mav.seq = self._sent.get(sysid, 0)
         self._sent[sysid] = (self._mav.seq + 1) % 256
@@ -315,7 +288,7 @@ class MavlinkCodec:
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[Message, ...]] | None:
+    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
         """Return a frame of a message that another parser took apart, and what it says; None if it is not known.
 
         Args:
@@ -338,13 +311,17 @@ class MavlinkCodec:
             name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in frame_layout.INTEGER_TYPES
         )
         [received] = self.read([frame])
-        message = ParamRefused(formatting.escape_controls(frame.param_id), absent=False) if lost else received.message
+        message = (
+            messages.ParamRefused(formatting.escape_controls(frame.param_id), absent=False)
+            if lost
+            else received.message
+        )
         said = (message, *received.more)
         return packed, tuple(one for one in said if one is not None)
 
     def _read_event(
         self, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[Message, ...]] | None:
+    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
         packed = message_readers.build_event_frame(fields, sysid, compid)
         if packed is None:
             return None
@@ -352,7 +329,7 @@ class MavlinkCodec:
         return packed, tuple(one for one in (received.message, *received.more) if one is not None)
 
     def write_fields(
-        self, message: Outgoing, sysid: int, compid: int
+        self, message: messages.Outgoing, sysid: int, compid: int
     ) -> tuple[str, Mapping[str, object], bytes] | None:
         """Return the name, fields and frame of a message; None if its fields as numbers would not be the same."""
         packed = self.encode(message, sysid, compid)
@@ -361,11 +338,11 @@ class MavlinkCodec:
             field: None if isinstance(value := getattr(frame, field), float) and not math.isfinite(value) else value
             for field in frame.fieldnames
         }
-        if isinstance(message, SendParamSet) and fields["param_value"] is None:
+        if isinstance(message, messages.SendParamSet) and fields["param_value"] is None:
             return None
         return frame.get_type(), fields, packed
 
-    def _parse_message(self, frame: Frame) -> Message | None:
+    def _parse_message(self, frame: Frame) -> messages.Message | None:
         if frame.get_type() in _ORDERS:
             return self._parse_order(frame)
         if not _is_for_us(frame):
@@ -375,29 +352,35 @@ class MavlinkCodec:
             value = frame_layout.from_wire(
                 frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem())
             )
-            return filter_implausible(ParamValue(name, value, frame.param_type)) or ParamRefused(name, absent=False)
+            return filter_implausible(messages.ParamValue(name, value, frame.param_type)) or messages.ParamRefused(
+                name, absent=False
+            )
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
             return None
         read = _READERS.get(frame.get_type())
         message = None if read is None else read(frame)
         return None if message is None else filter_implausible(message)
 
-    def _parse_order(self, frame: Frame) -> OrderSeen | None:
+    def _parse_order(self, frame: Frame) -> messages.OrderSeen | None:
         """Return what another station orders, if that changes a mode."""
         # Under our own number it may be a router's echo of ours.
         source, target = (frame.get_srcSystem(), frame.get_srcComponent()), frame.target_system
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
-        return None if ordered is None else OrderSeen(*ordered, None if source == GROUND_STATION else source[0], target)
+        return (
+            None
+            if ordered is None
+            else messages.OrderSeen(*ordered, None if source == messages.GROUND_STATION else source[0], target)
+        )
 
-    def _parse_acknowledged_order(self, ack: Frame) -> Iterator[OrderSeen]:
+    def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
         """Yield the order that an autopilot says it follows, if that changes a mode."""
         system, to, command = ack.get_srcSystem(), ack.target_system, message_readers.read_accepted_order(ack)
         if ack.get_srcComponent() != self._speakers.get(system, AutopilotComponent()).component or to == system:
             return  # of a gimbal, or to a computer on board
         if command is not None:
-            yield OrderSeen(command, None, None if _is_for_us(ack) else to, system)
+            yield messages.OrderSeen(command, None, None if _is_for_us(ack) else to, system)
 
-    def _parse_px4_event(self, unknown: Frame) -> Iterator[OwnFailsafe | ModeChange]:
+    def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
         """Yield what an event of PX4 is evidence of."""
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
         if message_id_of(raw) != message_readers.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
@@ -430,75 +413,80 @@ def _to_field(value: object) -> object:
 
 def _is_for_us(frame: Frame) -> bool:
     """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
-    ours = zip(("target_system", "target_component"), GROUND_STATION, strict=True)
+    ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
     return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
-def _read_heartbeat(frame: Frame) -> Heartbeat | StationHeard | CameraHeard | None:
+def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard | messages.CameraHeard | None:
     if frame.type == mav.MAV_TYPE_GCS:
-        return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
+        return messages.StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
         component = frame.get_srcComponent()
-        return CameraHeard(component) if frame.type == mav.MAV_TYPE_CAMERA and component >= FIRST_COMPONENT else None
+        return (
+            messages.CameraHeard(component)
+            if frame.type == mav.MAV_TYPE_CAMERA and component >= FIRST_COMPONENT
+            else None
+        )
     return message_readers.read_heartbeat(frame)
 
 
-def _make_mission_reader(build: Callable[[Any, MissionKind], Message], read_part: Callable[[Any], object]) -> Any:  # noqa: ANN401
-    def read(frame: Frame) -> Message | None:
+def _make_mission_reader(
+    build: Callable[[Any, MissionKind], messages.Message], read_part: Callable[[Any], object]
+) -> Any:  # noqa: ANN401
+    def read(frame: Frame) -> messages.Message | None:
         kind = _KINDS.get(frame.mission_type)
         return None if kind is None else build(read_part(frame), kind)
 
     return read
 
 
-def _read_version(frame: Frame) -> Version | None:
+def _read_version(frame: Frame) -> messages.Version | None:
     packed = frame.flight_sw_version
     if packed == 0:
         return None  # not filled in
-    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
+    return messages.Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
-    **message_readers.CAMERA_READERS,
     "HEARTBEAT": _read_heartbeat,
-    "MISSION_REQUEST": _make_mission_reader(MissionRequest, attrgetter("seq")),
-    "MISSION_REQUEST_INT": _make_mission_reader(MissionRequest, attrgetter("seq")),
-    "MISSION_ACK": _make_mission_reader(MissionAck, attrgetter("type")),
-    "MISSION_COUNT": _make_mission_reader(MissionCount, attrgetter("count")),
-    "MISSION_ITEM_INT": _make_mission_reader(MissionItemReceived, message_readers.read_mission_item),
-    "PARAM_ERROR": lambda frame: ParamRefused(
+    "MISSION_REQUEST": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
+    "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
+    "MISSION_ACK": _make_mission_reader(messages.MissionAck, attrgetter("type")),
+    "MISSION_COUNT": _make_mission_reader(messages.MissionCount, attrgetter("count")),
+    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemReceived, message_readers.read_mission_item),
+    "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
     ),
-    "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
+    "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
 }
 
 
-def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
+def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
     match message:
-        case SendHeartbeat():
+        case messages.SendHeartbeat():
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
-        case SendMissionCount(count, kind):
+        case messages.SendMissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
-        case SendMissionItem(item, kind):
+        case messages.SendMissionItem(item, kind):
             return mav.MAVLink_mission_item_int_message(
                 sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
                 item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, kind,
             )  # fmt: skip
-        case SendMissionRequestList(kind):
+        case messages.SendMissionRequestList(kind):
             return mav.MAVLink_mission_request_list_message(sysid, compid, kind)
-        case SendMissionRequest(seq, kind):
+        case messages.SendMissionRequest(seq, kind):
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
-        case SendMissionAck(result, kind):
+        case messages.SendMissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
-        case SendCommand(command, params, confirmation):
+        case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component
             return mav.MAVLink_command_long_message(sysid, target, command, confirmation, *params)
-        case SendParamRequest(name):
+        case messages.SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
-        case SendParamSet(name, value, kind):
+        case messages.SendParamSet(name, value, kind):
             wire = frame_layout.to_wire(value, kind, autopilot)
             return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

@@ -17,17 +17,8 @@ from typing import cast
 
 from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCodec, Sender
 from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
+from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.messages import (
-    DoubleHeard,
-    Heartbeat,
-    Message,
-    OrderSeen,
-    Outgoing,
-    Radio,
-    StationHeard,
-    Traffic,
-)
 from executor.core.interface.ports import FrameLog, Keyring, LinkCounts, LinkRequest
 from executor.core.telemetry.autopilot_component import AUTOPILOT
 from executor.errors import ConnectionFailed
@@ -63,7 +54,7 @@ class VehicleLink:
         """Set by the endpoint when it knows where the vehicle is."""
         self._codec = codec
         self._log = log
-        self._listeners: list[Callable[[Message], None]] = []
+        self._listeners: list[Callable[[messages.Message], None]] = []
         self._arrived = self._missing = 0
         """Frames of the autopilot alone: every component numbers its own."""
         self._told = (0, 0)
@@ -81,12 +72,12 @@ class VehicleLink:
         self._absent: set[int] = set()
         """Sequence numbers that were passed over, as long as they may still come."""
 
-    def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
+    def listen(self, listener: Callable[[messages.Message], None]) -> Callable[[], None]:
         """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
-    def send(self, message: Outgoing) -> None:
+    def send(self, message: messages.Outgoing) -> None:
         """Send one message; before the vehicle's address is known there is nowhere to send it."""
         if self.write is discard_frame:
             return
@@ -110,7 +101,7 @@ class VehicleLink:
             self._log.write(received.frame)
         told = None if self._is_outdated(received) else received.message
         self._count(received)
-        if isinstance(told, Heartbeat):
+        if isinstance(told, messages.Heartbeat):
             if received.own:
                 self._beat_source = source
             self._report_traffic(received.compid)
@@ -123,7 +114,7 @@ class VehicleLink:
         received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         if received + missing >= ENOUGH_FRAMES:
             self._told = (self._arrived, self._missing)
-            self._dispatch(Traffic(received, max(0, missing)), component)
+            self._dispatch(messages.Traffic(received, max(0, missing)), component)
 
     def count_refused(self, refusal: FrameRejection) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
@@ -135,7 +126,7 @@ class VehicleLink:
             places = tuple(sorted(self._sources))
             if places != self._told_places:
                 self._told_places = places
-                self._dispatch(DoubleHeard(self.sysid, places), self.component)
+                self._dispatch(messages.DoubleHeard(self.sysid, places), self.component)
         elif len(self._sources) < MOST_SOURCES:
             self._sources.add(source)
         self._source = source
@@ -146,15 +137,15 @@ class VehicleLink:
         if len(self.counts.strangers) < MOST_SOURCES:
             self.counts.strangers.setdefault(received.sysid, source)
         # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
-        if isinstance(received.message, Radio) and source != self._beat_source:
+        if isinstance(received.message, messages.Radio) and source != self._beat_source:
             return
         told = received.message
-        ordered = isinstance(told, OrderSeen) and told.to in {0, self.sysid}
-        if told is not None and (ordered or isinstance(told, StationHeard | Radio)):
+        ordered = isinstance(told, messages.OrderSeen) and told.to in {0, self.sysid}
+        if told is not None and (ordered or isinstance(told, messages.StationHeard | messages.Radio)):
             self._dispatch(told, received.compid)
 
-    def _dispatch(self, message: Message, component: int) -> None:
-        if isinstance(message, Heartbeat):
+    def _dispatch(self, message: messages.Message, component: int) -> None:
+        if isinstance(message, messages.Heartbeat):
             self.component = component
         for listener in tuple(self._listeners):
             listener(message)
@@ -165,7 +156,7 @@ class VehicleLink:
         It was passed over, or it is a copy. Whatever else seems to be behind counts anew: after a silence of any number
         of frames, or after a reboot.
         """
-        if not received.own or not isinstance(received.message, Heartbeat):
+        if not received.own or not isinstance(received.message, messages.Heartbeat):
             return False
         last, newest, came = self._beat_seq, self._last_seq, received.frame in self._beats
         if not came:

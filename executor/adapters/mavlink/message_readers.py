@@ -23,30 +23,7 @@ from typing import Any
 from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum, payload_of
 from executor.core import formatting
 from executor.core.formatting import escape_controls
-from executor.core.interface.messages import (
-    Attitude,
-    Battery,
-    CameraStatus,
-    EstimatorStatus,
-    FenceStatus,
-    GimbalAttitude,
-    Gps,
-    Heartbeat,
-    HeightTarget,
-    Home,
-    LandedState,
-    MissionCurrent,
-    MissionReached,
-    ModeChange,
-    OwnFailsafe,
-    PictureTaken,
-    Position,
-    Radio,
-    RcChannels,
-    StatusText,
-    SystemStatus,
-    Wind,
-)
+from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
 from executor.core.telemetry.px4_event_meanings import parse_px4_event
 from missions import PX4, MissionItem
@@ -67,30 +44,32 @@ _CHANNELS, _RAW_CHANNELS = (attrgetter(*(f"chan{number}_raw" for number in range
 DO_SET_MODE, SET_MODE = 176, 11
 """The command, and the number of the older message."""
 MOST_MODES = 128
+LANDED = {1: True, 2: False, 3: False, 4: False}
+"""MAV_LANDED_STATE: whether it is on the ground."""
 ACCEPTED = frozenset({0, 5})
 """MAV_RESULT: accepted, in progress."""
 
 
-def read_heartbeat(frame: Frame) -> Heartbeat | None:
+def read_heartbeat(frame: Frame) -> messages.Heartbeat | None:
     """Read an autopilot's HEARTBEAT; None of a ground station, a camera or a gimbal."""
     if frame.type == GCS_TYPE or frame.autopilot == NO_AUTOPILOT:
         return None
     armed = bool(frame.base_mode & ARMED)
-    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
+    return messages.Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
 
 
-def read_channels(frame: Frame) -> RcChannels:
+def read_channels(frame: Frame) -> messages.RcChannels:
     """Read RC_CHANNELS, or RC_CHANNELS_RAW, which has the first eight and is not listened to on a link."""
     values = _CHANNELS(frame)[: frame.chancount] if hasattr(frame, "chancount") else _RAW_CHANNELS(frame)
-    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
+    return messages.RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
 
 
 def _to_percent(value: float) -> float | None:
     return value if 0 <= value <= 100 else None
 
 
-def _read_position(frame: Frame) -> Position:
-    return Position(
+def _read_position(frame: Frame) -> messages.Position:
+    return messages.Position(
         boot_s=frame.time_boot_ms / 1e3,
         lat_deg=frame.lat / 1e7,
         lon_deg=frame.lon / 1e7,
@@ -103,10 +82,10 @@ def _read_position(frame: Frame) -> Position:
     )
 
 
-def _read_battery(frame: Frame) -> Battery:
+def _read_battery(frame: Frame) -> messages.Battery:
     cells = [cell for cell in frame.voltages if cell != 65535]
     cells += [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
-    return Battery(
+    return messages.Battery(
         battery=frame.id,
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=sum(cells) / 1e3 if cells else None,
@@ -118,13 +97,13 @@ def _read_battery(frame: Frame) -> Battery:
     )
 
 
-def _read_attitude(frame: Frame) -> Attitude:
-    return Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
+def _read_attitude(frame: Frame) -> messages.Attitude:
+    return messages.Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
 
 
-def _read_gps(frame: Frame, receiver: int = 0) -> Gps:
+def _read_gps(frame: Frame, receiver: int = 0) -> messages.Gps:
     satellites, off_mm = frame.satellites_visible, getattr(frame, "h_acc", 0)
-    return Gps(
+    return messages.Gps(
         frame.fix_type,
         None if satellites == NO_SATELLITES else satellites,
         accuracy_m=off_mm / 1e3 or None,
@@ -133,29 +112,29 @@ def _read_gps(frame: Frame, receiver: int = 0) -> Gps:
     )
 
 
-def _read_estimator(frame: Frame) -> EstimatorStatus:
+def _read_estimator(frame: Frame) -> messages.EstimatorStatus:
     """Read flags that both autopilots number alike, as far as these two go."""
-    return EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
+    return messages.EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
 
 
-def _read_wind(frame: Frame) -> Wind:
-    return Wind(frame.speed, frame.direction % 360)
+def _read_wind(frame: Frame) -> messages.Wind:
+    return messages.Wind(frame.speed, frame.direction % 360)
 
 
-def _read_wind_cov(frame: Frame) -> Wind:
+def _read_wind_cov(frame: Frame) -> messages.Wind:
     """Read where the air moves to, north and east, as where it comes from."""
     north_m_s, east_m_s = frame.wind_x, frame.wind_y
     from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360
-    return Wind(math.hypot(north_m_s, east_m_s), from_deg)
+    return messages.Wind(math.hypot(north_m_s, east_m_s), from_deg)
 
 
-def _read_fence_status(frame: Frame) -> FenceStatus | None:
-    return FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
+def _read_fence_status(frame: Frame) -> messages.FenceStatus | None:
+    return messages.FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
 
 
-def _read_mission_current(frame: Frame) -> MissionCurrent:
+def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
     number = frame.mission_id if hasattr(frame, "mission_id") else _read_mission_id(frame.get_msgbuf())
-    return MissionCurrent(frame.seq, getattr(frame, "total", 0) or None, number or None)
+    return messages.MissionCurrent(frame.seq, getattr(frame, "total", 0) or None, number or None)
 
 
 def _read_mission_id(frame: bytes | None) -> int | None:
@@ -165,10 +144,10 @@ def _read_mission_id(frame: bytes | None) -> int | None:
     return int.from_bytes(payload_of(frame, 10)[6:], "little") or None
 
 
-def _read_system_status(frame: Frame) -> SystemStatus:
+def _read_system_status(frame: Frame) -> messages.SystemStatus:
     enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
-    return SystemStatus(
+    return messages.SystemStatus(
         # PX4 reports 65535 V and -1 % without a battery, ArduPilot 0 V and -1 % in its first seconds.
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
@@ -178,10 +157,10 @@ def _read_system_status(frame: Frame) -> SystemStatus:
     )
 
 
-def _read_radio(frame: Frame) -> Radio:
+def _read_radio(frame: Frame) -> messages.Radio:
     values = (frame.rssi, frame.remrssi, frame.noise, frame.remnoise)
     rssi, remote, noise, remote_noise = (None if value == 255 else value for value in values)
-    return Radio(rssi, remote, noise, remote_noise, frame.txbuf if frame.txbuf <= 100 else None)
+    return messages.Radio(rssi, remote, noise, remote_noise, frame.txbuf if frame.txbuf <= 100 else None)
 
 
 def read_mode_order(frame: Frame, autopilot: int | None) -> tuple[int, int | None] | None:
@@ -214,30 +193,6 @@ def read_mission_item(frame: Frame) -> MissionItem:
     )  # fmt: skip
 
 
-READERS: Mapping[str, Any] = MappingProxyType({
-    "RADIO_STATUS": _read_radio,
-    "HEARTBEAT": read_heartbeat,
-    "GLOBAL_POSITION_INT": _read_position,
-    "BATTERY_STATUS": _read_battery,
-    "SYS_STATUS": _read_system_status,
-    "EXTENDED_SYS_STATE": lambda frame: LandedState({1: True, 2: False, 3: False, 4: False}.get(frame.landed_state)),
-    "ATTITUDE": _read_attitude,
-    "NAV_CONTROLLER_OUTPUT": lambda frame: HeightTarget(frame.alt_error),
-    "GPS_RAW_INT": _read_gps,
-    "GPS2_RAW": lambda frame: _read_gps(frame, 1),
-    "EKF_STATUS_REPORT": _read_estimator,
-    "ESTIMATOR_STATUS": _read_estimator,
-    "WIND_COV": _read_wind_cov,
-    "WIND": _read_wind,
-    "FENCE_STATUS": _read_fence_status,
-    "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
-    "MISSION_CURRENT": _read_mission_current,
-    "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
-    "RC_CHANNELS": read_channels,
-})  # fmt: skip
-"""By MAVLink's name of the message."""
-
-
 FIRST_UNIX_S = 1e9
 """A time before 2001 is one since the vehicle's start."""
 IN_EARTH, IN_VEHICLE, YAW_LOCK = 64, 32, 16
@@ -263,10 +218,10 @@ def _split_time(usec: int) -> tuple[float | None, float | None]:
     return (None, seconds) if seconds > FIRST_UNIX_S else (seconds, None)
 
 
-def _read_image_captured(frame: Frame) -> PictureTaken:
+def _read_image_captured(frame: Frame) -> messages.PictureTaken:
     roll, pitch, yaw = angles_deg(frame.q)
     placed = (frame.lat, frame.lon) != (0, 0)
-    return PictureTaken(
+    return messages.PictureTaken(
         PictureProof.CAPTURED,
         frame.get_srcComponent(),
         frame.camera_id,
@@ -285,9 +240,9 @@ def _read_image_captured(frame: Frame) -> PictureTaken:
     )
 
 
-def _read_camera_feedback(frame: Frame) -> PictureTaken:
+def _read_camera_feedback(frame: Frame) -> messages.PictureTaken:
     boot_s, unix_s = _split_time(frame.time_usec)
-    return PictureTaken(
+    return messages.PictureTaken(
         PictureProof.FEEDBACK,
         frame.get_srcComponent(),
         frame.cam_idx + 1,
@@ -305,38 +260,57 @@ def _read_camera_feedback(frame: Frame) -> PictureTaken:
     )
 
 
-def _read_camera_trigger(frame: Frame) -> PictureTaken:
+def _read_camera_trigger(frame: Frame) -> messages.PictureTaken:
     boot_s, unix_s = _split_time(frame.time_usec)
-    return PictureTaken(
+    return messages.PictureTaken(
         PictureProof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s
     )
 
 
-def _read_capture_status(frame: Frame) -> CameraStatus:
+def _read_capture_status(frame: Frame) -> messages.CameraStatus:
     free_mib = frame.available_capacity if math.isfinite(frame.available_capacity) else None
-    return CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
+    return messages.CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
 
 
-def _read_storage(frame: Frame) -> CameraStatus:
+def _read_storage(frame: Frame) -> messages.CameraStatus:
     ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures say something
-    return CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
+    return messages.CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
 
 
-def _read_gimbal_attitude(frame: Frame) -> GimbalAttitude | None:
+def _read_gimbal_attitude(frame: Frame) -> messages.GimbalAttitude | None:
     _, pitch, yaw = angles_deg(frame.q)
     if pitch is None or yaw is None:
         return None
     said = frame.flags & (IN_EARTH | IN_VEHICLE)
     from_north = bool(said & IN_EARTH) if said else bool(frame.flags & YAW_LOCK)
-    return GimbalAttitude(pitch, yaw, from_north, failed=frame.failure_flags != 0)
+    return messages.GimbalAttitude(pitch, yaw, from_north, failed=frame.failure_flags != 0)
 
 
-def _read_mount_status(frame: Frame) -> GimbalAttitude | None:
+def _read_mount_status(frame: Frame) -> messages.GimbalAttitude | None:
     known = math.isfinite(frame.pitch) and math.isfinite(frame.yaw)
-    return GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
+    return messages.GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
 
 
-CAMERA_READERS: dict[str, Any] = {
+READERS: Mapping[str, Any] = MappingProxyType({
+    "RADIO_STATUS": _read_radio,
+    "HEARTBEAT": read_heartbeat,
+    "GLOBAL_POSITION_INT": _read_position,
+    "BATTERY_STATUS": _read_battery,
+    "SYS_STATUS": _read_system_status,
+    "EXTENDED_SYS_STATE": lambda frame: messages.LandedState(LANDED.get(frame.landed_state)),
+    "ATTITUDE": _read_attitude,
+    "NAV_CONTROLLER_OUTPUT": lambda frame: messages.HeightTarget(frame.alt_error),
+    "GPS_RAW_INT": _read_gps,
+    "GPS2_RAW": lambda frame: _read_gps(frame, 1),
+    "EKF_STATUS_REPORT": _read_estimator,
+    "ESTIMATOR_STATUS": _read_estimator,
+    "WIND_COV": _read_wind_cov,
+    "WIND": _read_wind,
+    "FENCE_STATUS": _read_fence_status,
+    "HOME_POSITION": lambda frame: messages.Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
+    "MISSION_CURRENT": _read_mission_current,
+    "MISSION_ITEM_REACHED": lambda frame: messages.MissionReached(frame.seq),
+    "RC_CHANNELS": read_channels,
     "CAMERA_IMAGE_CAPTURED": _read_image_captured,
     "CAMERA_FEEDBACK": _read_camera_feedback,
     "CAMERA_TRIGGER": _read_camera_trigger,
@@ -344,8 +318,8 @@ CAMERA_READERS: dict[str, Any] = {
     "STORAGE_INFORMATION": _read_storage,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": _read_gimbal_attitude,
     "MOUNT_ORIENTATION": _read_mount_status,
-}
-
+})  # fmt: skip
+"""By MAVLink's name of the message."""
 
 EVENT = 410
 EVENT_NAME = "EVENT"
@@ -379,7 +353,9 @@ class Px4EventDecoder:
 
     _last: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
-    def decode(self, number: int, boot_ms: int, sequence: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
+    def decode(
+        self, number: int, boot_ms: int, sequence: int, arguments: bytes
+    ) -> messages.OwnFailsafe | messages.ModeChange | None:
         """Return what an event says that is evidence, and was not said before."""
         said = parse_px4_event(number, arguments)
         if said is None or (number, boot_ms, sequence) in self._last:
@@ -450,7 +426,7 @@ class StatusTextAssembler:
         self._texts: dict[Source, dict[int, _PartialText]] = {}
         self._frames: dict[Source, int] = {}
 
-    def count_frame(self, source: Source, frames: int = 1) -> list[StatusText]:
+    def count_frame(self, source: Source, frames: int = 1) -> list[messages.StatusText]:
         """Count frames of any kind; returns their source's texts that were waited for in vain, as far as they came."""
         frame = self._frames[source] = self._frames.pop(source, 0) + frames
         if len(self._frames) > MOST_SPEAKERS:
@@ -465,19 +441,19 @@ class StatusTextAssembler:
                 del texts[number]
             elif not text.shown and age > PATIENCE_FRAMES:
                 text.shown = True
-                given_up.append(StatusText(text.severity, text.assemble()))
+                given_up.append(messages.StatusText(text.severity, text.assemble()))
         return given_up
 
-    def list_unfinished_texts(self) -> list[tuple[Source, StatusText]]:
+    def list_unfinished_texts(self) -> list[tuple[Source, messages.StatusText]]:
         """Return whose texts are still waited for, as far as they came, once nothing more comes."""
         return [
-            (source, StatusText(text.severity, text.assemble()))
+            (source, messages.StatusText(text.severity, text.assemble()))
             for source, texts in self._texts.items()
             for text in texts.values()
             if not text.shown
         ]
 
-    def add_part(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[StatusText]:
+    def add_part(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[messages.StatusText]:
         """Take one part; returns the texts that it ends.
 
         Args:
@@ -489,14 +465,14 @@ class StatusTextAssembler:
         """
         raw = raw.split(b"\x00", 1)[0]
         if number == 0:
-            return [StatusText(severity, clean_text(raw))]
-        found: list[StatusText] = []
+            return [messages.StatusText(severity, clean_text(raw))]
+        found: list[messages.StatusText] = []
         texts = self._texts.setdefault(source, {})
         text = texts.get(number)
         if text is not None and text.parts.get(part, raw) != raw:
             # The same id with other words: the vehicle restarted, and counts its texts from the beginning again.
             if not text.shown:
-                found.append(StatusText(text.severity, text.assemble()))
+                found.append(messages.StatusText(text.severity, text.assemble()))
             text = None
         if text is None:
             text = texts[number] = _PartialText(severity)
@@ -506,5 +482,5 @@ class StatusTextAssembler:
         text.parts[part] = raw
         if text.is_whole:
             text.shown = True
-            found.append(StatusText(text.severity, text.assemble()))
+            found.append(messages.StatusText(text.severity, text.assemble()))
         return found
