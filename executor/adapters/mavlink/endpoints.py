@@ -10,7 +10,7 @@ import asyncio
 import os
 import socket
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
@@ -301,7 +301,7 @@ class _TcpPeer(asyncio.Protocol):
         self._peers.discard(self)
         self.lost.set()
 
-    def abort(self) -> None:
+    def close(self) -> None:
         if self._transport is not None:
             self._transport.abort()
 
@@ -411,11 +411,9 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
     """Open an endpoint, and keep it open until the stack is unwound."""
     loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
     match connection.scheme:
-        case Scheme.UDP_IN:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), local_addr=address)
-            stack.callback(transport.close)
-        case Scheme.UDP_OUT:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), remote_addr=address)
+        case Scheme.UDP_IN | Scheme.UDP_OUT:
+            ends = (address, None) if connection.scheme is Scheme.UDP_IN else (None, address)
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), *ends)
             stack.callback(transport.close)
         case Scheme.TCP_IN:
             peers: set[_TcpPeer] = set()
@@ -424,57 +422,37 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
         case Scheme.TCP_OUT:
             # Whether the vehicle is there yet does not matter, whether its name is known does.
             await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
-            await stack.enter_async_context(
-                run_beside(f"calling {connection}", partial(_keep_connecting, address, router))
-            )
+            peer = partial(_TcpPeer, router, set[_TcpPeer](), we_called=True)
+
+            async def call() -> _TcpPeer:
+                return (await loop.create_connection(peer, *address))[1]
+
+            await stack.enter_async_context(run_beside(f"calling {connection}", partial(_keep_open, call)))
         case Scheme.SERIAL:
-            plug = _SerialDevice(router, connection)
-            await stack.enter_async_context(run_beside(f"keeping {connection} open", plug.keep_open))
+            plugged = [_SerialPort(router, connection)]
+
+            async def plug() -> _SerialPort:
+                return plugged.pop() if plugged else _SerialPort(router, connection)
+
+            await stack.enter_async_context(run_beside(f"keeping {connection} open", partial(_keep_open, plug)))
 
 
 def _close_connections(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
     server.close()
     for peer in tuple(peers):
-        peer.abort()
+        peer.close()
 
 
-async def _keep_connecting(address: tuple[str, int], router: Router) -> None:
-    """Connect, and connect again whenever the connection is lost."""
-    loop = asyncio.get_running_loop()
+async def _keep_open(opens: Callable[[], Awaitable[_TcpPeer | _SerialPort]]) -> None:
+    """Open a stream, and open it again whenever it is lost, or its device was unplugged."""
     while True:
-        with suppress(OSError):
-            _, peer = await loop.create_connection(lambda: _TcpPeer(router, set(), we_called=True), *address)
+        with suppress(OSError):  # pyserial's errors are
+            stream = await opens()
             try:
-                await peer.lost.wait()
+                await stream.lost.wait()
             finally:
-                peer.abort()
+                stream.close()
         await asyncio.sleep(AGAIN_S)
-
-
-class _SerialDevice:
-    """A serial device that may be unplugged."""
-
-    def __init__(self, router: Router, connection: Connection) -> None:
-        """Open it.
-
-        Raises:
-            OSError: it is not there.
-        """
-        self._router = router
-        self._connection = connection
-        self._port: _SerialPort | None = _SerialPort(router, connection)
-
-    async def keep_open(self) -> None:
-        """Wait until the device is unplugged, and open it again when it is back."""
-        while True:
-            with suppress(OSError):  # pyserial's errors are
-                port = self._port or _SerialPort(self._router, self._connection)
-                self._port = None
-                try:
-                    await port.lost.wait()
-                finally:
-                    port.close()
-            await asyncio.sleep(AGAIN_S)
 
 
 def _describe_error(error: Exception) -> str:
