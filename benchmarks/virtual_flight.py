@@ -30,8 +30,13 @@ from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.flight.checklist import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.flight.prepare_vehicles import build_wanted_lists, read_changes
+from executor.flight.preparation import (
+    build_context_and_checklist,
+    build_wanted_lists,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
 from executor.flight.run_start import FlightRequest
 from executor.runtime.board_restore import set_changes
 from executor.runtime.flight_loop import Flight

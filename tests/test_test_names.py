@@ -43,8 +43,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_fleet.py": (
         "executor/flight/run_start.py",
         "executor/flight/run_flight.py",
-        "executor/flight/checklist.py",
-        "executor/flight/flight_recorder.py",
         "executor/simulated/injected_faults.py",
     ),
     "tests/e2e/test_given_back.py": (
@@ -69,11 +67,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/adapters/chunks.py",
         "executor/adapters/mavlink/tlog_kinds.py",
     ),
-    "tests/executor/adapters/mqtt/test_client.py": ("executor/adapters/mqtt/broker.py",),
-    "tests/executor/adapters/web/test_server.py": (
-        "executor/adapters/web/guard.py",
-        "executor/adapters/web/snapshot.py",
-    ),
+    "tests/executor/adapters/web/test_server.py": ("executor/adapters/web/snapshot.py",),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
         "executor/analysis/pictures/front_figure.py",
@@ -227,7 +221,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/interface/recorded_log.py",
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
-    "tests/executor/flight/test_prepare_vehicles.py": ("executor/runtime/board_restore.py",),
+    "tests/executor/flight/test_preparation.py": ("executor/runtime/board_restore.py",),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
         "executor/replay/replay_page.py",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sys
@@ -19,7 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from executor.errors import LogError
 from missions import format_first_error
-from missions.files import write_whole
+from missions.files import write_document, write_whole
 
 
 class _File:
@@ -145,11 +144,6 @@ def today() -> str:
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
-def write_json(path: Path, content: Mapping[str, object]) -> None:
-    """Write a JSON file whole or not at all."""
-    write_whole(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
-
-
 @contextmanager
 def lock_run_directory(path: Path) -> Iterator[None]:
     """Hold a run directory: of all processes on this computer one flies it.
@@ -213,7 +207,7 @@ class Document(BaseModel):
         Raises:
             OSError: it cannot be written.
         """
-        write_json(path, self.to_plain())
+        write_document(path, self.to_plain())
 
     @classmethod
     def read(cls, path: Path, expected: str) -> Self:

@@ -313,7 +313,7 @@ def preflight(
     as_json: JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
-    from executor.flight.checklist import run_checklist_only
+    from executor.flight.preparation import run_checklist_only
 
     wanted = parse_plan_request(cost, solver, stretch, all_vehicles, seconds, seed, starts)
     content = read_site(site)

@@ -24,8 +24,13 @@ from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import run_flight, run_start
-from executor.flight.checkpoints import FoundCheckpoint, Planned, find_newest_checkpoint
-from executor.flight.flight_recorder import InheritedRecord, plan_path_of
+from executor.flight.flight_recorder import (
+    FoundCheckpoint,
+    InheritedRecord,
+    Planned,
+    find_newest_checkpoint,
+    plan_path_of,
+)
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.flight.run_flight import FlightResult, FlightSession

@@ -34,12 +34,12 @@ from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
-from executor.flight import prepare_vehicles
+from executor.flight import preparation
 from executor.flight import publication as web_page
-from executor.flight.checklist import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.operator_interrupts import Interrupts
+from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.flight.publication import Publication
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
@@ -106,12 +106,12 @@ async def _check_and_supervise(
     run = order.run
     facts = await interview_vehicles(order, links, clock, console)
     context, boards, found = build_context_and_checklist(order, facts)
-    lists = await prepare_vehicles.read_fences(context, links, clock)
-    found += prepare_vehicles.check_fences_on_board(context, facts, boards, lists, run)
+    lists = await preparation.read_fences(context, links, clock)
+    found += preparation.check_fences_on_board(context, facts, boards, lists, run)
     console.show_checks(found)
     try:
         _raise_on_stop(found)
-        proposal = await prepare_vehicles.read_changes(context, links, clock)
+        proposal = await preparation.read_changes(context, links, clock)
         console.show_checks(proposal.checks)
         _raise_on_stop(proposal.checks)
     except PreflightFailed:
@@ -174,17 +174,15 @@ async def _prepare_launch(
         PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
-    fence_lines = prepare_vehicles.describe_fence_changes(context, beginning.fences, beginning.lists)
+    fence_lines = preparation.describe_fence_changes(context, beginning.fences, beginning.lists)
     if proposal.changes or fence_lines:
-        text = prepare_vehicles.compose_changes_question(proposal, fences=len(fence_lines))
-        told = [*fence_lines, *prepare_vehicles.describe_parameter_changes(proposal)]
+        text = preparation.compose_changes_question(proposal, fences=len(fence_lines))
+        told = [*fence_lines, *preparation.describe_parameter_changes(proposal)]
         if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
-    beginning.found.extend(await prepare_vehicles.apply_changes(order.run, proposal, context, links, clock, console))
+    beginning.found.extend(await preparation.apply_changes(order.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await prepare_vehicles.upload_wanted_lists(
-        order.run, context, links, clock, beginning.fences, beginning.lists, console
-    )
+    await preparation.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
     await upload_first_missions(context, links, clock, beginning.boards, console)
     build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
     later = [] if order.day is None else day_flight.describe_later_sorties(order.day)

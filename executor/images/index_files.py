@@ -12,12 +12,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.run_directory import RunDirectory, write_json
+from executor.adapters.run_directory import RunDirectory
 from executor.core.context import Context
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.images.index_rows import AssetRow, ImageRow, build_asset_rows, build_image_rows
-from missions.files import write_whole
+from missions.files import write_document, write_whole
 
 EXPECTED = "the index of a flight with cameras, which is written when it ends"
 _IMAGE = tuple(field.name for field in fields(ImageRow))
@@ -45,7 +45,7 @@ def write_index(run: Path, index: ImageIndex) -> None:
     """
     directory = RunDirectory(run)
     write_whole(directory.images_csv, format_csv(index.images).encode())
-    write_json(directory.images_geojson, build_geojson(index))
+    write_document(directory.images_geojson, build_geojson(index))
     _write_tables(directory.images_sqlite, index)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from executor.adapters.mqtt import intake, publisher
+from executor.adapters.mqtt import broker, publisher
 from executor.analysis import documents, learned_document
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
@@ -49,7 +49,7 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "event": publisher.EventMessage,
     "fault": publisher.FaultMessage,
     "fleet-state": publisher.FleetStateMessage,
-    "intent": intake.IntentMessage,
+    "intent": broker.IntentMessage,
     "plan": publisher.PlanMessage,
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,

@@ -15,8 +15,13 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.clock import SystemClock
 from executor.core.preflight.vehicle_checks import Severity
 from executor.flight import open_links
-from executor.flight.checklist import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.flight.prepare_vehicles import apply_changes, read_changes
+from executor.flight.preparation import (
+    apply_changes,
+    build_context_and_checklist,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
 from executor.flight.run_start import FlightRequest
 from executor.simulated.demo_site import build_demo_site
 from executor.site import site_model

@@ -12,9 +12,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from executor.adapters.mqtt.broker import MqttTopics
+from executor.adapters.mqtt.broker import IntakeReason, MqttTopics, RefusedMessage
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
-from executor.adapters.mqtt.intake import IntakeReason, RefusedMessage
 from executor.core.fleet_view import FleetView, OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetState, AssetView
 from executor.core.interface.commands import Say

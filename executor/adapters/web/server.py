@@ -31,14 +31,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.intent_body import IntentBody
-from executor.adapters.web.connection_limits import (
+from executor.adapters.web.guard import (
     ConnectionLimits,
     ConnectionRegistry,
     EventStream,
+    Guard,
     LatestValue,
     WebConnection,
 )
-from executor.adapters.web.guard import Guard
 from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view

@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import common
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
-from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_json, write_site
+from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_site
 from executor.analysis.learned_document import build_learned_document, learn_from_flight, read_learned
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
@@ -37,6 +37,7 @@ from executor.site import site_model
 from executor.site.site_file import read_site
 from executor.site.site_packs import read_packs
 from missions import SolverRecord, make_plan_file, write_plan
+from missions.files import write_document
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
 from tests.fakes.flight import Story
@@ -58,7 +59,7 @@ def prepared(folder: Path) -> Path:
     )  # fmt: skip
     write_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
     write_plan(run / "plan-000.json", plan)
-    write_json(run / "vehicles.json", {"vehicles": []})
+    write_document(run / "vehicles.json", {"vehicles": []})
     return run
 
 

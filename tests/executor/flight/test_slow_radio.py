@@ -20,8 +20,13 @@ from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
-from executor.flight.checklist import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.flight.prepare_vehicles import apply_changes, read_changes
+from executor.flight.preparation import (
+    apply_changes,
+    build_context_and_checklist,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
 from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of

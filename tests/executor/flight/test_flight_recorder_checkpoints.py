@@ -21,8 +21,8 @@ from executor.core.interface.events import Reopened, SolveEnded, Tick
 from executor.core.interface.intents import Action
 from executor.core.interface.messages import StationHeard
 from executor.core.state.vehicle_state import Stage
-from executor.flight import checkpoints, resume_flight
-from executor.flight.checkpoints import Checkpoint, Checkpointer, Planned
+from executor.flight import flight_recorder, resume_flight
+from executor.flight.flight_recorder import Checkpoint, Checkpointer, Planned
 from executor.flight.run_start import read_run_start
 from tests.executor.builders import with_facts
 from tests.executor.flight.test_resume_flight import Diary, launched, left, prepared
@@ -88,7 +88,7 @@ def every_cut(run: Path) -> list[Checkpoint]:
 
 
 def keep(run: Path, checkpoint: Checkpoint, name: str = FILES[0]) -> None:
-    (run / name).write_bytes(checkpoints.encode_checkpoint(checkpoint, (run / "plan-000.json").read_bytes()))
+    (run / name).write_bytes(flight_recorder.encode_checkpoint(checkpoint, (run / "plan-000.json").read_bytes()))
 
 
 def copied(run: Path, folder: Path) -> Path:
@@ -117,7 +117,7 @@ def test_what_is_read_is_what_was_written_at_every_place_of_a_flight(logged: Log
     assert states[-1].crew.intents
     for cut in logged.cuts:
         keep(run, cut)
-        found = checkpoints.find_newest_checkpoint(run, run / LOG)
+        found = flight_recorder.find_newest_checkpoint(run, run / LOG)
         assert found.checkpoint == cut
         assert found.notes == ()
 
@@ -146,7 +146,7 @@ def test_state_that_a_flight_seldom_has_is_kept(logged: Logged, tmp_path: Path) 
     )
     state = with_facts(cut.state.put(vehicle), attempts={4: 2, 0: 1}, inferred=frozenset({3, 1}))
     keep(run, replace(cut, state=state))
-    found = checkpoints.find_newest_checkpoint(run, run / LOG).checkpoint
+    found = flight_recorder.find_newest_checkpoint(run, run / LOG).checkpoint
     assert found is not None
     assert found.state == state
     assert list(found.state.coverage.attempts) == [4, 0]
@@ -355,7 +355,7 @@ async def test_a_disk_that_hangs_holds_up_one_thread(tmp_path: Path, monkeypatch
         works.wait(PATIENCE_S)
 
     monkeypatch.setattr(os, "fsync", hang)
-    monkeypatch.setattr("executor.flight.checkpoints.DISK_S", 0.05)
+    monkeypatch.setattr("executor.flight.flight_recorder.DISK_S", 0.05)
     writer = Checkpointer(run, diary.log, 1.0, pytest.fail)
     try:
         for _ in range(3):
@@ -366,7 +366,7 @@ async def test_a_disk_that_hangs_holds_up_one_thread(tmp_path: Path, monkeypatch
         assert len(began) == 1
     finally:
         works.set()
-    monkeypatch.setattr("executor.flight.checkpoints.DISK_S", 60.0)
+    monkeypatch.setattr("executor.flight.flight_recorder.DISK_S", 60.0)
     await writer.settle()
     assert writer.is_due(flight.state, flight.now_s)
     diary.log.close()

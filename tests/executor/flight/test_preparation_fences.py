@@ -14,13 +14,13 @@ from executor.core.interface.messages import SendMissionCount
 from executor.core.preflight.board_changes import ChangeStage, KeptList
 from executor.core.state.onboard_fence import build_first_fences, encode_fence
 from executor.errors import LogError, PreflightFailed, VehicleRefused
-from executor.flight import prepare_vehicles
+from executor.flight import preparation
 from executor.flight.restore_vehicles import read_kept_lists, restore_board
 from missions import MissionItem, MissionKind, dialect_for
 from missions.fences import Fence, find_list_differences
 from missions.items import PlaceCommand
 from tests.executor.builders import fleet_of
-from tests.executor.flight.test_prepare_vehicles import Terminal
+from tests.executor.flight.test_preparation import Terminal
 from tests.fakes.clock import LoopClock
 from tests.fakes.disk import room_for
 from tests.fakes.link import CLEAN, Air, FakeLink
@@ -55,8 +55,8 @@ class Pads:
         }
 
     async def put(self) -> None:
-        found = await prepare_vehicles.read_fences(self.context, self.links, self.clock)
-        await prepare_vehicles.upload_wanted_lists(
+        found = await preparation.read_fences(self.context, self.links, self.clock)
+        await preparation.upload_wanted_lists(
             self.run, self.context, self.links, self.clock, self.first, found, self.console
         )
 
@@ -169,8 +169,8 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
     board = pads.boards["uav1"]
     assert board is not None
     wider = pads.first["uav1"].merge_with(Fence(((0.0, 0.0), (900.0, 0.0), (0.0, 900.0)), 60.0))
-    prepare_vehicles.record_wider_fence(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
-    prepare_vehicles.record_wider_fence(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
+    preparation.record_wider_fence(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
+    preparation.record_wider_fence(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
     pads.vehicles["uav1"].beside[FENCE].items = list(encode_fence(pads.context, wider))
     await pads.give_back()
     assert pads.as_before
@@ -186,7 +186,7 @@ async def test_a_record_that_cannot_be_read_is_said(tmp_path: Path) -> None:
 async def test_nothing_is_read_where_the_site_says_nothing_of_fences(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "px4")
     pads.context = replace(pads.context, fencing=None)
-    assert await prepare_vehicles.read_fences(pads.context, pads.links, pads.clock) == {}
+    assert await preparation.read_fences(pads.context, pads.links, pads.clock) == {}
     assert all(link.sent == [] for link in pads.links.values())
     pads.close()
     await asyncio.sleep(0)

@@ -19,7 +19,7 @@ from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
-from executor.flight import prepare_vehicles
+from executor.flight import preparation
 from executor.flight.restore_vehicles import (
     build_parameter_rows,
     check_run,
@@ -105,8 +105,8 @@ class Pads:
     async def apply(self) -> list[Check]:
         """Set what the flight needs."""
         context = self.fleet.context
-        proposal = await prepare_vehicles.read_changes(context, self.links, self.clock)
-        return await prepare_vehicles.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
+        proposal = await preparation.read_changes(context, self.links, self.clock)
+        return await preparation.apply_changes(self.run, proposal, context, self.links, self.clock, self.console)
 
     async def give_back(self) -> tuple[KeptParameter, ...]:
         kept, _ = await restore_board(self.run, self.links, self.clock, self.console)
@@ -161,11 +161,11 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
 @AUTOPILOTS
 async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     pads = Pads(tmp_path, autopilot)
-    proposal = await prepare_vehicles.read_changes(pads.fleet.context, pads.links, pads.clock)
-    assert prepare_vehicles.describe_parameter_changes(proposal)
-    assert all(" -> " in line for line in prepare_vehicles.describe_parameter_changes(proposal))
+    proposal = await preparation.read_changes(pads.fleet.context, pads.links, pads.clock)
+    assert preparation.describe_parameter_changes(proposal)
+    assert all(" -> " in line for line in preparation.describe_parameter_changes(proposal))
     assert (
-        prepare_vehicles.compose_changes_question(proposal)
+        preparation.compose_changes_question(proposal)
         == f"Change {len(proposal.changes)} parameters on board until the flight is over?"
     )
     assert pads.sets() == []

@@ -7,11 +7,11 @@ from typing import get_args
 
 import pytest
 
-from executor.adapters.mqtt.broker import IntakeRules
-from executor.adapters.mqtt.intake import (
+from executor.adapters.mqtt.broker import (
     BURST,
     MOST_BYTES,
     IntakeReason,
+    IntakeRules,
     IntentIntake,
     RateLimiter,
     RefusedMessage,

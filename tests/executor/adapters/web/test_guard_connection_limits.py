@@ -9,8 +9,8 @@ from contextlib import ExitStack, contextmanager
 
 import pytest
 
-from executor.adapters.web import connection_limits
-from executor.adapters.web.connection_limits import HERE, ConnectionLimits, ConnectionQuota, origin_of
+from executor.adapters.web import guard
+from executor.adapters.web.guard import HERE, ConnectionLimits, ConnectionQuota, origin_of
 from tests.executor.adapters.web.test_server import TOKEN, Beside
 from tests.patience import PATIENCE_S
 
@@ -26,8 +26,8 @@ def abroad(monkeypatch: pytest.MonkeyPatch) -> None:
     def origin(peer: str, _: str) -> str:
         return HERE if peer == "127.0.0.1" else peer
 
-    monkeypatch.setattr(connection_limits, "origin_of", origin)
-    monkeypatch.setattr(connection_limits, "origin_of", origin)
+    monkeypatch.setattr(guard, "origin_of", origin)
+    monkeypatch.setattr(guard, "origin_of", origin)
 
 
 @contextmanager
