@@ -44,7 +44,7 @@ from executor.flight.restore_vehicles import (
     write_kept_lists,
 )
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
-from executor.runtime import board_restore, vehicle_preflight
+from executor.runtime import board_restore
 from executor.runtime import vehicle_preflight as asking
 from executor.site import day_flight, site_model
 from executor.site.plan_summary import build_plan_checks
@@ -323,7 +323,7 @@ async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str,
     """Read what everybody carries beside its mission; nothing where the site says nothing of fences."""
     if context.fencing is None:
         return {}
-    return await run_for_each(context.vehicles, lambda name: vehicle_preflight.read_lists(links[name], clock))
+    return await run_for_each(context.vehicles, lambda name: asking.read_lists(links[name], clock))
 
 
 def check_fences_on_board(
@@ -413,7 +413,7 @@ async def upload_wanted_lists(
 
     async def load(name: str) -> None:
         new = lists[name]
-        await vehicle_preflight.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
+        await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
         rally = "" if new.rally is None else ", and its pad as rally point"
         console.say(

@@ -33,7 +33,6 @@ from executor.flight.flight_recorder import (
 )
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
-from executor.flight.run_flight import FlightResult, FlightSession
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
@@ -226,7 +225,7 @@ def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bo
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(order: run_start.FlightRequest, console: run_start.Console) -> FlightResult:
+async def start_unlaunched_run(order: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
@@ -253,7 +252,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightResult:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> run_flight.FlightResult:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -288,7 +287,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             report = finish_report(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
-                return FlightResult(report, left.begun.context, left=False)
+                return run_flight.FlightResult(report, left.begun.context, left=False)
             for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)
@@ -303,7 +302,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             solver = run_flight.make_solver_process(order, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
-                seat = FlightSession(
+                seat = run_flight.FlightSession(
                     left.begun.context, left.state, links, clock, log, solver, _read_preflight_record(run), left.legacy
                 )
                 return await run_flight.supervise(order, console, seat, reopened)

@@ -39,7 +39,6 @@ from executor.flight import publication as web_page
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.operator_interrupts import Interrupts
-from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.flight.publication import Publication
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
@@ -104,8 +103,8 @@ async def _check_and_supervise(
     links: Mapping[str, OpenLink],
 ) -> FlightResult:
     run = order.run
-    facts = await interview_vehicles(order, links, clock, console)
-    context, boards, found = build_context_and_checklist(order, facts)
+    facts = await preparation.interview_vehicles(order, links, clock, console)
+    context, boards, found = preparation.build_context_and_checklist(order, facts)
     lists = await preparation.read_fences(context, links, clock)
     found += preparation.check_fences_on_board(context, facts, boards, lists, run)
     console.show_checks(found)
@@ -183,7 +182,7 @@ async def _prepare_launch(
     beginning.found.extend(await preparation.apply_changes(order.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
     await preparation.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
-    await upload_first_missions(context, links, clock, beginning.boards, console)
+    await preparation.upload_first_missions(context, links, clock, beginning.boards, console)
     build_vehicle_answers(context, seat.said).write(RunDirectory(order.run).vehicles)
     later = [] if order.day is None else day_flight.describe_later_sorties(order.day)
     text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"

@@ -31,7 +31,6 @@ from executor.site import day_flight, site_model
 from executor.site.ground_files import write_ground
 from executor.site.ground_view import GroundView, view_for
 from executor.site.site_file import Site, read_secret, read_site
-from executor.site.site_model import SiteModel
 from executor.site.site_planning import check_plan_belongs
 from executor.site.tables.links import MqttTable
 from missions import (
@@ -154,7 +153,7 @@ class FlightRequest:
     site: Site
     base: Path
     """The folder that the site file's paths are relative to."""
-    ground: SiteModel
+    ground: site_model.SiteModel
     plan: PlanFile
     """Over all of the ground's segments, for its vehicles."""
     run: Path
@@ -211,7 +210,7 @@ def write_run_start(order: FlightRequest) -> None:
 class RunStart:
     """A flight before its launch."""
 
-    ground: SiteModel
+    ground: site_model.SiteModel
     plan: PlanFile
     context: Context
     state: FleetState
@@ -228,7 +227,7 @@ def read_run_start(run: Path) -> RunStart:
     return build_run_start(run, *read_site_and_plan(run))
 
 
-def read_site_and_plan(run: Path) -> tuple[SiteModel, PlanFile]:
+def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
     """Return the site of a flight and its first plan.
 
     Raises:
@@ -242,7 +241,7 @@ def read_site_and_plan(run: Path) -> tuple[SiteModel, PlanFile]:
     return ground, plan
 
 
-def build_run_start(run: Path, ground: SiteModel, plan: PlanFile) -> RunStart:
+def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
@@ -262,7 +261,7 @@ def build_run_start(run: Path, ground: SiteModel, plan: PlanFile) -> RunStart:
 
 
 def build_context_and_boards(
-    ground: SiteModel,
+    ground: site_model.SiteModel,
     setup: FlightSetup,
     plan: PlanFile,
     day: DayPlanFile | None,

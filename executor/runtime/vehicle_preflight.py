@@ -15,8 +15,6 @@ from executor.core.interface import messages
 from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, fence_checks, prearm
-from executor.core.preflight.failsafe_parameters import describe_unread_parameters
-from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.parameter_proposals import ParameterProposal, propose_return_changes
 from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.core.resume.reconciliation import compare_onboard_mission
@@ -289,15 +287,15 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> OnboardLists:
+async def read_lists(link: Link, clock: Clock) -> fence_checks.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return OnboardLists(
+    return fence_checks.OnboardLists(
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: OnboardLists) -> None:
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_checks.OnboardLists) -> None:
     """Put a fence and rally points on board; None of either leaves what is there.
 
     Raises:
@@ -366,7 +364,7 @@ async def _build_proposal(context: Context, name: str, link: Link, clock: Clock)
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
     """Return what cannot be known of its parameters; empty if everything is."""
     if facts.unread:
-        return describe_unread_parameters(facts.unread)
+        return failsafe_parameters.describe_unread_parameters(facts.unread)
     return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 

@@ -22,7 +22,6 @@ from typing import Any
 
 from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum, payload_of
 from executor.core import formatting
-from executor.core.formatting import escape_controls
 from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
 from executor.core.telemetry.px4_event_meanings import parse_px4_event
@@ -236,7 +235,7 @@ def _read_image_captured(frame: Frame) -> messages.PictureTaken:
         roll_deg=roll,
         pitch_deg=pitch,
         yaw_deg=yaw,
-        file=escape_controls(frame.file_url),
+        file=formatting.escape_controls(frame.file_url),
     )
 
 
