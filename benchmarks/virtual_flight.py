@@ -38,9 +38,8 @@ from executor.flight.preparation import (
     upload_first_missions,
 )
 from executor.flight.run_start import FlightRequest
-from executor.runtime.board_restore import set_changes
 from executor.runtime.flight_loop import Flight
-from executor.runtime.vehicle_preflight import load_lists
+from executor.runtime.vehicle_preflight import load_lists, set_changes
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_flight, site_model

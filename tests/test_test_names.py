@@ -221,7 +221,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/interface/recorded_log.py",
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
-    "tests/executor/flight/test_preparation.py": ("executor/runtime/board_restore.py",),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
         "executor/replay/replay_page.py",

@@ -44,7 +44,6 @@ from executor.flight.restore_vehicles import (
     write_kept_lists,
 )
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
-from executor.runtime import board_restore
 from executor.runtime import vehicle_preflight as asking
 from executor.site import day_flight, site_model
 from executor.site.plan_summary import build_plan_checks
@@ -252,7 +251,7 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
 
     async def read(name: str) -> Answers:
         beside = fence_checks.list_fence_parameters(context, name)
-        return await board_restore.read_present(links[name], clock, context.vehicles[name].dialect, beside)
+        return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
     return fence_checks.add_fence_changes(
         context, propose_return_changes(context, await run_for_each(context.vehicles, read))
@@ -301,7 +300,7 @@ async def apply_changes(
 
     async def one(name: str) -> None:
         async with turn:
-            ends = await board_restore.set_changes(links[name], clock, proposal.changes_of(name))
+            ends = await asking.set_changes(links[name], clock, proposal.changes_of(name))
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
         own = fence_checks.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from collections import defaultdict
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Generic, Literal
 
@@ -18,22 +18,23 @@ from executor.adapters.run_directory import Document, Number, RunDirectory, Whol
 from executor.analysis.documents import ParameterRow
 from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
+from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
+from executor.core.preflight import board_changes
 from executor.core.preflight.board_changes import Change, ChangeStage, Items, KeptList, KeptParameter
+from executor.core.preflight.parameter_proposals import (
+    Present,
+    list_return_parameters,
+)
 from executor.errors import LogError, PreflightFailed
 from executor.flight.open_links import AT_ONCE, follow_fleet_time
 from executor.flight.run_start import Console
-from executor.runtime.board_restore import (
-    HEARD_S,
-    RestingVehicle,
-    RestoreResult,
-    restore_lists,
-    restore_parameters,
-    wait_for_rest,
-)
+from executor.runtime import procedures
+from executor.runtime.vehicle_preflight import read_parameters
 from executor.site.site_file import Site, read_signing_key, read_site
 from executor.site.tables.aircraft import AutopilotKey
-from missions import MissionItem, MissionKind
+from missions import Dialect, MissionItem, MissionKind, dialect_for
+from missions.fences import number_items
 
 
 class _Row(Document):
@@ -216,6 +217,191 @@ def open_parameter_record(run: Path, console: Console, kept: Iterable[KeptParame
 def open_list_record(run: Path, console: Console, kept: Iterable[KeptList]) -> BoardRecord[KeptList]:
     """Return the record of fences and rally points that a run directory keeps from now on; nothing is written yet."""
     return BoardRecord(RunDirectory(run).fences, lambda rows: write_kept_lists(run, rows), console, list(kept))
+
+
+HEARD_S = 5.0
+"""Without a heartbeat for so long a vehicle does not answer; they come once a second."""
+ARMED_S = 3.0
+"""A vehicle that is heard and armed for so long is armed."""
+CALL_S = 1.0
+ROUNDS = 4
+"""Of looking at what is on board, while something is given back."""
+SETTLE_S = 1.0
+"""Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
+
+
+@dataclass(frozen=True, slots=True)
+class RestoreResult(Generic[board_changes.Change]):
+    """What became of what was changed on one vehicle."""
+
+    kept: tuple[board_changes.Change, ...]
+    """Each as it is on record now."""
+    problems: tuple[str, ...] = ()
+    """Why something stays; empty if all was given back."""
+
+
+@dataclass(slots=True)
+class RestingVehicle:
+    """A vehicle that was waited for until it answers and is not armed; its heartbeats are followed."""
+
+    problem: str = ""
+    """What is in the way, in words; empty if nothing is."""
+    heartbeat: Heartbeat | None = None
+    """The last one."""
+    came: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def update(self, message: Message) -> None:
+        """Take over a heartbeat."""
+        if isinstance(message, Heartbeat):
+            self.heartbeat = message
+            self.came.set()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it is not armed, by its last heartbeat."""
+        return self.heartbeat is not None and not self.heartbeat.armed
+
+
+@asynccontextmanager
+async def wait_for_rest(
+    link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S
+) -> AsyncIterator[RestingVehicle]:
+    """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
+
+    Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
+    meanwhile, as some only speak to who has spoken. What it answers is not looked at before its heartbeat has said
+    which autopilot it is: they write integers in two ways.
+
+    It hears no heartbeat from here: one that begins and ends would set off its ground-station failsafe.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        autopilot: Which it has to be, by its name in site files.
+        heard_s: How long it is waited for, in its time.
+    """
+    dialect, vehicle = dialect_for(autopilot), RestingVehicle()
+    stop_listening = link.listen(vehicle.update)
+    try:
+        began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
+        while not vehicle.is_at_rest:
+            patience_s = max(heard_s if vehicle.heartbeat is None else ARMED_S, least_s)
+            if clock.now_s() >= began_s + patience_s:
+                break
+            link.send(SendParamRequest(list_return_parameters(dialect)[0]))
+            vehicle.came.clear()
+            try:
+                async with asyncio.timeout(CALL_S / clock.speedup):
+                    await vehicle.came.wait()
+            except TimeoutError:
+                continue
+        vehicle.problem = _find_restore_problem(vehicle, dialect)
+        yield vehicle
+    finally:
+        stop_listening()
+
+
+def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
+    if vehicle.heartbeat is None:
+        return "does not answer"
+    if vehicle.heartbeat.armed:
+        return "is armed"
+    if vehicle.heartbeat.autopilot != dialect.number:
+        return f"is another vehicle now: its autopilot is {vehicle.heartbeat.autopilot}, expected {dialect.name}"
+    return ""
+
+
+async def restore_parameters(
+    link: Link, clock: Clock, kept: Sequence[board_changes.KeptParameter], vehicle: RestingVehicle
+) -> RestoreResult[board_changes.KeptParameter]:
+    """Give one vehicle its parameters back; what somebody else set since stays.
+
+    Looks and sets until everything is as it was in a round after the one that set it.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        kept: What is on record of it, and open.
+        vehicle: It at rest.
+    """
+    waiting = {one.name: one for one in kept}
+    ended: dict[str, board_changes.KeptParameter] = {}
+    problems: list[str] = []
+    said: Present = {}
+    for turn in range(ROUNDS):
+        if turn:
+            await asyncio.sleep(SETTLE_S / clock.speedup)
+        said = (await read_parameters(link, clock, waiting)).present
+        for name, value in said.items():
+            one = waiting[name]
+            what = one.classify(value.value)
+            if what is board_changes.ValueOrigin.OTHER:
+                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.LEFT)
+                problems.append(
+                    f"{name} is {board_changes.format_number(value.value)}, which somebody set since: left as it is"
+                )
+            elif what is board_changes.ValueOrigin.OLD and turn:
+                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.RESTORED)
+            elif what is board_changes.ValueOrigin.OURS:
+                if not vehicle.is_at_rest:
+                    return _build_result(kept, ended, [*problems, "was armed meanwhile"])
+                await procedures.set_parameter(link, clock, name, one.old, value.kind)
+        if not (waiting and said):
+            break
+    for name in waiting:
+        stays = f"stays {board_changes.format_number(said[name].value)}" if name in said else "does not answer"
+        problems.append(f"{name} {stays}")
+    return _build_result(kept, ended, problems)
+
+
+async def restore_lists(
+    link: Link, clock: Clock, kept: Sequence[board_changes.KeptList], vehicle: RestingVehicle
+) -> RestoreResult[board_changes.KeptList]:
+    """Give one vehicle its fence and its rally points back; what somebody else put on board since stays.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        kept: What is on record of it, and open.
+        vehicle: It at rest.
+    """
+    ended: dict[str, board_changes.KeptList] = {}
+    problems: list[str] = []
+    for one in kept:
+        if not vehicle.is_at_rest:
+            problems.append("was armed meanwhile")
+            break
+        found = await procedures.read_list(link, clock, one.kind)
+        if found is None:
+            problems.append(f"{one.words_open} cannot be read")
+            continue
+        what = one.classify(found)
+        if what is board_changes.ValueOrigin.OTHER:
+            ended[one.name] = replace(one, stage=board_changes.ChangeStage.LEFT)
+            problems.append(f"somebody has changed the {one.words_open} since: left as found")
+            continue
+        problem = "" if what is board_changes.ValueOrigin.OLD else await _put_list_back(link, clock, one)
+        if problem:
+            problems.append(problem)
+        else:
+            ended[one.name] = replace(one, stage=board_changes.ChangeStage.RESTORED)
+    return _build_result(kept, ended, problems)
+
+
+async def _put_list_back(link: Link, clock: Clock, one: board_changes.KeptList) -> str:
+    """Send a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
+    dialect, items = dialect_for(one.autopilot), number_items(one.old)
+    if one.kind is MissionKind.FENCE:
+        done = await procedures.upload_and_verify_fence(link, clock, dialect, items)
+    else:
+        done = await procedures.upload_and_verify(link, clock, dialect, items, kind=one.kind)
+    return "" if done.accepted else done.reason
+
+
+def _build_result(
+    kept: Sequence[board_changes.Change], ended: Mapping[str, board_changes.Change], problems: Sequence[str]
+) -> RestoreResult[board_changes.Change]:
+    return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))
 
 
 Links = Mapping[str, OpenLink]

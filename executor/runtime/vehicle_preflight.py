@@ -6,7 +6,7 @@ After the ground station was away: who answers, what everybody carries, and whic
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -15,7 +15,15 @@ from executor.core.interface import messages
 from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, fence_checks, prearm
-from executor.core.preflight.parameter_proposals import ParameterProposal, propose_return_changes
+from executor.core.preflight.parameter_proposals import (
+    Answers,
+    ParameterChange,
+    ParameterProposal,
+    Present,
+    list_newer_return_parameters,
+    list_return_parameters,
+    propose_return_changes,
+)
 from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -25,9 +33,10 @@ from executor.core.telemetry.firmware import parse_banner_version
 from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
+from executor.protocols.parameter_dialogue import ParameterReading
 from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
-from executor.runtime.board_restore import read_parameters, read_present, set_changes
+from executor.runtime.dialogue import run_dialogue
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
 
 STEADY_S = 3.0
@@ -250,6 +259,57 @@ async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> N
                 await heard.changed.wait()
         except TimeoutError:
             return
+
+
+async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
+    """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
+    return await read_parameters(
+        link,
+        clock,
+        (*list_return_parameters(dialect), *beside),
+        lambda present: list_newer_return_parameters(dialect, present),
+    )
+
+
+async def read_parameters(
+    link: Link, clock: Clock, names: Iterable[str], others: Callable[[Present], Iterable[str]] = lambda _: ()
+) -> Answers:
+    """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        names: Which ones.
+        others: Given what is there, the names that some have in other firmware.
+    """
+    answers = await _read_at_pace(link, clock, names)
+    more = () if answers.unread else tuple(others(answers.present))
+    if not more:
+        return answers
+    # One that is there goes with them: beside it a silence can be told from the link's.
+    found = await _read_at_pace(link, clock, (*more, *tuple(answers.present)[:1]))
+    return Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
+
+
+async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
+    present: dict[str, messages.ParamValue] = {}
+    began_s, unread = clock.now_s(), tuple(names)
+    while unread:
+        reading = await run_dialogue(ParameterReading.start(unread), link, clock)
+        present |= {value.name: value for value in reading.values}
+        unread = tuple(name for name in unread if name in reading.unread)
+        if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:
+            break
+    return Answers(present, frozenset(unread))
+
+
+async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChange]) -> dict[str, str]:
+    """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
+    ends = {}
+    for change in changes:
+        done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
+        ends[change.name] = "" if done.accepted else done.reason
+    return ends
 
 
 async def load_mission(

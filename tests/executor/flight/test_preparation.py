@@ -21,6 +21,8 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import preparation
 from executor.flight.restore_vehicles import (
+    HEARD_S,
+    ROUNDS,
     build_parameter_rows,
     check_run,
     find_open_parameters,
@@ -28,7 +30,6 @@ from executor.flight.restore_vehicles import (
     restore_board,
     write_kept_parameters,
 )
-from executor.runtime.board_restore import HEARD_S, ROUNDS
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
 from tests.fakes.clock import LoopClock
