@@ -30,6 +30,7 @@ from executor.errors import LogError, PreflightFailed
 from executor.flight.open_links import AT_ONCE, follow_fleet_time
 from executor.flight.run_start import Console
 from executor.runtime import procedures
+from executor.runtime.dialogue import listen_to
 from executor.runtime.vehicle_preflight import read_parameters
 from executor.site.site_file import Site, read_signing_key, read_site
 from executor.site.tables.aircraft import AutopilotKey
@@ -281,8 +282,7 @@ async def wait_for_rest(
         heard_s: How long it is waited for, in its time.
     """
     dialect, vehicle = dialect_for(autopilot), RestingVehicle()
-    stop_listening = link.listen(vehicle.update)
-    try:
+    with listen_to(link, vehicle.update):
         began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
         while not vehicle.is_at_rest:
             patience_s = max(heard_s if vehicle.heartbeat is None else ARMED_S, least_s)
@@ -297,8 +297,6 @@ async def wait_for_rest(
                 continue
         vehicle.problem = _find_restore_problem(vehicle, dialect)
         yield vehicle
-    finally:
-        stop_listening()
 
 
 def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:

@@ -232,6 +232,16 @@ class _Patience:
         return after, send
 
 
+@contextmanager
+def listen_to(link: Link, listener: Callable[[Message], None]) -> Iterator[None]:
+    """Have every message of a vehicle handed on inside the block."""
+    stop_listening = link.listen(listener)
+    try:
+        yield
+    finally:
+        stop_listening()
+
+
 @count_awake_time
 async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     """Run a dialogue to its one outcome.
@@ -246,30 +256,28 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
 
     paced = _DialogueClock(underlying(clock))
     patience = _Patience(clock, paced)
-    stop_listening = link.listen(take)
-    try:
-        machine, send = machine.begin(paced.now_s())
-        patience.begin()
-        while True:
+    with listen_to(link, take):
+        try:
+            machine, send = machine.begin(paced.now_s())
+            patience.begin()
+            while True:
+                for message in send:
+                    link.send(message)
+                if machine.outcome is not None:
+                    return machine
+                heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
+                if heard is None:
+                    machine, send = patience.pass_deadline(machine)
+                    continue
+                before = machine
+                machine, send = machine.on_message(heard, paced.now_s())
+                if machine is not before:
+                    patience.begin()
+        except asyncio.CancelledError:
+            _, send = machine.cancel()
             for message in send:
                 link.send(message)
-            if machine.outcome is not None:
-                return machine
-            heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
-            if heard is None:
-                machine, send = patience.pass_deadline(machine)
-                continue
-            before = machine
-            machine, send = machine.on_message(heard, paced.now_s())
-            if machine is not before:
-                patience.begin()
-    except asyncio.CancelledError:
-        _, send = machine.cancel()
-        for message in send:
-            link.send(message)
-        raise
-    finally:
-        stop_listening()
+            raise
 
 
 async def _receive_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:

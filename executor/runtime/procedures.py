@@ -18,7 +18,7 @@ from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.vehicle_commands import CommandDialogue
-from executor.runtime.dialogue import LEAST_WAIT_S, count_awake_time, run_dialogue, times_slower, underlying
+from executor.runtime.dialogue import LEAST_WAIT_S, count_awake_time, listen_to, run_dialogue, times_slower, underlying
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
@@ -219,13 +219,10 @@ async def upload_and_verify_fence(
 
     if not wanted(False):
         return ProcedureResult(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
-    stop_listening = link.listen(note)
-    try:
+    with listen_to(link, note):
         done = await upload_and_verify(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
         if done.accepted and items and dialect.geofence.checked_on_load:
             await asyncio.sleep(DROPPED_S / clock.speedup)
-    finally:
-        stop_listening()
     if done.accepted and dropped:
         return ProcedureResult(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
     return done
@@ -288,19 +285,19 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    stop_listening, looking = link.listen(note), asyncio.ensure_future(watch.watch_clock())
-    try:
-        for step in dialect.start:
-            if watch.has_paused():
-                return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
-            done = await _start_step(link, clock, dialect, step, watch)
-            armed = armed or done.armed
-            if not done.accepted:
-                why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
-    finally:
-        looking.cancel()
-        stop_listening()
+    with listen_to(link, note):
+        looking = asyncio.ensure_future(watch.watch_clock())
+        try:
+            for step in dialect.start:
+                if watch.has_paused():
+                    return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
+                done = await _start_step(link, clock, dialect, step, watch)
+                armed = armed or done.armed
+                if not done.accepted:
+                    why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
+                    return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
+        finally:
+            looking.cancel()
     return ProcedureResult(accepted=True)
 
 
@@ -342,10 +339,7 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
     """
     until_s = clock.now_s() + ARM_PATIENCE_S
     modes: set[int] = set()
-    stop_listening = link.listen(
-        lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None
-    )
-    try:
+    with listen_to(link, lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None):
         while len(modes) < 2:
             done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
@@ -356,8 +350,6 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
         return ProcedureResult(
             accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
         )
-    finally:
-        stop_listening()
 
 
 Order = SendHome | Hold | LandNow | Disarm | Resume
@@ -447,14 +439,11 @@ async def _wait_for_confirmation(
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
     """Wait for a message; returns whether it came."""
     came, until_s = asyncio.Event(), clock.now_s() + timeout_s
-    stop_listening = link.listen(lambda message: came.set() if wanted(message) else None)
-    try:
+    with listen_to(link, lambda message: came.set() if wanted(message) else None):
         while not came.is_set() and (left_s := until_s - clock.now_s()) > LEAST_WAIT_S:
             with suppress(TimeoutError):
                 async with asyncio.timeout(left_s / clock.speedup):
                     await came.wait()
-    finally:
-        stop_listening()
     return came.is_set()
 
 

@@ -36,7 +36,7 @@ from executor.protocols import vehicle_commands
 from executor.protocols.parameter_dialogue import ParameterReading
 from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
-from executor.runtime.dialogue import run_dialogue
+from executor.runtime.dialogue import listen_to, run_dialogue
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
 
 STEADY_S = 3.0
@@ -184,8 +184,7 @@ async def interview_vehicle(
         PreflightFailed: it did not become ready in time.
     """
     heard = _VehicleAnswers(clock)
-    stop_listening = link.listen(heard.update)
-    try:
+    with listen_to(link, heard.update):
         await procedures.request_streams(link, clock, dialect)
         await procedures.send_order(
             link,
@@ -205,8 +204,6 @@ async def interview_vehicle(
             (*failsafe_parameters.list_preflight_parameters(dialect), *more),
             lambda present: failsafe_parameters.list_older_parameters(dialect, present),
         )
-    finally:
-        stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
     stations = [one for one in heard.strangers if isinstance(one, messages.StationHeard)]
