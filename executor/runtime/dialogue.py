@@ -12,7 +12,7 @@ import inspect
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import wraps
+from functools import partial, wraps
 from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -21,6 +21,8 @@ from executor.core.interface.ports import Clock, Link
 from executor.protocols.machine import DialogueMachine, TimedOut
 
 BEAT_REAL_S = 0.1
+STANDS_STILL_S = 5.0
+"""Of this computer: so long after the crew's yes, and nobody looked meanwhile, somebody may be at the pad."""
 LEAST_WAIT_S = 1e-6
 """Of a time-out what is less is nothing: it is the last digit of a sum."""
 MOST_REAL_S = 0.25
@@ -41,12 +43,14 @@ class _Beat:
     """Of the last beat, in real seconds of the clock."""
     lost_s: float = 0.0
     """Before it, in which this program was not able to do anything."""
+    stood_still_s: float = float("-inf")
+    """When it was noticed last that this computer had stood still."""
     next: asyncio.TimerHandle | None = None
 
     def begin(self) -> None:
         self.users += 1
         if self.users == 1:
-            self.at_s = self._now_s()
+            self.at_s = self.now_s()
             self.next = self.loop.call_later(BEAT_REAL_S, self._beat)
 
     def end(self) -> None:
@@ -57,13 +61,20 @@ class _Beat:
 
     def total_lost_real_s(self) -> float:
         """Return how many real seconds this program has lost so far."""
-        return self.lost_s + max(0.0, self._now_s() - self.at_s - MOST_REAL_S)
+        return self.lost_s + max(0.0, self.now_s() - self.at_s - MOST_REAL_S)
 
-    def _now_s(self) -> float:
+    def has_stood_still(self, since_s: float) -> bool:
+        """Return whether this computer stood still since a time: a laptop that was closed goes on where it was."""
+        if self.now_s() - self.at_s > STANDS_STILL_S:
+            self.stood_still_s = self.now_s()
+        return self.stood_still_s > since_s
+
+    def now_s(self) -> float:
         return self.clock.now_s() / self.clock.speedup
 
     def _beat(self) -> None:
-        self.lost_s, self.at_s = self.total_lost_real_s(), self._now_s()
+        self.has_stood_still(self.at_s)
+        self.lost_s, self.at_s = self.total_lost_real_s(), self.now_s()
         self.next = self.loop.call_later(BEAT_REAL_S, self._beat)
 
 
@@ -85,6 +96,10 @@ class AwakeClock:
     def now_s(self) -> float:
         """Seconds of the flight in which this program was able to do its work."""
         return self.clock.now_s() - self.beat.total_lost_real_s() * self.clock.speedup
+
+    def watch_pauses(self) -> Callable[[], bool]:
+        """Return what tells whether this computer has stood still from now on."""
+        return partial(self.beat.has_stood_still, self.beat.now_s())
 
 
 @contextmanager

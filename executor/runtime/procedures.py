@@ -18,7 +18,15 @@ from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.vehicle_commands import CommandDialogue
-from executor.runtime.dialogue import LEAST_WAIT_S, count_awake_time, listen_to, run_dialogue, times_slower, underlying
+from executor.runtime.dialogue import (
+    LEAST_WAIT_S,
+    awake,
+    count_awake_time,
+    listen_to,
+    run_dialogue,
+    times_slower,
+    underlying,
+)
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
@@ -52,8 +60,6 @@ DROPPED_S = 1.5
 """It came half a second after the acknowledgement (measured)."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
-STANDS_STILL_S = 5.0
-"""Of this computer: so long after the crew's yes, and nobody looked meanwhile, somebody may be at the pad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,26 +258,6 @@ async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> Proc
     )
 
 
-class _HostPauseWatch:
-    """Notices that this computer stood still: a laptop that was closed goes on where it was."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock, self._looked_s, self._still = clock, clock.now_s(), False
-
-    def has_paused(self) -> bool:
-        """Return whether it did since the watch began."""
-        now_s = self._clock.now_s()
-        self._still |= now_s - self._looked_s > STANDS_STILL_S * max(1.0, self._clock.speedup)
-        self._looked_s = now_s
-        return self._still
-
-    async def watch_clock(self) -> None:
-        """Look every second, until it is cancelled."""
-        while True:
-            await asyncio.sleep(1.0)
-            self.has_paused()
-
-
 async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
     """Arm and start the mission on board, in the way that the autopilot wants it.
 
@@ -279,25 +265,21 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
     """
     said: list[str] = []
     armed = False
-    watch = _HostPauseWatch(clock)
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    with listen_to(link, note):
-        looking = asyncio.ensure_future(watch.watch_clock())
-        try:
-            for step in dialect.start:
-                if watch.has_paused():
-                    return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
-                done = await _start_step(link, clock, dialect, step, watch)
-                armed = armed or done.armed
-                if not done.accepted:
-                    why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
-                    return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
-        finally:
-            looking.cancel()
+    with awake(clock) as able, listen_to(link, note):
+        has_paused = able.watch_pauses()
+        for step in dialect.start:
+            if has_paused():
+                return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
+            done = await _start_step(link, clock, dialect, step, has_paused)
+            armed = armed or done.armed
+            if not done.accepted:
+                why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
+                return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
     return ProcedureResult(accepted=True)
 
 
@@ -305,13 +287,13 @@ SLEPT = "this ground station stood still meanwhile"
 
 
 async def _start_step(
-    link: Link, clock: Clock, dialect: Dialect, step: StartStep, watch: _HostPauseWatch
+    link: Link, clock: Clock, dialect: Dialect, step: StartStep, has_paused: Callable[[], bool]
 ) -> ProcedureResult:
     match step:
         case StartStep.GUIDED:
             return await switch_mode(link, clock, dialect.modes.guided)
         case StartStep.ARM:
-            done = await _arm(link, clock, watch)
+            done = await _arm(link, clock, has_paused)
             if not done.accepted:
                 return done
             seen = await _wait_for_confirmation(
@@ -332,7 +314,7 @@ async def _start_step(
 
 
 @count_awake_time
-async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureResult:
+async def _arm(link: Link, clock: Clock, has_paused: Callable[[], bool]) -> ProcedureResult:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
     Who changes its mode meanwhile wants something else of it.
@@ -345,7 +327,7 @@ async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureRes
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
-            if watch.has_paused():
+            if has_paused():
                 return ProcedureResult(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
         return ProcedureResult(
             accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
