@@ -35,11 +35,10 @@ from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
 from executor.flight import preparation
-from executor.flight import publication as web_page
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.operator_interrupts import Interrupts
-from executor.flight.publication import Publication
+from executor.flight.publication import Publication, check_web, serve_page
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
 from executor.images.index_files import build_image_index, write_index
@@ -82,9 +81,9 @@ def load_optional_parts(order: FlightRequest) -> None:
     """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
 
     Raises:
-        SiteError: as `web.check_web`.
+        SiteError: as `check_web`.
     """
-    web_page.check_web(order.site.web)
+    check_web(order.site.web)
     if order.mqtt is not None:
         import executor.adapters.mqtt.publisher  # noqa: F401 - it is loaded, and used later
 
@@ -242,7 +241,7 @@ async def supervise(
         listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web_page.serve_page(order.site.web, flight, clock, console, order),
+                serve_page(order.site.web, flight, clock, console, order),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
