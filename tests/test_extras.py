@@ -153,7 +153,7 @@ def test_the_extras_are_those_of_the_package() -> None:
     always = {re.split(r"[^\w-]", one)[0] for one in project["dependencies"]}
     for extra in Extra:
         assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value[0]]} == set(packages_of(extra))
-        assert always.isdisjoint(modules)
+        assert always.isdisjoint(extra.modules)
     whole = {name for one in named["all"] for name in re.findall(r"[\w-]+", one.partition("[")[2])}
     assert whole == set(named) - {"all"}
 

@@ -103,18 +103,6 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     return ResumePlan(order, eventlog.read_head(path), found, last_s, set_s)
 
 
-def read_interrupted_run(run: Path) -> run_start.FlightRequest | InterruptedRun:
-    """Return how a flight was left.
-
-    Raises:
-        LogError: as `read_resume_plan`, or what the directory holds cannot be used.
-        SiteError: site.toml cannot be used.
-        MissionsError: the first plan, or the network, cannot be used.
-    """
-    known = read_resume_plan(run)
-    return known if isinstance(known, run_start.FlightRequest) else replay_interrupted_run(run, known)
-
-
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
     """Return how a flight was left, by its checkpoint and what its log holds since; else by the whole log.
 
@@ -124,7 +112,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         stopped: Asked again and again: whether nobody waits for it any more.
 
     Raises:
-        LogError: as `read_interrupted_run`, or it was stopped.
+        LogError: as `read_resume_plan`, or it was stopped.
     """
     path, checkpoint = RunDirectory(run).events, known.found.checkpoint
     begun = run_start.build_run_start(run, known.order.ground, known.order.plan)
@@ -162,12 +150,13 @@ def read_finished_run(run: Path) -> InterruptedRun | None:
     """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
 
     Raises:
-        LogError: as `read_interrupted_run`.
+        LogError: as `read_resume_plan`.
     """
     if not RunDirectory(run).events.exists() or not eventlog.is_flight_finished(RunDirectory(run).events):
         return None
-    left = read_interrupted_run(run)
-    return left if isinstance(left, InterruptedRun) and left.state.progress.finished else None
+    known = read_resume_plan(run)
+    left = replay_interrupted_run(run, known) if isinstance(known, ResumePlan) else None
+    return left if left is not None and left.state.progress.finished else None
 
 
 def _is_launched(run: Path) -> bool:
@@ -243,7 +232,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
 
     Raises:
-        LogError: as `read_interrupted_run`.
+        LogError: as `read_resume_plan`.
     """
     if known.found.checkpoint is not None:
         return describe_interrupted_run(replay_interrupted_run(run, known))

@@ -99,9 +99,9 @@ def launched(run: Path) -> tuple[Story, Diary]:
 
 
 def left(run: Path) -> resume_flight.InterruptedRun:
-    found = resume_flight.read_interrupted_run(run)
-    assert isinstance(found, resume_flight.InterruptedRun)
-    return found
+    known = resume_flight.read_resume_plan(run)
+    assert isinstance(known, resume_flight.ResumePlan)
+    return resume_flight.replay_interrupted_run(run, known)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -215,7 +215,7 @@ def test_a_flight_that_was_never_launched_begins_from_its_beginning(tmp_path: Pa
         EventLog(run / "events.jsonl", began_unix_s=0.0, speedup=SPEEDUP).close()
     elif content is not None:
         (run / "events.jsonl").write_bytes(content)
-    found = resume_flight.read_interrupted_run(run)
+    found = resume_flight.read_resume_plan(run)
     assert isinstance(found, FlightRequest)
     assert found.ground.names == ("uav1", "uav2")
 
