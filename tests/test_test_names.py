@@ -49,7 +49,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/restore.py",
         "executor/flight/restore_vehicles.py",
     ),
-    "tests/e2e/test_told_to_end.py": ("executor/flight/operator_interrupts.py",),
     "tests/executor/adapters/test_clock_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
