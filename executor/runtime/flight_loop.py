@@ -315,15 +315,8 @@ class Flight:
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
-        task = self._spawn(
-            self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed), vehicle
-        )
-        if task is not None:
-            self._jobs[vehicle] = task
-            self._whole.discard(vehicle)
-            if whole:
-                self._whole.add(vehicle)
-            task.add_done_callback(self._on_job_end)
+        job = self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed)
+        self._begin_job(vehicle, job, whole=whole)
 
     def _start_side_job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
         """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""
@@ -331,10 +324,14 @@ class Flight:
         if job is not None and not job.done():
             work.close()
             return
+        self._begin_job(vehicle, work)
+
+    def _begin_job(self, vehicle: str, work: Coroutine[None, None, None], *, whole: bool = False) -> None:
         task = self._spawn(work, vehicle)
         if task is not None:
             self._jobs[vehicle] = task
-            self._whole.discard(vehicle)
+            (self._whole.add if whole else self._whole.discard)(vehicle)
+            task.add_done_callback(self._on_job_end)
 
     async def _run_job(self, what: str, work: Work, failed: Failed) -> None:
         """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""

@@ -248,14 +248,12 @@ async def upload_once(
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:
     """Give one command."""
-    ended = await _run_patiently(command, link, clock)
-    return ProcedureResult(
-        ended.accepted,
-        ended.reason,
-        lost=isinstance(ended.outcome, TimedOut),
-        refused=isinstance(ended.outcome, Rejected),
-        code=ended.code,
-    )
+    return _build_result(await _run_patiently(command, link, clock))
+
+
+def _build_result(ended: DialogueMachine) -> ProcedureResult:
+    lost, refused = isinstance(ended.outcome, TimedOut), isinstance(ended.outcome, Rejected)
+    return ProcedureResult(ended.accepted, ended.reason, lost=lost, refused=refused, code=ended.code)
 
 
 async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
@@ -436,8 +434,7 @@ async def read_parameter(link: Link, clock: Clock, name: str) -> ParameterDialog
 
 async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> ProcedureResult:
     """Set a parameter and see the new value."""
-    ended = await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock)
-    return ProcedureResult(ended.accepted, ended.reason, code=ended.code)
+    return _build_result(await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock))
 
 
 @count_awake_time

@@ -267,17 +267,9 @@ class Publisher:
         self._acknowledge({"id": refusal.id, "outcome": "refused", "code": refusal.code, "text": refusal.reason})
 
     def _acknowledge_intent(self, record: IntentRecord) -> None:
-        asked = record.intent
-        answer = {"id": asked.id, "action": asked.action.value, "vehicle": asked.vehicle}
-        self._acknowledge(
-            answer
-            | {
-                "outcome": record.outcome.value,
-                "code": record.code,
-                "text": record.text,
-                "question": record.question,
-            }
-        )
+        asked = {"id": record.intent.id, "action": record.intent.action.value, "vehicle": record.intent.vehicle}
+        told = {"code": record.code, "text": record.text, "question": record.question}
+        self._acknowledge({**asked, "outcome": record.outcome.value, **told})
 
     def _acknowledge(self, content: Content) -> None:
         self._outbox.enqueue(self._build_message(self._topics.acknowledgement_topic, AcknowledgementMessage, content))
@@ -288,23 +280,15 @@ class Publisher:
             if fault is None or (name, fault.detected_s) in self._faults:
                 continue
             self._faults.add((name, fault.detected_s))
-            what: Content = {"vehicle": name, "kind": fault.kind.value, "code": fault.code, "reason": fault.reason}
-            what = {**what, "detected_s": fault.detected_s}
+            found = {"kind": fault.kind.value, "code": fault.code, "reason": fault.reason}
+            what = {"vehicle": name, **found, "detected_s": fault.detected_s}
             self._outbox.enqueue(self._build_message(self._topics.fleet_topic("fault"), FaultMessage, what))
 
     def _publish_telemetry(self, vehicle: VehicleView) -> None:
-        topic = self._topics.vehicle_topic(vehicle.name, "telemetry")
-        content = {
-            "name": vehicle.name,
-            "state": vehicle.state,
-            "position": vehicle.position,
-            "battery_pct": vehicle.battery.measured_pct,
-            "link_age_s": vehicle.link_age_s,
-            "link_loss": vehicle.link_loss,
-            "segment": vehicle.progress.segment,
-            "segment_name": vehicle.progress.segment_name,
-            "segment_share": vehicle.progress.segment_share,
-        }
+        topic, progress = self._topics.vehicle_topic(vehicle.name, "telemetry"), vehicle.progress
+        same = {name: getattr(vehicle, name) for name in ("name", "state", "position", "link_age_s", "link_loss")}
+        way = {name: getattr(progress, name) for name in ("segment", "segment_name", "segment_share")}
+        content = {**same, "battery_pct": vehicle.battery.measured_pct, **way}
         self._outbox.put_latest(self._build_message(topic, TelemetryMessage, content))
 
     def _publish_state(self, topic: str, kind: type[MqttPayload], slow: object, content: Content) -> None:
