@@ -210,7 +210,7 @@ async def _upload_with_own(connection: Connection, dialect: Dialect, items: tupl
         began_s = time.perf_counter()
         clock = SystemClock(1.0)
         ended = await procedures.upload_once(links[NAME], clock, dialect, items)
-        failure = procedures.reason_of(ended.outcome)
+        failure = ended.reason
         if failure and ended.furthest == len(items) - 1:
             # As in flight: perhaps only the acknowledgement got lost, so what is on board decides.
             back = await run_dialogue(DownloadDialogue(), links[NAME], clock)

@@ -29,7 +29,7 @@ class Extra(Enum):
     @property
     def modules(self) -> tuple[str, ...]:
         """What is imported of it."""
-        return self.value[1:]
+        return tuple(map(str, self.value[1:]))
 
 
 INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}

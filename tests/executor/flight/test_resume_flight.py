@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common
 
+from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_site
@@ -333,7 +334,7 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
         finally:
             ended.set()
 
-    monkeypatch.setattr(resume_flight.eventlog, "read_events", slow)
+    monkeypatch.setattr(eventlog, "read_events", slow)
     ports = [int(table.connection.rpartition(":")[2]) for table in read_site(run / "site.toml").vehicle]
     async with AsyncExitStack() as stack:
         peers = [await stack.enter_async_context(peer(port, sysid)) for sysid, port in enumerate(ports, start=1)]

@@ -196,7 +196,7 @@ async def test_parameters_are_read_and_set() -> None:
     assert await procedures.set_parameter(pad.link, pad.clock, "RTL_ALT", 2500.0, 4) == ProcedureResult(accepted=True)
     assert pad.vehicle.parameters["RTL_ALT"] == 2500.0
     unknown = await procedures.set_parameter(pad.link, pad.clock, "NO_SUCH", 1.0, 4)
-    assert unknown == ProcedureResult(accepted=False, reason="NO_SUCH: no answer")
+    assert unknown == ProcedureResult(accepted=False, reason="NO_SUCH: no answer", lost=True)
     pad.link.close()
 
 
