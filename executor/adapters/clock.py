@@ -100,6 +100,7 @@ BUSY_REAL_S = 0.25
 """What never comes to rest goes on all the same after this: a flood of frames slows a flight, and does not end it."""
 
 
+@dataclass(eq=False, repr=False)
 class FleetTime(asyncio.Protocol):
     """Seconds of a steady clock: the computer's, or as many as the fleet has lived through, as long as one is there.
 
@@ -108,37 +109,30 @@ class FleetTime(asyncio.Protocol):
     and neither sees the other late.
     """
 
-    def __init__(
-        self, speedup: float, steady_s: Callable[[], float], monotonic_s: Callable[[], float] = time.monotonic
-    ) -> None:
-        """Begin alone.
-
-        Args:
-            speedup: Of the flight; a fleet with another one keeps its own time.
-            steady_s: The computer's own steady clock.
-            monotonic_s: Real seconds, to see how long a partner has been silent.
-        """
-        self._speedup = speedup
-        self._own_s = steady_s
-        self._monotonic_s = monotonic_s
-        self._transport: asyncio.Transport | None = None
-        self._lines = common_time.LineBuffer()
-        self._turn: common_time.ReplyWait | None = None
-        self._came = asyncio.Event()
-        self._behind_s = 0.0
-        """Of our time behind the computer's clock, while alone."""
-        self._base_s = 0.0
-        self._base_lived_s = 0.0
-        self._lived_s = 0.0
-        """What we live in, in the fleet's time."""
-        self._told_s = 0.0
-        """How far the fleet has lived."""
-        self._heard_at_s = 0.0
-        self._taken_s = 0.0
-        """What was acknowledged last."""
-        self._together = False
-        self._dated: tuple[float, float] | None = None
-        """A moment of our time, and its date on the fleet's clock."""
+    _speedup: float
+    """Of the flight; a fleet with another one keeps its own time."""
+    _own_s: Callable[[], float]
+    """The computer's own steady clock."""
+    _monotonic_s: Callable[[], float] = time.monotonic
+    """Real seconds, to see how long a partner has been silent."""
+    _transport: asyncio.Transport | None = None
+    _lines: common_time.LineBuffer = field(default_factory=common_time.LineBuffer)
+    _turn: common_time.ReplyWait | None = None
+    _came: asyncio.Event = field(default_factory=asyncio.Event)
+    _behind_s: float = 0.0
+    """Of our time behind the computer's clock, while alone."""
+    _base_s: float = 0.0
+    _base_lived_s: float = 0.0
+    _lived_s: float = 0.0
+    """What we live in, in the fleet's time."""
+    _told_s: float = 0.0
+    """How far the fleet has lived."""
+    _heard_at_s: float = 0.0
+    _taken_s: float = 0.0
+    """What was acknowledged last."""
+    _together: bool = False
+    _dated: tuple[float, float] | None = None
+    """A moment of our time, and its date on the fleet's clock."""
 
     @property
     def is_synchronised(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from executor import supervised
@@ -57,38 +57,28 @@ class Observer:
     """Called with lines for the operator that nobody decided: what is waited for."""
 
 
+@dataclass(eq=False, repr=False)
 class Flight:
     """Owns the state of one flight; everything runs on one event loop, and only `apply` changes the state."""
 
-    def __init__(
-        self,
-        context: Context,
-        state: FleetState,
-        links: Mapping[str, Link],
-        clock: Clock,
-        sink: EventSink,
-        solver: Solver,
-        observer: Observer,
-    ) -> None:
-        """Wire the parts; `run` flies."""
-        self.context = context
-        self.state = state
-        self._links = links
-        self._clock = clock
-        self._sink = sink
-        self._solver = solver
-        self._observer = observer
-        self._jobs: dict[str, asyncio.Task[None]] = {}
-        self._whole: set[str] = set()
-        """Vehicles whose present job is an upload."""
-        self._solving: set[asyncio.Task[None]] = set()
-        self._leaves = False
-        """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
-        self._tasks: asyncio.TaskGroup | None = None
-        self._over = asyncio.Event()
-        self._mistakes: set[str] = set()
-        self._stops: list[Callable[[], None]] = []
-        self._answer = asyncio.Event()
+    context: Context
+    state: FleetState
+    _links: Mapping[str, Link]
+    _clock: Clock
+    _sink: EventSink
+    _solver: Solver
+    _observer: Observer
+    _jobs: dict[str, asyncio.Task[None]] = field(default_factory=dict)
+    _whole: set[str] = field(default_factory=set)
+    """Vehicles whose present job is an upload."""
+    _solving: set[asyncio.Task[None]] = field(default_factory=set)
+    _leaves: bool = False
+    """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
+    _tasks: asyncio.TaskGroup | None = None
+    _over: asyncio.Event = field(default_factory=asyncio.Event)
+    _mistakes: set[str] = field(default_factory=set)
+    _stops: list[Callable[[], None]] = field(default_factory=list)
+    _answer: asyncio.Event = field(default_factory=asyncio.Event)
 
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.

@@ -11,7 +11,7 @@ import re
 import struct
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
@@ -52,6 +52,7 @@ MOST_WRONG = 500
 """Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
 
 
+@dataclass(eq=False, repr=False)
 class FrameParser:
     """Cuts a stream of bytes into frames, wherever it was cut on its way.
 
@@ -60,21 +61,16 @@ class FrameParser:
     in a datagram such a frame counts where another or the end follows it, as there is no noise between.
     """
 
-    def __init__(self, *, in_datagrams: bool = False, systems: Collection[int] | None = None) -> None:
-        """Begin with nothing.
-
-        Args:
-            in_datagrams: Whether nothing but frames is to be expected.
-            systems: Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the
-                fleet's do: of theirs all but `OF_ANYBODY` come as unknown messages, with their header.
-        """
-        self._systems = systems
-        self._mav = mav.MAVLink(None)
-        self._in_datagrams = in_datagrams
-        self._buffer = bytearray()
-        self._in_garbage = False
-        self.garbage = 0
-        """How many runs of bytes were no frame."""
+    in_datagrams: bool = False
+    """Whether nothing but frames is to be expected."""
+    systems: Collection[int] | None = None
+    """Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the fleet's do: of
+    theirs all but `OF_ANYBODY` come as unknown messages, with their header."""
+    _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None))
+    _buffer: bytearray = field(default_factory=bytearray)
+    _in_garbage: bool = False
+    garbage: int = 0
+    """How many runs of bytes were no frame."""
 
     def feed(self, data: bytes) -> list[Any]:
         """Take the next bytes; return the frames that are whole now."""
@@ -127,7 +123,7 @@ class FrameParser:
     def _is_followed(self, end: int) -> bool:
         """Return whether a frame that ends here fills its datagram, or another begins behind it."""
         size = len(self._buffer)
-        return self._in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
+        return self.in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
 
     def _parse_frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
         if end == at:
@@ -147,10 +143,10 @@ class FrameParser:
 
     def _is_unread_kind(self, data: bytearray) -> bool:
         """Return whether nobody here wants to know what a frame says."""
-        if self._systems is None:
+        if self.systems is None:
             return False
         system = data[3] if data[0] == V1 else data[5]
-        return system not in self._systems and message_id_of(data) not in OF_ANYBODY
+        return system not in self.systems and message_id_of(data) not in OF_ANYBODY
 
 
 def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
@@ -191,38 +187,32 @@ class DecodedFrame:
     """Why it is not believed, where frames must be signed."""
 
 
+@dataclass(eq=False, repr=False)
 class MavlinkCodec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
-    def __init__(
-        self,
-        signing: LinkSigning | None = None,
-        radios: Collection[Sender] | None = None,
-        systems: Collection[int] | None = None,
-    ) -> None:
-        """Begin knowing nobody.
+    _signing: LinkSigning | None = None
+    """Frames are signed with it, both ways."""
+    radios: Collection[Sender] | None = None
+    """Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where nothing is
+    signed and of nobody where frames are."""
+    systems: Collection[int] | None = None
+    """Whose frames are read, everybody's if None; see `FrameParser`."""
+    _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None, *messages.GROUND_STATION))
+    _datagrams: FrameParser = field(init=False)
+    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+    _sent: dict[int, int] = field(default_factory=dict)
+    """How many frames went to each system: each is numbered as a stream of its own."""
+    _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
+    _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
+    autopilots: dict[int, int] = field(default_factory=dict)
+    """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
+    garbage: int = 0
+    """Runs of bytes in datagrams that could not be understood."""
 
-        Args:
-            signing: Frames are signed with it, both ways.
-            radios: Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where
-                nothing is signed and of nobody where frames are.
-            systems: Whose frames are read, everybody's if None; see `FrameParser`.
-        """
-        self.systems = systems
-        self._signing = signing
-        self._radios = radios
-        system, component = messages.GROUND_STATION
-        self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._datagrams = FrameParser(in_datagrams=True, systems=systems)
-        self._texts = StatusTextAssembler()
-        self._sent: dict[int, int] = {}
-        """How many frames went to each system: each is numbered as a stream of its own."""
-        self._speakers: dict[int, AutopilotComponent] = {}
-        self._events: dict[int, message_readers.Px4EventDecoder] = {}
-        self.autopilots: dict[int, int] = {}
-        """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
-        self.garbage = 0
-        """Runs of bytes in datagrams that could not be understood."""
+    def __post_init__(self) -> None:
+        """Begin knowing nobody."""
+        self._datagrams = FrameParser(in_datagrams=True, systems=self.systems)
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
         """Yield every frame of a datagram; no frame goes on in the next."""
@@ -266,7 +256,7 @@ class MavlinkCodec:
         if self._signing is None:
             return None
         refusal = self._signing.check_signature(bytes(frame.get_msgbuf()), *source)
-        if refusal is FrameRejection.UNSIGNED and frame.get_type() == RADIO and source in (self._radios or ()):
+        if refusal is FrameRejection.UNSIGNED and frame.get_type() == RADIO and source in (self.radios or ()):
             return None
         return refusal
 
@@ -395,7 +385,7 @@ class MavlinkCodec:
             yield said
 
     def _is_accepted_radio(self, radio: Frame) -> bool:
-        named = self._radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self._radios
+        named = self.radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self.radios
         return named or self._signing is not None  # which has let it through
 
 

@@ -220,39 +220,32 @@ class RateLimiter:
         return True
 
 
+@dataclass(eq=False, repr=False)
 class IntentIntake:
     """Takes what comes in, as fast as an operator could mean it."""
 
-    def __init__(
-        self,
-        rules: IntakeRules,
-        clock: Callable[[], float],
-        monotonic_s: Callable[[], float],
-        accept: Callable[[Intent], None],
-        refuse: Callable[[RefusedMessage], None],
-        say: Callable[[Level, str], None],
-    ) -> None:
-        """Begin with nothing.
+    _rules: IntakeRules
+    """What the site demands."""
+    _clock: Callable[[], float]
+    """Seconds since 1970."""
+    _monotonic_s: Callable[[], float]
+    """Real seconds that never go back."""
+    _accept: Callable[[Intent], None]
+    """Called with every intent."""
+    _refuse: Callable[[RefusedMessage], None]
+    """Called with what is refused, as long as it is not too much."""
+    _say: Callable[[Level, str], None]
+    """Called with what the operator should know."""
+    _accepting: RateLimiter = field(init=False)
+    _refusing: RateLimiter = field(init=False)
+    _told_s: float = float("-inf")
+    refused: int = 0
+    """Messages that were not carried out."""
 
-        Args:
-            rules: What the site demands.
-            clock: Seconds since 1970.
-            monotonic_s: Real seconds that never go back.
-            accept: Called with every intent.
-            refuse: Called with what is refused, as long as it is not too much.
-            say: Called with what the operator should know.
-        """
-        self._rules = rules
-        self._clock = clock
-        self._monotonic_s = monotonic_s
-        self._accept = accept
-        self._refuse = refuse
-        self._say = say
-        now_s = monotonic_s()
+    def __post_init__(self) -> None:
+        """Begin with whole bursts."""
+        now_s = self._monotonic_s()
         self._accepting, self._refusing = RateLimiter(now_s), RateLimiter(now_s)
-        self._told_s = float("-inf")
-        self.refused = 0
-        """Messages that were not carried out."""
 
     def handle_message(self, payload: bytes, retained: bool) -> None:
         """Take one message; an empty one only clears what the broker had kept."""

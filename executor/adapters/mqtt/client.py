@@ -12,7 +12,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import aiomqtt
@@ -174,36 +174,25 @@ class _Inbox(asyncio.Queue[aiomqtt.Message]):
             super().put_nowait(item)
 
 
+@dataclass(eq=False, repr=False)
 class MqttClient:
     """Keeps one broker informed."""
 
-    def __init__(
-        self,
-        broker: BrokerAddress,
-        outbox: Outbox,
-        presence: Callable[[Presence], MqttMessage],
-        subscriber: Subscriber,
-        say: Callable[[Level, str], None],
-    ) -> None:
-        """Wire the parts; `run` connects.
-
-        Args:
-            broker: Where to.
-            outbox: What waits to be sent.
-            presence: Makes the message that says whether we are there.
-            subscriber: Who listens.
-            say: Called with what the operator should know of the connection.
-        """
-        self._broker = broker
-        self._outbox = outbox
-        self._presence = presence
-        self._subscriber = subscriber
-        self._say = say
-        self._closing = asyncio.Event()
-        self._was_there = False
-        self._complained = False
-        self._dropped_told = 0
-        self.connected = False
+    _broker: BrokerAddress
+    """Where to."""
+    _outbox: Outbox
+    """What waits to be sent."""
+    _presence: Callable[[Presence], MqttMessage]
+    """Makes the message that says whether we are there."""
+    _subscriber: Subscriber
+    """Who listens."""
+    _say: Callable[[Level, str], None]
+    """Called with what the operator should know of the connection."""
+    _closing: asyncio.Event = field(default_factory=asyncio.Event)
+    _was_there: bool = False
+    _complained: bool = False
+    _dropped_told: int = 0
+    connected: bool = False
 
     async def run(self) -> None:
         """Connect, and again whenever the connection ends, until `close`."""

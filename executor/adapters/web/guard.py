@@ -41,20 +41,16 @@ HEADERS = {
 """Beside these, what does not say how long it may be kept is not kept at all."""
 
 
+@dataclass(eq=False, repr=False)
 class Guard:
     """ASGI middleware that lets through what may talk to us."""
 
-    def __init__(self, app: ASGIApp, *, names: frozenset[str], token: str | None) -> None:
-        """Guard an application.
-
-        Args:
-            app: What is guarded.
-            names: Host names that we answer to, beside numeric addresses where a token is asked for.
-            token: What has to be shown; None where only this computer can connect.
-        """
-        self._app = app
-        self._names = names
-        self._token = token
+    _app: ASGIApp
+    """What is guarded."""
+    names: frozenset[str]
+    """Host names that we answer to, beside numeric addresses where a token is asked for."""
+    token: str | None
+    """What has to be shown; None where only this computer can connect."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or hand it on."""
@@ -83,15 +79,15 @@ class Guard:
             return PlainTextResponse("requests of other pages are not taken", 403)
         if not _is_small(headers):
             return PlainTextResponse(f"expected at most {MOST_BODY} bytes of a known length", 413)
-        if self._token is None or self._has_token(headers):
+        if self.token is None or self._has_token(headers):
             return None
         return self._admit_by_token(scope)
 
     def _is_own_name(self, host: str) -> bool:
         name = _name_of(host)
-        if name in self._names:
+        if name in self.names:
             return True
-        if self._token is None:
+        if self.token is None:
             return False
         try:
             ipaddress.ip_address(name.strip("[]"))
@@ -103,12 +99,12 @@ class Guard:
         kind, _, value = headers.get("authorization", "").partition(" ")
         if kind.lower() == "bearer" and self._is_token(value.strip()):
             return True
-        return self._token is not None and self._is_token(
-            cookie_parser(headers.get("cookie", "")).get(cookie_name_for(self._token), "")
+        return self.token is not None and self._is_token(
+            cookie_parser(headers.get("cookie", "")).get(cookie_name_for(self.token), "")
         )
 
     def _is_token(self, value: str) -> bool:
-        return self._token is not None and secrets.compare_digest(value.encode(), self._token.encode())
+        return self.token is not None and secrets.compare_digest(value.encode(), self.token.encode())
 
     def _admit_by_token(self, scope: Scope) -> Response:
         """Take the token of the address that the terminal showed, once, and keep it as a cookie."""

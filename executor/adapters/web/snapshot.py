@@ -128,35 +128,29 @@ class _Track:
             self.step_m *= 2
 
 
+@dataclass(eq=False, repr=False)
 class WebSnapshot:
     """Reads the flight for everybody who looks; used by one thread."""
 
-    def __init__(
-        self,
-        context: Context,
-        now: Now,
-        speedup: float = 1.0,
-        describe: Describe = build_fleet_view,
-        window: Window | None = None,
-    ) -> None:
-        """Look at a flight.
+    _context: Context
+    """The flight's."""
+    _now: Now
+    """Returns its newest state."""
+    _speedup: float = 1.0
+    """Seconds of the flight in a real one."""
+    describe: Describe = build_fleet_view
+    """Makes the description that is sent; tests show what a flight seldom comes to."""
+    _window: Window | None = None
+    """The re-plan window of the first plan."""
+    _tracks: dict[str, _Track] = field(init=False)
+    _asked: Mapping[int, Mapping[str, int]] = field(init=False)
+    _covered: tuple[Coverage, int] | None = None
+    _assets_changed: int = 0
 
-        Args:
-            context: The flight's.
-            now: Returns its newest state.
-            speedup: Seconds of the flight in a real one.
-            describe: Makes the description that is sent; tests show what a flight seldom comes to.
-            window: The re-plan window of the first plan.
-        """
-        self._context = context
-        self._now = now
-        self._speedup = speedup
-        self._describe = describe
-        self._window = window
-        self._tracks = {name: _Track() for name in context.vehicles}
-        self._asked = list_asked_pictures(context)
-        self._covered: tuple[Coverage, int] | None = None
-        self._assets_changed = 0
+    def __post_init__(self) -> None:
+        """Look at a flight."""
+        self._tracks = {name: _Track() for name in self._context.vehicles}
+        self._asked = list_asked_pictures(self._context)
 
     def encode_clock(self) -> bytes:
         """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
@@ -166,7 +160,7 @@ class WebSnapshot:
     def encode_state(self) -> bytes:
         """Return the present as JSON, and remember where everybody is."""
         state, now_s = self._now()
-        content = asdict(self._describe(self._context, state, now_s))
+        content = asdict(self.describe(self._context, state, now_s))
         for shown in content["vehicles"]:
             vehicle = state.vehicles[shown["name"]]
             place = None if vehicle.motion.fix is None else _round_place(vehicle.motion.fix.place_m)
