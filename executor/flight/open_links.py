@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
@@ -36,27 +35,17 @@ KEPT = 0.9
 """Less than this part of the speed is said."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlightTimeSource:
-    """A steady clock, and what the time of day is on it."""
-
-    steady: Callable[[], float] = steady_s
-    date_unix_s: Callable[[], float | None] = lambda: None
-    """None where the computer's own is as good."""
-
-
 @asynccontextmanager
-async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[FlightTimeSource]:
+async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[FleetTime]:
     """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
 
     Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
     """
-    loop = asyncio.get_running_loop()
+    loop, fleet = asyncio.get_running_loop(), FleetTime(site.flight.speedup, steady_s)
     ports = [one.link.number for one in site.vehicle if one.link.scheme in {Scheme.UDP_IN, Scheme.UDP_OUT}]
     if site.flight.speedup <= 1 or not ports or not isinstance(loop, FairEventLoop):
-        yield FlightTimeSource()
+        yield fleet
         return
-    fleet = FleetTime(site.flight.speedup, steady_s)
     with loop.follow_pacemaker(fleet):
         await fleet.connect(ports[0])
         try:
@@ -66,7 +55,7 @@ async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[F
                     "comparing the fleet's time", partial(_report_slow_host_once, fleet, site.flight.speedup, console)
                 ),
             ):
-                yield FlightTimeSource(fleet.steady_s, fleet.date_unix_s)
+                yield fleet
         finally:
             fleet.disconnect()
 

@@ -456,8 +456,8 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
     with lock_run_directory(run):
         site, waiting, lists = read_open_changes(run)  # now that nobody else writes to it
         names = {one.vehicle for one in waiting} | {one.vehicle for one in lists}
-        async with follow_fleet_time(site, console) as found:
-            clock = SystemClock.start_on(site.flight.speedup, found.steady)
+        async with follow_fleet_time(site, console) as fleet:
+            clock = SystemClock.start_on(site.flight.speedup, fleet.steady_s)
             key = read_signing_key(site, run)
             keyring = None if key is None else Keyring(key, clock.steady_unix_s)
             # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.

@@ -264,10 +264,10 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             why = describe_missing_extra(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         async with AsyncExitStack() as stack:
-            found = await stack.enter_async_context(follow_fleet_time(order.site, console))
+            fleet = await stack.enter_async_context(follow_fleet_time(order.site, console))
             head = known.head
             clock = SystemClock.resume(
-                head.speedup, head.began_unix_s, known.last_s, known.set_s, found.steady, found.date_unix_s()
+                head.speedup, head.began_unix_s, known.last_s, known.set_s, fleet.steady_s, fleet.date_unix_s()
             )
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")

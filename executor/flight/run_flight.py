@@ -174,8 +174,8 @@ async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
         lock_run_directory(order.run),
         supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), order.run),
     ):
-        async with follow_fleet_time(order.site, console) as found:
-            clock = SystemClock.start_on(order.site.flight.speedup, found.steady)
+        async with follow_fleet_time(order.site, console) as fleet:
+            clock = SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)
             async with open_links(order, clock) as links, solver:
                 return await _check_and_supervise(order, console, clock, solver, links)
 

@@ -91,7 +91,7 @@ async def stalled(site: Site, lines: Lines, pauses: list[float]) -> Seen:
     """Fly beside the fleet, and stand still three times: twice ourselves, once the fleet."""
     seen, last_s = Seen(), list[float]()
     async with follow_fleet_time(site, lines) as found:
-        clock = SystemClock.start_on(site.flight.speedup, found.steady)
+        clock = SystemClock.start_on(site.flight.speedup, found.steady_s)
         order = LinkRequest(site.vehicle[0].link, site.vehicle[0].sysid)
         async with open_mavlink_links({"uav1": order}) as links:
 
@@ -140,7 +140,7 @@ def test_without_a_common_time_the_same_stalls_are_silences() -> None:
 def test_real_time_is_the_computers() -> None:
     async def look() -> None:
         async with follow_fleet_time(site_at(1.0), Lines()) as found:
-            assert found.steady is steady_s
+            assert found.steady_s() == pytest.approx(steady_s(), abs=0.5)
             assert found.date_unix_s() is None
 
     fair_event_loop.run_on_fair_loop(look())
@@ -151,7 +151,7 @@ def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
 
     async def look() -> None:
         async with follow_fleet_time(site_at(SPEEDUP), Lines()) as found:
-            before_s, least_s, most_s = steady_s(), *(found.steady() for _ in range(2))
+            before_s, least_s, most_s = steady_s(), *(found.steady_s() for _ in range(2))
             after_s = steady_s()
             # Read between two looks at the computer's own, as slow as it may be.
             assert before_s <= least_s <= most_s <= after_s
@@ -169,9 +169,9 @@ def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest
             for _ in range(2):
                 with simulated(site):
                     await until(lambda: found.date_unix_s() is not None)
-                    before_s = found.steady()
+                    before_s = found.steady_s()
                     await asyncio.sleep(0.05)
-                    assert found.steady() > before_s
+                    assert found.steady_s() > before_s
                 await until(lambda: found.date_unix_s() is None)
 
     fair_event_loop.run_on_fair_loop(look())
