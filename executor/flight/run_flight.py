@@ -130,7 +130,9 @@ class Interrupts:
         elif self._recalled or self.left:
             self._leave()
         elif self._timer is None:
-            text = f"{self._how}: the vehicles stay on their missions; {self._repeat_hint} sends them home"
+            again = "once more" if self._how == "Ctrl-C" else "Ctrl-C"
+            stay = f"the vehicles stay on their missions; {again} within {LEAVE_AFTER_S:g} s sends them home"
+            text = f"{self._how}: {stay}"
             self._console.say(Level.WARNING, text)
             self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
         else:
@@ -138,11 +140,6 @@ class Interrupts:
             self._recalled = True
             self._flight.apply(ReturnAllOrdered())
             self._console.say(Level.WARNING, "once more ends the supervision; the vehicles come home by themselves")
-
-    @property
-    def _repeat_hint(self) -> str:
-        within = f"within {LEAVE_AFTER_S:g} s"
-        return f"once more {within}" if self._how == "Ctrl-C" else f"Ctrl-C {within}"
 
     def _leave(self) -> None:
         waits_for = self._flight.stop_supervising(at_once=self.left or self._recalled)

@@ -141,7 +141,10 @@ class Flight:
                     self.apply(reopened)
                 with self.listen_to_vehicles():
                     if reopened is not None:
-                        self.apply(await self._reconnect(patience_real_s))
+                        answers = vehicle_preflight.reconnect_vehicles(
+                            self.context, lambda: self.state, self._links, self._clock, patience_real_s
+                        )
+                        self.apply(await answers)
                     tick = tasks.create_task(
                         supervised.keep_going("the tick", self._run_ticks, at_once=True), name="tick"
                     )
@@ -183,11 +186,6 @@ class Flight:
             self._answer.clear()
             await self._answer.wait()
         return True
-
-    async def _reconnect(self, patience_real_s: float) -> events.Resumed:
-        return await vehicle_preflight.reconnect_vehicles(
-            self.context, lambda: self.state, self._links, self._clock, patience_real_s
-        )
 
     def stop_supervising(self, *, at_once: bool = False) -> tuple[str, ...]:
         """Stop supervising; the vehicles keep their missions, and nobody is given another one.

@@ -111,7 +111,7 @@ async def upload_and_verify(
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
         tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
-        if attempt >= tries and not _may_retry_busy(busy) and clock.now_s() - began_s > patience_s:
+        if attempt >= tries and not 0 < busy < BUSY_TRIES and clock.now_s() - began_s > patience_s:
             break
         if attempt:
             await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
@@ -164,10 +164,6 @@ def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
         return isinstance(upload.outcome, TimedOut | Rejected)
     unheard = isinstance(upload.outcome, TimedOut) or upload.code in BUSY
     return broken and unheard
-
-
-def _may_retry_busy(busy: int) -> bool:
-    return 0 < busy < BUSY_TRIES
 
 
 def _count_busy(

@@ -480,7 +480,8 @@ async def reconnect_vehicles(
     stops = [link.listen(answers[name].update) for name, link in links.items()]
     try:
         await _wait_for_first_answer(answers, patience_real_s)
-        expected = [name for name, vehicle in state().vehicles.items() if _must_wait_for(state(), vehicle)]
+        moving = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+        expected = [name for name, one in state().vehicles.items() if _is_pending(state(), one) or one.stage in moving]
         await _wait_for_expected(answers, expected)
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
@@ -498,11 +499,6 @@ async def reconnect_vehicles(
         for stop in stops:
             stop()
     return Resumed(tuple(found))
-
-
-def _must_wait_for(state: FleetState, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle matters so much that the others wait for it."""
-    return _is_pending(state, vehicle) or vehicle.stage in {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
 
 
 def _is_pending(state: FleetState, vehicle: VehicleState) -> bool:

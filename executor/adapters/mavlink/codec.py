@@ -81,7 +81,8 @@ class FrameParser:
             if frame is None:
                 self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
-                at = self._find_mark(at + 1) if wrong < MOST_WRONG else len(self._buffer)
+                mark = MARK.search(self._buffer, at + 1) if wrong < MOST_WRONG else None
+                at = len(self._buffer) if mark is None else mark.start()
             else:
                 frames.append(frame)
                 at = end
@@ -95,11 +96,6 @@ class FrameParser:
         self._buffer.clear()
         self._in_garbage = False
         return self.garbage
-
-    def _find_mark(self, at: int) -> int:
-        """Return where the next frame may begin, from here on; the end of what there is if none may."""
-        mark = MARK.search(self._buffer, at)
-        return len(self._buffer) if mark is None else mark.start()
 
     def _find_frame_end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""

@@ -43,6 +43,7 @@ _CHANNELS, _RAW_CHANNELS = (attrgetter(*(f"chan{number}_raw" for number in range
 DO_SET_MODE, SET_MODE = 176, 11
 """The command, and the number of the older message."""
 MOST_MODES = 128
+BREACHES = {0: messages.FenceStatus(False), 1: messages.FenceStatus(True)}
 LANDED = {1: True, 2: False, 3: False, 4: False}
 """MAV_LANDED_STATE: whether it is on the ground."""
 ACCEPTED = frozenset({0, 5})
@@ -96,10 +97,6 @@ def _read_battery(frame: Frame) -> messages.Battery:
     )
 
 
-def _read_attitude(frame: Frame) -> messages.Attitude:
-    return messages.Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
-
-
 def _read_gps(frame: Frame, receiver: int = 0) -> messages.Gps:
     satellites, off_mm = frame.satellites_visible, getattr(frame, "h_acc", 0)
     return messages.Gps(
@@ -116,19 +113,11 @@ def _read_estimator(frame: Frame) -> messages.EstimatorStatus:
     return messages.EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
 
 
-def _read_wind(frame: Frame) -> messages.Wind:
-    return messages.Wind(frame.speed, frame.direction % 360)
-
-
 def _read_wind_cov(frame: Frame) -> messages.Wind:
     """Read where the air moves to, north and east, as where it comes from."""
     north_m_s, east_m_s = frame.wind_x, frame.wind_y
     from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360
     return messages.Wind(math.hypot(north_m_s, east_m_s), from_deg)
-
-
-def _read_fence_status(frame: Frame) -> messages.FenceStatus | None:
-    return messages.FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
 
 
 def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
@@ -297,15 +286,15 @@ READERS: Mapping[str, Any] = MappingProxyType({
     "BATTERY_STATUS": _read_battery,
     "SYS_STATUS": _read_system_status,
     "EXTENDED_SYS_STATE": lambda frame: messages.LandedState(LANDED.get(frame.landed_state)),
-    "ATTITUDE": _read_attitude,
+    "ATTITUDE": lambda frame: messages.Attitude(math.degrees(frame.roll), math.degrees(frame.pitch)),
     "NAV_CONTROLLER_OUTPUT": lambda frame: messages.HeightTarget(frame.alt_error),
     "GPS_RAW_INT": _read_gps,
     "GPS2_RAW": lambda frame: _read_gps(frame, 1),
     "EKF_STATUS_REPORT": _read_estimator,
     "ESTIMATOR_STATUS": _read_estimator,
     "WIND_COV": _read_wind_cov,
-    "WIND": _read_wind,
-    "FENCE_STATUS": _read_fence_status,
+    "WIND": lambda frame: messages.Wind(frame.speed, frame.direction % 360),
+    "FENCE_STATUS": lambda frame: BREACHES.get(frame.breach_status),
     "HOME_POSITION": lambda frame: messages.Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
     "MISSION_CURRENT": _read_mission_current,
     "MISSION_ITEM_REACHED": lambda frame: messages.MissionReached(frame.seq),
