@@ -91,14 +91,16 @@ class Publication:
             yield
             return
         from executor.adapters.mqtt.broker import IntentIntake
-        from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Subscriber
+        from executor.adapters.mqtt.client import FLUSH_S, MqttClient
 
         settings, loop = self._settings, asyncio.get_running_loop()
         intake = IntentIntake(
             settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
         )
-        subscriber = Subscriber(settings.topics.intent_topic, intake.handle_message)
-        client = MqttClient(settings.broker, self._outbox, self._publisher.build_presence, subscriber, tell)
+        client = MqttClient(
+            settings.broker, self._outbox, self._publisher.build_presence,
+            settings.topics.intent_topic, intake.handle_message, tell,
+        )  # fmt: skip
         if settings.rules.closed:
             tell(Level.INFO, f"mqtt: no intents are taken: {settings.rules.closed}")
         if settings.exposed:

@@ -202,13 +202,12 @@ def _id_of(payload: bytes) -> str | None:
         return None
 
 
+@dataclass(slots=True)
 class RateLimiter:
-    """Lets so many intents through in a while and no more."""
+    """Lets so many intents through in a while and no more; begins with a whole burst."""
 
-    def __init__(self, now_s: float) -> None:
-        """Begin with a whole burst."""
-        self._left = float(BURST)
-        self._at_s = now_s
+    _at_s: float
+    _left: float = float(BURST)
 
     def may_pass(self, now_s: float) -> bool:
         """Return whether one more may pass at a time, in real seconds that never go back."""

@@ -157,15 +157,6 @@ class Presence(Enum):
     """The broker says so itself: the connection ended without a word."""
 
 
-@dataclass(frozen=True, slots=True)
-class Subscriber:
-    """What is done with the messages that come in."""
-
-    topic: str
-    take: Callable[[bytes, bool], None]
-    """Called with every message and whether the broker had kept it; must not wait."""
-
-
 class _Inbox(asyncio.Queue[aiomqtt.Message]):
     """Leaves out what comes faster than it is taken, where aiomqtt would write a line for each."""
 
@@ -184,8 +175,10 @@ class MqttClient:
     """What waits to be sent."""
     _presence: Callable[[Presence], MqttMessage]
     """Makes the message that says whether we are there."""
-    _subscriber: Subscriber
-    """Who listens."""
+    _topic: str
+    """What is listened to."""
+    _take: Callable[[bytes, bool], None]
+    """Called with every message that comes in, and whether the broker had kept it; must not wait."""
     _say: Callable[[Level, str], None]
     """Called with what the operator should know of the connection."""
     _closing: asyncio.Event = field(default_factory=asyncio.Event)
@@ -241,7 +234,7 @@ class MqttClient:
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         try:
-            await client.subscribe(self._subscriber.topic, QOS)
+            await client.subscribe(self._topic, QOS)
             await _publish(client, self._presence(Presence.ONLINE))
             self._on_connected()
             async with asyncio.TaskGroup() as tasks:
@@ -257,7 +250,7 @@ class MqttClient:
     async def _read(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:
             payload = message.payload
-            self._subscriber.take(payload if isinstance(payload, bytes) else b"", message.retain)
+            self._take(payload if isinstance(payload, bytes) else b"", message.retain)
 
     async def _write(self, client: aiomqtt.Client) -> None:
         while True:
