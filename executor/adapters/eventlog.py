@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import Enum
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeGuard, get_args, get_type_hints
 
@@ -162,15 +162,10 @@ _ENUMS = {
 """How fields are read that hold a member of an enum, which stands in the log by its value."""
 
 
-_FIELDS: dict[type, tuple[str, ...] | None] = {}
-
-
+@cache
 def _fields_of(kind: type) -> tuple[str, ...] | None:
     """Return the names of a dataclass's fields, None for any other class; asked for with every frame that comes."""
-    if kind not in _FIELDS:
-        fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else None
-        _FIELDS[kind] = None if fields is None else tuple(field.name for field in fields)
-    return _FIELDS[kind]
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
 def to_plain(value: object) -> object:

@@ -507,7 +507,10 @@ async def _restore_record(
     except LogError as error:
         console.say(Level.WARNING, str(error))
         return ()
-    waiting = _group_open(record.kept)
+    waiting: dict[str, list[Change]] = defaultdict(list)
+    for change in record.kept:
+        if change.is_open:
+            waiting[change.vehicle].append(change)
     turn = asyncio.Semaphore(AT_ONCE)
 
     async def one(name: str, kept: Sequence[Change]) -> None:
@@ -531,15 +534,6 @@ async def _restore_record(
             _report_restored(run, console, name, RestoreResult(tuple(kept), ("interrupted",)))
         raise
     return tuple(record.kept)
-
-
-def _group_open(kept: Iterable[Change]) -> dict[str, list[Change]]:
-    """Return by vehicle what has still to be given back."""
-    waiting: dict[str, list[Change]] = defaultdict(list)
-    for one in kept:
-        if one.is_open:
-            waiting[one.vehicle].append(one)
-    return waiting
 
 
 def _report_restored(run: Path, console: Console, name: str, given: RestoreResult[Change]) -> None:

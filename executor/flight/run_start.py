@@ -52,7 +52,6 @@ class MessageSink(Protocol):
 
     def say(self, level: Level, text: str, at_s: float | None = None) -> None:
         """Show one line; `at_s` counts from the order to take off."""
-        ...
 
 
 class Console(MessageSink, Protocol):
@@ -60,23 +59,18 @@ class Console(MessageSink, Protocol):
 
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
-        ...
 
     def confirm(self, question: str) -> bool:
         """Ask while nobody has to be listened to."""
-        ...
 
     async def ask(self, question: str) -> bool:
         """Ask beside everything else that goes on."""
-        ...
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         """Show the fleet; called often, draws seldom."""
-        ...
 
     def stop_drawing(self) -> None:
         """Stop drawing."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

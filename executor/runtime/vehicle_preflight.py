@@ -482,7 +482,10 @@ async def reconnect_vehicles(
         await _wait_for_first_answer(answers, patience_real_s)
         moving = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
         expected = [name for name, one in state().vehicles.items() if _is_pending(state(), one) or one.stage in moving]
-        await _wait_for_expected(answers, expected)
+        with suppress(TimeoutError):
+            async with asyncio.timeout(ONE_REAL_S):
+                for name in expected:
+                    await answers[name].heard.wait()
         async with asyncio.TaskGroup() as tasks:
             for name, answer in answers.items():
                 if answer.heard.is_set():
@@ -529,13 +532,6 @@ async def _wait_for_first_answer(answers: Mapping[str, _Answer], patience_real_s
             f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer that "
             "they send to?"
         )
-
-
-async def _wait_for_expected(answers: Mapping[str, _Answer], expected: list[str]) -> None:
-    with suppress(TimeoutError):
-        async with asyncio.timeout(ONE_REAL_S):
-            for name in expected:
-                await answers[name].heard.wait()
 
 
 async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:

@@ -100,11 +100,9 @@ class Translator(Protocol):
 
         What other components than the vehicle's autopilot say of themselves is not heard.
         """
-        ...
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
         """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
-        ...
 
 
 class MavsdkLink:
