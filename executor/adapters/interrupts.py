@@ -146,18 +146,10 @@ def end_processes(processes: Collection[BaseProcess], *, patience_s: float = END
 
 def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
     """Return those that still run after a while."""
-    from multiprocessing import connection
-
     until_s = time.monotonic() + within_s
-    waited = {process.sentinel: process for process in processes}
-    while waited:
-        ended = connection.wait(list(waited), max(0.0, until_s - time.monotonic()))
-        if not ended:
-            break
-        for one in ended:
-            if isinstance(one, int):
-                waited.pop(one).join(0.0)
-    return list(waited.values())
+    for process in processes:
+        process.join(max(0.0, until_s - time.monotonic()))
+    return [process for process in processes if process.is_alive()]
 
 
 def end_with_parent() -> None:
