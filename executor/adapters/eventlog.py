@@ -170,7 +170,7 @@ def _fields_of(kind: type) -> tuple[str, ...] | None:
 
 def to_plain(value: object) -> object:
     """Return a value that JSON can hold."""
-    kind: type[Any] = type(value)
+    kind: Any = type(value)
     names = _fields_of(kind)
     if names is not None:
         plain: dict[str, object] = {"kind": kind.__name__}
