@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.few_lines_detector import FewLines
 from benchmarks.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.passive_watch import DeclaredFault, PassiveWatch
 from executor.core.interface.events import Heard, Tick

@@ -30,15 +30,18 @@ from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
 from benchmarks.virtual_flight import SilentConsole
+from executor.adapters import clock
 from executor.adapters.eventlog import LogHeader, read_head
+from executor.adapters.interrupts import start_worker_pool
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.worker_pool import start_worker_pool
 from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.runtime import fair_event_loop
 from executor.simulated.simulated_fleet import run_simulated_fleet
+from executor.flight.run_start import FlightRequest, write_run_start
+from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
 from executor.site.site_planning import DEFAULT, plan_site
@@ -150,8 +153,8 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
         os.sched_setaffinity(0, others)
         with run_simulated_fleet(run, burden.faults, seed), _borne(site, burden, watch.flood, seed) as browsers:
             # What is measured is how late things are, so the loop has the computer's time, whatever the speed.
-            flown = fair_event_loop.run_on_fair_loop(
-                _fly_watched(order, watch), lambda: asyncio.SelectorEventLoop(fair_event_loop.FairSelector())
+            flown = clock.run_on_fair_loop(
+                _fly_watched(order, watch), lambda: asyncio.SelectorEventLoop(clock.FairSelector())
             )
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _read_launch(RunDirectory(run).events)

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
-from executor.adapters.mavsdk.library import add_mavsdk_connection, create_ground_station, load_mavsdk
+from executor.adapters.mavsdk.mavsdk_link import add_mavsdk_connection, create_ground_station, load_mavsdk
 from executor.core.interface.connection import Connection
 from executor.errors import ConnectionFailed
 from missions import MissionItem

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 
 T = TypeVar("T")
 R = TypeVar("R")

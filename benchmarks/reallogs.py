@@ -24,7 +24,7 @@ from benchmarks.witness.log_evidence import LogEvidence
 from benchmarks.witness.scoring import found_all
 from benchmarks.witness.statements import StatementKind, find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import ExecutorError
 from executor.replay.log_replay import LINK_TIMEOUT_S, build_replay_rules, replay_log

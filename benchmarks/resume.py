@@ -25,8 +25,7 @@ from benchmarks.fleetsite import site_of, write_network
 from benchmarks.machine import machine, machine_line
 from benchmarks.markdown import figure, markdown_page, markdown_table
 from benchmarks.store import keep_result
-from executor.adapters.eventlog import read_events
-from executor.adapters.log_end import count_lines_after, read_last_event_s
+from executor.adapters.eventlog import count_lines_after, read_events, read_last_event_s
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.events import Heard
 from executor.flight import resume_flight
@@ -34,6 +33,9 @@ from executor.flight.checkpoint_files import Checkpoint, encode_checkpoint, find
 from executor.flight.checkpointer import EVERY_S
 from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.simulated.simulated_fleet import run_simulated_fleet
+from executor.flight.flight_recorder import EVERY_S, Checkpoint, encode_checkpoint, find_newest_checkpoint
+from executor.flight.run_start import FlightRequest, write_run_start
+from executor.simulated.demo_site import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import DEFAULT, plan_site
@@ -183,7 +185,7 @@ def _is_logged_after(run: Path, size: int, words: bytes) -> bool:
 def _per_line_ms(run: Path) -> float:
     """Return what a line of a log costs that is read without a checkpoint."""
     known = resume_flight.read_resume_plan(run)
-    if isinstance(known, resume_flight.UnlaunchedRun):
+    if not isinstance(known, resume_flight.ResumePlan):
         raise BenchError("resume: expected a flight that was launched")
     began_s = time.process_time()
     left = resume_flight.replay_interrupted_run(run, replace(known, found=replace(known.found, checkpoint=None)))

@@ -20,7 +20,7 @@ from benchmarks.witness import scoring
 from benchmarks.witness.log_evidence import LogEvidence
 from benchmarks.witness.statements import find_statements, read_log_evidence
 from benchmarks.witness.verdicts import Stand, hold_against
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
 from executor.replay.log_replay import ReplayRules, replay_log

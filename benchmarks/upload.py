@@ -23,11 +23,11 @@ from itertools import product
 from benchmarks.mavsdk_upload import open_uploader
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
-from executor.adapters.mavsdk.library import MOST_AT_ONCE
+from executor.adapters.mavsdk.mavsdk_link import MOST_AT_ONCE
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import LinkRequest
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
+from executor.protocols.mission_transfer import DownloadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, find_mission_differences
@@ -209,7 +209,7 @@ async def _upload_with_own(connection: Connection, dialect: Dialect, items: tupl
         began_s = time.perf_counter()
         clock = SystemClock(1.0)
         ended = await procedures.upload_once(links[NAME], clock, dialect, items)
-        failure = procedures.reason_of(ended.outcome)
+        failure = ended.reason
         if failure and ended.furthest == len(items) - 1:
             # As in flight: perhaps only the acknowledgement got lost, so what is on board decides.
             back = await run_dialogue(DownloadDialogue(), links[NAME], clock)

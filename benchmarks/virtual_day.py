@@ -13,7 +13,7 @@ from benchmarks.virtual_flight import STEP_S, VirtualRun
 from executor.core.context import Context
 from executor.core.interface.events import Reopened
 from executor.core.state.fleet_state import FleetState
-from executor.flight.checkpoint_files import round_trip_state
+from executor.flight.flight_recorder import round_trip_state
 from executor.runtime.flight_loop import Flight
 from missions import DayPlanFile
 from simulator.config import parse_fault

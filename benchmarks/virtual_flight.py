@@ -30,13 +30,16 @@ from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
-from executor.flight.fencing import build_wanted_lists
-from executor.flight.flight_request import FlightRequest
-from executor.flight.parameter_changes import read_changes
-from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.runtime.board_restore import set_changes
+from executor.flight.preparation import (
+    build_context_and_checklist,
+    build_wanted_lists,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
+from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import Flight
-from executor.runtime.vehicle_preflight import load_lists
+from executor.runtime.vehicle_preflight import load_lists, set_changes
 from executor.simulated.injected_faults import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_plans

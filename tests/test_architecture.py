@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 
-from executor.protocols import command, upload, vehicle_commands
+from executor.protocols import mission_transfer, vehicle_commands
 from missions import ARDUPILOT, PX4, Command, Dialect, Frame
 from simulator import messages
 from tests.patience import PATIENCE_S
@@ -113,8 +113,12 @@ MESSAGES = ("HEARTBEAT", "GLOBAL_POSITION_INT", "SYS_STATUS", "MISSION_CURRENT",
             "EXTENDED_SYS_STATE", "ATTITUDE", "GPS_RAW_INT", "RC_CHANNELS", "CAMERA_IMAGE_CAPTURED")  # fmt: skip
 
 
+DIALOGUE = {"PERIOD_S", "TRIES", "IN_PROGRESS_S", "RESULT_NAMES", "_CODES"}
+"""Beside them: how a command is repeated, and what its results are called."""
+
+
 def test_the_numbers_of_orders_are_mavlinks() -> None:
-    ours = {name: value for name, value in vars(vehicle_commands).items() if name.isupper()}
+    ours = {name: value for name, value in vars(vehicle_commands).items() if name.isupper() and name not in DIALOGUE}
     assert ours == {name: getattr(mav, f"MAV_CMD_{name}") for name in COMMANDS} | {
         name: getattr(ardupilotmega, f"MAVLINK_MSG_ID_{name}") for name in MESSAGES
     } | {"DO_SEND_BANNER": ardupilotmega.MAV_CMD_DO_SEND_BANNER}
@@ -127,14 +131,14 @@ def members(enum: str) -> dict[int, str]:
 
 def test_the_results_have_mavlinks_numbers() -> None:
     mission = members("MAV_MISSION_RESULT")
-    assert set(upload.RESULT_NAMES) == set(mission) - {mav.MAV_MISSION_ACCEPTED}
-    assert upload.RESULT_ACCEPTED == mav.MAV_MISSION_ACCEPTED
-    assert upload.RESULT_ERROR == mav.MAV_MISSION_ERROR
-    assert upload.RESULT_CANCELLED == mav.MAV_MISSION_OPERATION_CANCELLED
+    assert set(mission_transfer.RESULT_NAMES) == set(mission) - {mav.MAV_MISSION_ACCEPTED}
+    assert mission_transfer.RESULT_ACCEPTED == mav.MAV_MISSION_ACCEPTED
+    assert mission_transfer.RESULT_ERROR == mav.MAV_MISSION_ERROR
+    assert mission_transfer.RESULT_CANCELLED == mav.MAV_MISSION_OPERATION_CANCELLED
     # CANCELLED is in MAVLink's common.xml but still marked as work in progress, so pymavlink leaves it out.
-    assert set(command.RESULT_NAMES) - set(members("MAV_RESULT")) == {6}
-    assert command.RESULT_NAMES[mav.MAV_RESULT_DENIED] == "denied"
-    assert command.RESULT_NAMES[mav.MAV_RESULT_UNSUPPORTED] == "unsupported"
+    assert set(vehicle_commands.RESULT_NAMES) - set(members("MAV_RESULT")) == {6}
+    assert vehicle_commands.RESULT_NAMES[mav.MAV_RESULT_DENIED] == "denied"
+    assert vehicle_commands.RESULT_NAMES[mav.MAV_RESULT_UNSUPPORTED] == "unsupported"
 
 
 @pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))

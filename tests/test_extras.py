@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters.extras import MODULES, Extra, packages_of
+from executor.adapters.extras import Extra, packages_of
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
-from executor.flight.board_record import write_kept_parameters
+from executor.flight.restore_vehicles import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,7 @@ print(json.dumps(done))
 """
 UNIX = {"fcntl", "termios"}
 """What Windows has not: there is planned, checked and replayed without."""
-HEAVY = {name for names in MODULES.values() for name in names}
+HEAVY = {name for extra in Extra for name in extra.modules}
 GOES_ON = (
     "plan site.toml --seconds 0.1 -o plan.json",
     "check plan.json",
@@ -131,7 +131,7 @@ def test_a_missing_one_is_one_line_that_says_what_to_install(
     call: str, said: Mapping[str, tuple[int, str, str]]
 ) -> None:
     wanted_by, extra = REFUSED[call]
-    line = f"faultline: {wanted_by} needs the extra {extra.value}: pip install {' '.join(packages_of(extra))}\n"
+    line = f"faultline: {wanted_by} needs the extra {extra.value[0]}: pip install {' '.join(packages_of(extra))}\n"
     assert said[call] == (2, "", line)
 
 
@@ -151,9 +151,9 @@ def test_the_extras_are_those_of_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     named = project["optional-dependencies"]
     always = {re.split(r"[^\w-]", one)[0] for one in project["dependencies"]}
-    for extra, modules in MODULES.items():
-        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value]} == set(packages_of(extra))
-        assert always.isdisjoint(modules)
+    for extra in Extra:
+        assert {re.split(r"[^\w-]", one)[0] for one in named[extra.value[0]]} == set(packages_of(extra))
+        assert always.isdisjoint(extra.modules)
     whole = {name for one in named["all"] for name in re.findall(r"[\w-]+", one.partition("[")[2])}
     assert whole == set(named) - {"all"}
 
@@ -165,6 +165,6 @@ def test_taking_a_flight_up_loads_only_what_every_flight_has() -> None:
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines() if line.startswith("import time:")}
     assert "executor.flight.run_flight" in loaded
     assert {name.partition(".")[0] for name in loaded} & (HEAVY | {"numba", "paho", "anyio"}) == set()
-    parts = ("executor.adapters.mqtt.payloads", "executor.adapters.web", "executor.analysis.pictures", "benchmarks")
+    parts = ("executor.adapters.mqtt.publisher", "executor.adapters.web", "executor.analysis.pictures", "benchmarks")
     assert {name for name in loaded if name.startswith(parts)} == set()
     assert {name for name in loaded if name.startswith("simulator.")} == {"simulator.common_time", "simulator.truth"}

@@ -14,7 +14,7 @@ from benchmarks.peer import pyvrp_installed, solve_pyvrp
 from benchmarks.problems import PAPER_S, line_instance, with_budget
 from benchmarks.store import Json
 from benchmarks.synthetic import generate_network
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 from planner import (
     Cost,
     FirstFeasible,

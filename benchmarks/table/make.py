@@ -11,7 +11,7 @@ from benchmarks.store import Json, Store
 from benchmarks.table.cells import Against, Cell, PlanFigures, Series, Stretched, best_mincomb
 from benchmarks.table.settings import COSTS, SOLVERS, STRETCHES, TableSettings
 from benchmarks.table.tasks import Routes, TableTask, TaskKind, do
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import start_worker_pool
 from executor.site.site_planning import PlanSolver
 from planner import Cost, warm_up
 

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager, suppress
 
 from benchmarks.virtual.radio import MemoryRadio, run_radios
 from executor.adapters.clock import SystemClock
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import VehicleLink
 from executor.core.context import Context
 from executor.core.interface.commands import Say
 from executor.core.interface.events import Event, Reopened

@@ -6,8 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterable
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from simulator.autopilot import STEP_S
 from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth

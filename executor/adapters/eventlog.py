@@ -1,26 +1,126 @@
 """The event log: one JSON object a line, written and handed to the system before the event is applied.
 
 Every value is a frozen dataclass, a tuple or a plain value, so one generic rule writes and reads them all: a dataclass
-is an object with its class name under ``kind``, a tuple is a list.
+is an object with its class name under ``kind``, a tuple is a list. The end of a log is read without the rest: a log of
+ten hours is larger than anybody can wait for.
 """
 
 from __future__ import annotations
 
 import asyncio
 import dataclasses
+import hashlib
 import json
+import mmap
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from enum import Enum
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any, TypeGuard, get_args, get_type_hints
 
-from executor.adapters.log_end import LogPlace, count_whole_bytes, digest_of, is_time, read_ends
 from executor.core.interface import events, intents, messages
 from executor.core.interface.events import Event, Heard, Reopened, Tick
 from executor.errors import LogError
+
+PIECE_BYTES = 64 * 1024
+"""Of a log: pieces are read, and its end is looked at, in this size."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogPlace:
+    """The end of a whole line in a log, and how to know that log again."""
+
+    size: int
+    """Bytes up to there."""
+    lines: int
+    at_s: float
+    """Time of the last event before it."""
+    digest: str
+    """Of the log's first line, and of the last one before this place."""
+
+
+def digest_of(first: bytes, last: bytes) -> str:
+    """Return what a place is known by."""
+    return hashlib.sha256(first + last).hexdigest()
+
+
+def is_place_in_log(path: Path, place: LogPlace) -> bool:
+    """Return whether a place lies in this log: the same flight has written both."""
+    with suppress(OSError):
+        if 0 < place.size <= path.stat().st_size:
+            first, last = read_ends(path, place.size)
+            return last.endswith(b"\n") and digest_of(first, last) == place.digest
+    return False
+
+
+@contextmanager
+def _map_log(path: Path) -> Iterator[mmap.mmap | bytes]:
+    """Have a log as bytes of which only the pages that are looked at are read."""
+    with path.open("rb") as file:
+        if not os.fstat(file.fileno()).st_size:
+            yield b""
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as log:
+            yield log
+
+
+def read_ends(path: Path, size: int) -> tuple[bytes, bytes]:
+    """Return the first line of a log, and the last one of its first `size` bytes."""
+    with _map_log(path) as log:
+        begin = log.rfind(b"\n", 0, max(0, size - 1)) + 1
+        return log[: log.find(b"\n") + 1] or log[:], log[begin:size]
+
+
+def count_whole_bytes(path: Path) -> int:
+    """Return how many bytes of a log are whole lines."""
+    with _map_log(path) as log:
+        return log.rfind(b"\n") + 1
+
+
+def count_lines_after(path: Path, place: LogPlace | None) -> int:
+    """Return how many whole lines follow a place, or are in the whole log."""
+    with path.open("rb") as file:
+        file.seek(0 if place is None else place.size)
+        return sum(piece.count(b"\n") for piece in iter(partial(file.read, PIECE_BYTES), b""))
+
+
+def is_flight_finished(path: Path) -> bool:
+    """Return whether the last that a log holds is that nothing is left to supervise."""
+    with _map_log(path) as log:
+        return b'"command":{"kind":"Finish"' in log[max(0, len(log) - PIECE_BYTES) :]
+
+
+def read_last_event_s(path: Path) -> float | None:
+    """Return the time of a log's last event; None if it holds none."""
+    with _map_log(path) as log:
+        end = log.rfind(b"\n")
+        while end >= 0:
+            begin = log.rfind(b"\n", 0, end) + 1
+            t_s = _parse_event_time_s(log[begin:end])
+            if t_s is not None:
+                return t_s
+            end = begin - 1
+    return None
+
+
+def _parse_event_time_s(line: bytes) -> float | None:
+    if b'"event":' not in line[:60]:
+        return None
+    with suppress(ValueError, TypeError, KeyError, RecursionError):
+        t_s = json.loads(line)["t_s"]
+        return float(t_s) if is_time(t_s) else None
+    return None
+
+
+def is_time(value: object) -> TypeGuard[float]:
+    """Return whether this can be a time of the flight."""
+    return isinstance(value, int | float) and abs(value) <= sys.float_info.max
+
 
 FORMAT = "faultline-events/1"
 MOST_WAITING = 50_000
@@ -62,20 +162,15 @@ _ENUMS = {
 """How fields are read that hold a member of an enum, which stands in the log by its value."""
 
 
-_FIELDS: dict[type, tuple[str, ...] | None] = {}
-
-
+@cache
 def _fields_of(kind: type) -> tuple[str, ...] | None:
     """Return the names of a dataclass's fields, None for any other class; asked for with every frame that comes."""
-    if kind not in _FIELDS:
-        fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else None
-        _FIELDS[kind] = None if fields is None else tuple(field.name for field in fields)
-    return _FIELDS[kind]
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
 def to_plain(value: object) -> object:
     """Return a value that JSON can hold."""
-    kind = type(value)
+    kind: Any = type(value)
     names = _fields_of(kind)
     if names is not None:
         plain: dict[str, object] = {"kind": kind.__name__}

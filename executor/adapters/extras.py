@@ -13,33 +13,25 @@ from executor.errors import ExtraMissing
 
 
 class Extra(Enum):
-    """The extras that something is refused without, as pyproject.toml names them."""
+    """The extras that something is refused without, as pyproject.toml names them, and what is imported of each."""
 
-    PICTURES = "pictures"
-    IMAGES = "images"
-    MAVSDK = "mavsdk"
-    LOGS = "logs"
-    WEB = "web"
-    MQTT = "mqtt"
-    DASK = "dask"
-    GEO = "geo"
-    MAPS = "maps"
-    TERRAIN = "terrain"
+    PICTURES = "pictures", "matplotlib"
+    IMAGES = "images", "PIL"
+    MAVSDK = "mavsdk", "mavsdk"
+    LOGS = "logs", "pyulog"
+    WEB = "web", "starlette", "uvicorn"
+    MQTT = "mqtt", "aiomqtt"
+    DASK = "dask", "distributed"
+    GEO = "geo", "openpyxl", "shapefile"
+    MAPS = "maps", "rasterio", "PIL", "contourpy"
+    TERRAIN = "terrain", "rasterio"
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """What is imported of it."""
+        return tuple(map(str, self.value[1:]))
 
 
-MODULES: Mapping[Extra, tuple[str, ...]] = {
-    Extra.PICTURES: ("matplotlib",),
-    Extra.IMAGES: ("PIL",),
-    Extra.MAVSDK: ("mavsdk",),
-    Extra.LOGS: ("pyulog",),
-    Extra.WEB: ("starlette", "uvicorn"),
-    Extra.MQTT: ("aiomqtt",),
-    Extra.DASK: ("distributed",),
-    Extra.GEO: ("openpyxl", "shapefile"),
-    Extra.MAPS: ("rasterio", "PIL", "contourpy"),
-    Extra.TERRAIN: ("rasterio",),
-}
-"""What is imported of each."""
 INSTALLED_BY: Mapping[str, str] = {"PIL": "pillow", "shapefile": "pyshp"}
 """The name that a module is installed by, where that is another one."""
 
@@ -51,15 +43,15 @@ def describe_missing_extra(extra: Extra, wanted_by: str) -> str:
         extra: The extra.
         wanted_by: What cannot be done without it, in the words that the user wrote.
     """
-    if all(find_spec(name) is not None for name in MODULES[extra]):
+    if all(find_spec(name) is not None for name in extra.modules):
         return ""
     # The libraries by their names: on the public index this program's name is another project's.
-    return f"{wanted_by} needs the extra {extra.value}: pip install {' '.join(packages_of(extra))}"
+    return f"{wanted_by} needs the extra {extra.value[0]}: pip install {' '.join(packages_of(extra))}"
 
 
 def packages_of(extra: Extra) -> tuple[str, ...]:
     """Return what an extra is installed by."""
-    return tuple(INSTALLED_BY.get(module, module) for module in MODULES[extra])
+    return tuple(INSTALLED_BY.get(module, module) for module in extra.modules)
 
 
 def require_extra(extra: Extra, wanted_by: str) -> None:

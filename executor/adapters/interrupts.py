@@ -15,7 +15,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
-if TYPE_CHECKING:  # loading it takes a while, and most commands start no process
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
     from multiprocessing.process import BaseProcess
 
 ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -145,18 +146,10 @@ def end_processes(processes: Collection[BaseProcess], *, patience_s: float = END
 
 def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
     """Return those that still run after a while."""
-    from multiprocessing import connection
-
     until_s = time.monotonic() + within_s
-    waited = {process.sentinel: process for process in processes}
-    while waited:
-        ended = connection.wait(list(waited), max(0.0, until_s - time.monotonic()))
-        if not ended:
-            break
-        for one in ended:
-            if isinstance(one, int):
-                waited.pop(one).join(0.0)
-    return list(waited.values())
+    for process in processes:
+        process.join(max(0.0, until_s - time.monotonic()))
+    return [process for process in processes if process.is_alive()]
 
 
 def end_with_parent() -> None:
@@ -171,3 +164,15 @@ def _wait_for_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+def start_worker_pool(count: int) -> ProcessPoolExecutor:
+    """Return a pool of so many processes.
+
+    They are spawned: one that has had threads, as the compiler's, must not be forked. However this process dies, they
+    end, instead of computing for nobody.
+    """
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
+    return ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)

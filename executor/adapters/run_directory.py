@@ -1,8 +1,7 @@
-"""The run directory: everything that one flight leaves."""
+"""The run directory: everything that one flight leaves, and its JSON documents as models."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import sys
@@ -10,12 +9,16 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Self
 
 import tomli_w
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from executor.errors import LogError
-from missions.files import write_whole
+from missions import format_first_error
+from missions.files import write_document, write_whole
 
 
 class _File:
@@ -141,11 +144,6 @@ def today() -> str:
     return f"{datetime.now().astimezone():%Y-%m-%d}"
 
 
-def write_json(path: Path, content: Mapping[str, object]) -> None:
-    """Write a JSON file whole or not at all."""
-    write_whole(path, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
-
-
 @contextmanager
 def lock_run_directory(path: Path) -> Iterator[None]:
     """Hold a run directory: of all processes on this computer one flies it.
@@ -173,3 +171,58 @@ def lock_run_directory(path: Path) -> Iterator[None]:
         file.write(f"{os.getpid()}\n")
         file.flush()
         yield
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Tenths = Annotated[Number, AfterValidator(partial(round, ndigits=1))]
+Hundredths = Annotated[Number, AfterValidator(partial(round, ndigits=2))]
+Thousandths = Annotated[Number, AfterValidator(partial(round, ndigits=3))]
+Whole = Annotated[int, Field(strict=True)]
+YesNo = Annotated[bool, Field(strict=True)]
+
+
+class Document(BaseModel):
+    """A JSON object; keys that it does not know, of a later version, are passed over."""
+
+    model_config = ConfigDict(frozen=True)
+
+    @classmethod
+    def build_from(cls, source: object, **more: object) -> Self:
+        """Return the document of a value.
+
+        Args:
+            source: What it has under the names of this document is taken as it is.
+            more: What it does not have, or has in another form.
+        """
+        same = {name: getattr(source, name) for name in cls.model_fields if name not in more and hasattr(source, name)}
+        return cls.model_validate({**same, **more})
+
+    def to_plain(self) -> dict[str, object]:
+        """Return it as JSON has it."""
+        return self.model_dump(mode="json")
+
+    def write(self, path: Path) -> None:
+        """Write it, whole or not at all.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        write_document(path, self.to_plain())
+
+    @classmethod
+    def read(cls, path: Path, expected: str) -> Self:
+        """Read it.
+
+        Args:
+            path: Its file.
+            expected: What it is, in words.
+
+        Raises:
+            LogError: one line that names the file, the key and what was expected.
+        """
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}; expected {expected}") from error
+        except ValidationError as error:
+            raise LogError(f"{path}: {format_first_error(error)}") from error

@@ -14,30 +14,11 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar
 
+import planner
 from executor.adapters.interrupts import defer_ctrl_c, end_processes, end_with_parent
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import Gain, NewRoute, SolveEnded
 from missions import Pricing, Task, build_open_task
-from planner import (
-    Cancelled,
-    Cost,
-    Instance,
-    NoImprovement,
-    OnboardPlan,
-    Plan,
-    PlannerError,
-    Seconds,
-    Vehicle,
-    build_onboard_plan,
-    combine_stop_rules,
-    grant_onboard_budgets,
-    rate_plan,
-    replan,
-    segment_of,
-    select_best_plan,
-    warm_start,
-    warm_up,
-)
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -55,7 +36,7 @@ JUDGE_S = 0.4
 JUDGE_SETTLED = 1000
 
 
-REPLAN_COST = Cost.MINMAX
+REPLAN_COST = planner.Cost.MINMAX
 """Everybody should be home soon: a sum would leave the whole rest to one vehicle as long as its battery lasts."""
 
 
@@ -77,7 +58,7 @@ def _prepare(setup: SolverSetup, cancelled: c_longlong, wanted: c_longlong) -> N
     end_with_parent()
     logging.basicConfig(format="%(message)s")
     logging.getLogger("planner").setLevel(logging.INFO)  # it says that it compiles
-    warm_up()
+    planner.warm_up()
 
 
 def _is_ready() -> bool:
@@ -116,26 +97,28 @@ def solve_for_survivors(
     """
     task, tails = build_replan_task(pricing, problem)
     spare = {segment for segment, number in enumerate(task.segment_ids) if number in problem.left_over}
-    carried = build_onboard_plan(task.instance, tails)
-    stop = combine_stop_rules(
-        Seconds(setup.limit_s if limit_s is None else limit_s), NoImprovement(settled), Cancelled(cancelled)
+    carried = planner.build_onboard_plan(task.instance, tails)
+    stop = planner.combine_stop_rules(
+        planner.Seconds(setup.limit_s if limit_s is None else limit_s),
+        planner.NoImprovement(settled),
+        planner.Cancelled(cancelled),
     )
     try:
         own, own_tails = task, tails
         if spare:  # what is to spare must not take a part in what is not
             own = build_open_task(apply_pace(pricing, problem), problem.open_segments, task.instance.vehicles)
             own_tails = [own.from_network(_select_task_visits(own, task.to_network(tail))) for tail in tails]
-        warm = warm_start(own.instance, own_tails)
-        result = replan(own.instance, warm=warm, cost=REPLAN_COST, stop=stop, seed=setup.seed)
-    except PlannerError as error:
+        warm = planner.warm_start(own.instance, own_tails)
+        result = planner.replan(own.instance, warm=warm, cost=REPLAN_COST, stop=stop, seed=setup.seed)
+    except planner.PlannerError as error:
         return SolveEnded(problem.revision, None, (), 0.0, str(error))
     if cancelled():
         return SolveEnded(problem.revision, None, (), result.seconds, "cancelled")
     candidates = [result.plan, warm]
     if spare:
         found = [task.from_network(own.to_network(route.visits)) for route in result.plan.routes]
-        candidates = [warm_start(task.instance, routes) for routes in (found, tails)]
-    best = select_best_plan(task.instance, carried.plan, candidates, spare)
+        candidates = [planner.warm_start(task.instance, routes) for routes in (found, tails)]
+    best = planner.select_best_plan(task.instance, carried.plan, candidates, spare)
     plan, names = task.plan_to_network(best), [vehicle.name for vehicle in task.instance.vehicles]
     return SolveEnded(
         problem.revision,
@@ -150,7 +133,7 @@ def solve_for_survivors(
 def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tuple[int, ...]]]:
     """Return what is to be planned, and what of it each survivor has on board."""
     vehicles = [
-        Vehicle(
+        planner.Vehicle(
             offer.vehicle,
             offer.start_m,
             offer.budget_pct,
@@ -167,7 +150,7 @@ def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tupl
         task.from_network(_select_task_visits(task, tail))
         for tail in _remove_duplicates([one.tail for one in problem.survivors])
     ]
-    instance = grant_onboard_budgets(task.instance, tails, [offer.most_pct for offer in problem.survivors])
+    instance = planner.grant_onboard_budgets(task.instance, tails, [offer.most_pct for offer in problem.survivors])
     return replace(task, instance=instance), tails
 
 
@@ -184,8 +167,10 @@ def apply_pace(pricing: Pricing, problem: Solve) -> Pricing:
     return replace(pricing, models=models, barred=barred, closed=closed, low_starts=low)
 
 
-def _compute_gain(instance: Instance, carried: OnboardPlan, best: Plan, spare: set[int], names: Sequence[str]) -> Gain:
-    now, before = rate_plan(instance, best, spare), rate_plan(instance, carried.plan, spare)
+def _compute_gain(
+    instance: planner.Instance, carried: planner.OnboardPlan, best: planner.Plan, spare: set[int], names: Sequence[str]
+) -> Gain:
+    now, before = planner.rate_plan(instance, best, spare), planner.rate_plan(instance, carried.plan, spare)
     return Gain(
         now.segments - before.segments,
         now.value - before.value,
@@ -199,7 +184,7 @@ def _compute_gain(instance: Instance, carried: OnboardPlan, best: Plan, spare: s
 def _select_task_visits(task: Task, visits: Sequence[int]) -> tuple[int, ...]:
     """Return those of the network's visits that a problem is about."""
     known = set(task.segment_ids)
-    return tuple(visit for visit in visits if segment_of(visit) in known)
+    return tuple(visit for visit in visits if planner.segment_of(visit) in known)
 
 
 def _remove_duplicates(tails: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:

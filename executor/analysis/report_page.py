@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 
-from executor.adapters.document import Document
+from executor.adapters.run_directory import Document
 from executor.adapters.templates import format_value, render_template, write_page
 from executor.analysis.documents import FlightReport, InspectionRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments

@@ -11,6 +11,7 @@ from typing import Annotated, TextIO
 
 import typer
 
+from executor.adapters import clock as fair_event_loop
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
@@ -33,6 +34,17 @@ from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import check_run, find_open_parameters
 from executor.runtime import fair_event_loop
 from executor.simulated import simulated_fleet
+from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
+from executor.simulated.demo_site import (
+    OTHER_LOSS,
+    USUAL_LOSS,
+    USUAL_RADIUS_M,
+    USUAL_VEHICLES,
+    build_demo_site,
+    check_faults,
+    is_default_demo,
+    run_simulated_fleet,
+)
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
@@ -251,7 +263,7 @@ def preflight(
     as_json: options.JsonOption = False,
 ) -> None:
     """Read every vehicle's state and parameters and run the checklist; nothing is uploaded, nothing moves."""
-    from executor.flight.checklist_only import run_checklist_only
+    from executor.flight.preparation import run_checklist_only
 
     wanted = planning.build_request()
     content = read_site(site)
@@ -281,13 +293,9 @@ def resume(
 
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     known = resuming.read_resume_plan(directory)
-    if isinstance(known, resuming.UnlaunchedRun):
-        order = resuming.build_resumed_request(directory, known.ground, known.plan)
-        _finish_flight(
-            order,
-            fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(directory, known, console)),
-            as_json=as_json,
-        )
+    if not isinstance(known, resuming.ResumePlan):
+        flown = fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
+        _finish_flight(known, flown, as_json=as_json)
         return
     left = resuming.read_finished_run(directory)
     report = None if left is None else resuming.finish_report(directory, left)

@@ -1,24 +1,86 @@
-"""Opens the links of a flight, and keeps up our heartbeat on them."""
+"""The time and the links of a flight: the computer's time, or that of a simulated fleet of ours that runs faster.
+
+Links are opened, kept up with our heartbeat, and used for several vehicles side by side.
+"""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Mapping
+import asyncio
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
+from typing import TypeVar
 
-from executor.adapters.clock import SystemClock
+from executor.adapters.clock import FairEventLoop, FleetTime, SystemClock, steady_s
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import mavsdk_link as mavsdk
-from executor.adapters.mavsdk.library import WANTED_BY
+from executor.adapters.mavsdk.mavsdk_link import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
+from executor.core.interface.commands import Level
+from executor.core.interface.connection import Scheme
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
-from executor.flight.flight_request import FlightRequest
+from executor.flight.run_start import FlightRequest, MessageSink
 from executor.runtime.flight_loop import send_heartbeats
 from executor.site.site_file import Site, read_signing_key
 from executor.supervised import run_beside
+
+CALL_AGAIN_S = 0.2
+"""Real seconds between two attempts to find the fleet: it may begin later, and again."""
+WINDOW_S = 5.0
+"""Seconds of our time over which it is compared with the computer's."""
+KEPT = 0.9
+"""Less than this part of the speed is said."""
+
+
+@asynccontextmanager
+async def follow_fleet_time(site: Site, console: MessageSink) -> AsyncIterator[FleetTime]:
+    """Keep the time together with the simulated fleet of this site, if one of ours flies on this computer.
+
+    Real vehicles, real autopilots in a simulation and everything at real time have the computer's.
+    """
+    loop, fleet = asyncio.get_running_loop(), FleetTime(site.flight.speedup, steady_s)
+    ports = [one.link.number for one in site.vehicle if one.link.scheme in {Scheme.UDP_IN, Scheme.UDP_OUT}]
+    if site.flight.speedup <= 1 or not ports or not isinstance(loop, FairEventLoop):
+        yield fleet
+        return
+    with loop.follow_pacemaker(fleet):
+        await fleet.connect(ports[0])
+        try:
+            async with (
+                run_beside("keeping the fleet's time", partial(_keep_connecting, fleet, ports[0])),
+                run_beside(
+                    "comparing the fleet's time", partial(_report_slow_host_once, fleet, site.flight.speedup, console)
+                ),
+            ):
+                yield fleet
+        finally:
+            fleet.disconnect()
+
+
+async def _keep_connecting(fleet: FleetTime, port: int) -> None:
+    while True:
+        if not fleet.is_connected:
+            await fleet.connect(port)
+        await asyncio.sleep(CALL_AGAIN_S)
+
+
+async def _report_slow_host_once(fleet: FleetTime, speedup: float, console: MessageSink) -> None:
+    """Say in one line when the computer cannot keep up with the speed that was asked for."""
+    while True:
+        ours_s, own_s, whole = fleet.steady_s(), steady_s(), fleet.is_synchronised
+        await asyncio.sleep(WINDOW_S)
+        kept = (fleet.steady_s() - ours_s) / (steady_s() - own_s)
+        if whole and fleet.is_synchronised and kept < KEPT:
+            console.say(Level.INFO, describe_slow_host(kept * speedup, speedup))
+            return
+
+
+def describe_slow_host(kept: float, speedup: float) -> str:
+    """Return what the crew is told."""
+    return f"host too slow: running at {kept:.1f}x instead of {speedup:g}x real time; results are unaffected"
 
 
 def check_backends(site: Site) -> None:
@@ -58,3 +120,30 @@ async def open_links(
         links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
         async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
             yield links
+
+
+T = TypeVar("T")
+AT_ONCE = 10
+"""Vehicles that are spoken to at the same time: a radio has its limits, and so has a simulator."""
+
+
+async def run_concurrently(works: Iterable[Coroutine[None, None, T]]) -> list[T]:
+    """Do several things side by side; the first that fails ends the others, and is raised as it is."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    try:
+        return await asyncio.gather(*tasks)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def run_for_each(names: Iterable[str], work: Callable[[str], Coroutine[None, None, T]]) -> dict[str, T]:
+    """Do something with every vehicle, `AT_ONCE` of them at a time; as `run_concurrently` otherwise."""
+    turn, every = asyncio.Semaphore(AT_ONCE), list(names)
+
+    async def one(name: str) -> T:
+        async with turn:
+            return await work(name)
+
+    return dict(zip(every, await run_concurrently(map(one, every)), strict=True))

@@ -1,57 +1,75 @@
-"""What a flight publishes over MQTT: wires the parts, and keeps them off the flight.
+"""What a flight shows outside, as its site says: over MQTT, and on its page; neither may delay it.
 
-Loaded only where the site names a broker: it needs the extra mqtt.
+What needs the extras mqtt and web is loaded only where the site asks for it.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+import os
+from collections.abc import AsyncIterator, Callable, Mapping
+from concurrent.futures import Future
+from contextlib import ExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mqtt.client import FLUSH_S, MqttClient, Subscriber
-from executor.adapters.mqtt.intake import IntentIntake
-from executor.adapters.mqtt.outbox import Outbox
-from executor.adapters.mqtt.publisher import Publisher
+from executor.adapters.extras import Extra, describe_missing_extra
 from executor.core.fleet_view import FleetView
 from executor.core.imaging.asset_status import AssetView
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
-from executor.core.interface.intents import Intent
+from executor.core.interface.intents import Intent, IntentRecord
 from executor.core.state.fleet_state import FleetState
-from executor.flight.mqtt_settings import MqttSettings
-from executor.supervised import keep_going, report_mistake
+from executor.errors import ConnectionFailed, LogError, SiteError
+from executor.flight.run_start import FlightRequest, MessageSink, MqttSettings
+from executor.runtime.flight_loop import Flight
+from executor.site.ground_files import encode_ground, read_ground_files
+from executor.site.ground_view import GroundView, compute_shown_area
+from executor.site.tables.links import WebTable
+from executor.supervised import call_safely, keep_going, report_on_loop
 from missions import PlanFile, build_plan_document
+
+if TYPE_CHECKING:
+    from executor.adapters.mqtt.publisher import Publisher
+
 
 MessageCallback = Callable[[Level, str], None]
 AssetsNow = Callable[[], tuple[AssetView, ...]]
 
 
 class Publication:
-    """What one flight publishes; every method but `running` returns at once and raises nothing."""
+    """What one flight publishes, nothing without a broker; all but `run` return at once and raise nothing."""
 
-    def __init__(self, settings: MqttSettings, run: Path, clock: SystemClock) -> None:
+    def __init__(self, settings: MqttSettings | None, run: Path, clock: SystemClock) -> None:
         """Prepare everything; nothing is connected yet."""
         self._settings = settings
         self._clock = clock
-        self._outbox = Outbox()
-        self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
-        self._tell: MessageCallback = lambda *_: None
-        self._mistakes: set[str] = set()
+        self._publisher: Publisher | None = None
+        if settings is not None:
+            from executor.adapters.mqtt.client import Outbox
+            from executor.adapters.mqtt.publisher import Publisher
+
+            self._outbox = Outbox()
+            self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
 
     def publish_event(self, event: Event, state: FleetState) -> None:
         """Publish what an event led to."""
-        self._call_safely(lambda: self._publisher.publish_event(event, state))
+        self._publish(lambda to: to.publish_event(event, state))
 
     def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
         """Publish a line for the operator."""
-        self._call_safely(lambda: self._publisher.publish_line(line, at_s, flight_s))
+        self._publish(lambda to: to.publish_line(line, at_s, flight_s))
 
     def publish_plan(self, revision: int, plan: PlanFile) -> None:
         """Publish the plan in force."""
-        self._call_safely(lambda: self._publisher.publish_plan(revision, build_plan_document(plan)))
+        self._publish(lambda to: to.publish_plan(revision, build_plan_document(plan)))
+
+    def _publish(self, work: Callable[[Publisher], None]) -> None:
+        if self._publisher is not None:
+            call_safely("mqtt", work, self._publisher)
 
     @asynccontextmanager
     async def run(
@@ -69,21 +87,26 @@ class Publication:
             tell: Called with what the operator should know.
             assets: Returns what became of each asset; None where none asks for pictures.
         """
-        self._tell = tell
-        loop = asyncio.get_running_loop()
+        if self._settings is None or self._publisher is None:
+            yield
+            return
+        from executor.adapters.mqtt.broker import IntentIntake
+        from executor.adapters.mqtt.client import FLUSH_S, MqttClient
+
+        settings, loop = self._settings, asyncio.get_running_loop()
         intake = IntentIntake(
-            self._settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
+            settings.rules, self._clock.unix_s, loop.time, accept, self._publisher.publish_refusal, tell
         )
-        subscriber = Subscriber(self._settings.topics.intent_topic, intake.handle_message)
-        client = MqttClient(self._settings.broker, self._outbox, self._publisher.build_presence, subscriber, tell)
-        if self._settings.rules.closed:
-            tell(Level.INFO, f"mqtt: no intents are taken: {self._settings.rules.closed}")
-        if self._settings.exposed:
-            tell(
-                Level.WARNING, f"mqtt: without tls everybody on the way to {self._settings.broker} can read its secrets"
-            )
+        client = MqttClient(
+            settings.broker, self._outbox, self._publisher.build_presence,
+            settings.topics.intent_topic, intake.handle_message, tell,
+        )  # fmt: skip
+        if settings.rules.closed:
+            tell(Level.INFO, f"mqtt: no intents are taken: {settings.rules.closed}")
+        if settings.exposed:
+            tell(Level.WARNING, f"mqtt: without tls everybody on the way to {settings.broker} can read its secrets")
         views = asyncio.create_task(
-            keep_going("mqtt's views", lambda: self._publish_views(view, assets)), name="mqtt views"
+            keep_going("mqtt's views", lambda: self._publish_views(view, assets, settings.period_s)), name="mqtt views"
         )
         carrier = asyncio.create_task(keep_going("mqtt's connection", client.run), name="mqtt")
         try:
@@ -96,26 +119,116 @@ class Publication:
             carrier.cancel()
             _, left = await asyncio.wait({views, carrier}, timeout=FLUSH_S)
             if left:
-                tell(Level.WARNING, f"mqtt: the connection to {self._settings.broker} does not end, and is left")
+                tell(Level.WARNING, f"mqtt: the connection to {settings.broker} does not end, and is left")
             if len(self._outbox):
-                tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {self._settings.broker}")
+                tell(Level.WARNING, f"mqtt: {len(self._outbox)} messages never reached {settings.broker}")
 
-    async def _publish_views(self, view: Callable[[], FleetView], assets: AssetsNow | None) -> None:
+    async def _publish_views(self, view: Callable[[], FleetView], assets: AssetsNow | None, period_s: float) -> None:
         while True:
             self._publish_view(view, assets)
-            await asyncio.sleep(self._settings.period_s)
+            await asyncio.sleep(period_s)
 
     def _publish_view(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
-        self._call_safely(lambda: self._publisher.publish_view(view()))
+        self._publish(lambda to: to.publish_view(view()))
         if assets is not None:
-            self._call_safely(lambda: self._publisher.publish_assets(assets, last=last))
+            self._publish(lambda to: to.publish_assets(assets, last=last))
 
-    def _call_safely(self, work: Callable[[], None]) -> None:
-        try:
-            work()
-        except Exception as error:  # noqa: BLE001 - what is told of the flight must not end it
-            text = f"internal error in mqtt: {type(error).__name__}: {error}"
-            if text not in self._mistakes:
-                self._mistakes.add(text)
-                self._tell(Level.FAULT, text)
-                report_mistake("mqtt", error, said=True)
+
+LEAST_TOKEN = 16
+"""Characters: shorter ones can be guessed."""
+
+
+def check_web(table: WebTable) -> None:
+    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
+
+    Raises:
+        SiteError: the token is missing or too short.
+    """
+    if table.enabled:
+        _read_token(table)
+        if describe_missing_extra(Extra.WEB, "the page"):
+            return  # said beside the flight, which goes on without
+        import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
+
+
+def _read_token(table: WebTable) -> str | None:
+    if table.token_env is None:
+        return None
+    value = os.environ.get(table.token_env, "")
+    if (
+        len(value) < LEAST_TOKEN
+        or not value.isascii()
+        or not value.isprintable()
+        or not value.replace("-", "").isalnum()
+    ):
+        raise SiteError(
+            f"web.token_env: expected a token of {LEAST_TOKEN} or more letters, digits or hyphens in the environment "
+            f"variable {table.token_env}"
+        )
+    return value
+
+
+@asynccontextmanager
+async def serve_page(
+    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, order: FlightRequest | None = None
+) -> AsyncIterator[None]:
+    """Serve the page; a flight goes on without it where it cannot be served.
+
+    It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
+    """
+    if not table.enabled:
+        yield
+        return
+    if line := describe_missing_extra(Extra.WEB, "the page"):
+        console.say(Level.WARNING, f"{line}; the flight goes on without it")
+        yield
+        return
+    from executor.adapters.web import WebServer, WebSettings
+
+    loop = asyncio.get_running_loop()
+
+    def now() -> tuple[FleetState, float]:
+        return flight.state, clock.now_s()
+
+    async def take(intent: Intent) -> IntentRecord:
+        return flight.submit_intent(intent)
+
+    def submit(intent: Intent) -> Future[IntentRecord]:
+        return asyncio.run_coroutine_threadsafe(take(intent), loop)
+
+    token = _read_token(table)
+    names = {*table.names, *(() if table.address is None else (urlsplit(table.address).hostname or "",))}
+    settings = WebSettings(
+        table.host,
+        table.port,
+        token,
+        frozenset(names),
+        clock.speedup,
+        {} if order is None else read_shown_ground(order, console),
+        None if order is None else order.plan.window,
+    )
+    server = WebServer(settings, flight.context, now, submit, mistake=partial(report_on_loop, loop))
+    stack = ExitStack()
+    try:
+        await asyncio.to_thread(stack.enter_context, server)
+    except ConnectionFailed as error:
+        console.say(Level.WARNING, f"{error}; the flight goes on without its page")
+        yield
+        return
+    try:
+        query = f"?token=${table.token_env}" if token is not None else ""
+        console.say(Level.INFO, f"page: {table.address or server.address}{query}")
+        yield
+    finally:
+        await asyncio.to_thread(stack.close)
+
+
+def read_shown_ground(order: FlightRequest, console: MessageSink) -> Mapping[str, bytes]:
+    """Return what the run directory keeps of the ground, or at least where the local metres are."""
+    try:
+        kept = read_ground_files(order.run)
+    except LogError as error:
+        console.say(Level.WARNING, f"{error}: the page shows no ground")
+        kept = {}
+    around = GroundView(*compute_shown_area(order.ground.network.positions_m))
+    return kept or encode_ground(around, order.ground.network.frame)

@@ -9,45 +9,41 @@ from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 
 from executor import supervised
+from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
-from executor.adapters.eventlog import (
-    EventLog,
-    LogHeader,
-    read_decisions,
-    read_events,
-    read_head,
-    to_plain,
-    total_clock_step_s,
-)
 from executor.adapters.extras import Extra, describe_missing_extra
-from executor.adapters.log_end import count_lines_after, is_flight_finished, read_last_event_s
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import AskedVehicles, FlightReport, read_report, read_vehicle_answers
 from executor.analysis.report import NOTHING_SAID, build_report
+from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
+from executor.analysis.report import NOTHING_SAID, PreflightRecord, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
 from executor.core.interface.events import Reopened, SolveEnded
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
-from executor.flight import run_flight
-from executor.flight.board_record import build_parameter_rows, read_kept_parameters
-from executor.flight.checkpoint_files import FoundCheckpoint, Planned, find_newest_checkpoint
-from executor.flight.flight_recorder import InheritedRecord, plan_path_of
-from executor.flight.flight_request import Console, FlightRequest
-from executor.flight.mqtt_settings import MqttSettings, read_mqtt_settings
-from executor.flight.open_links import open_links
-from executor.flight.run_flight import FlightResult, FlightSession
-from executor.flight.run_start import RunStart, read_flown_day_plan, read_run_start
-from executor.flight.simulation_clock import follow_fleet_time
+from executor.flight import run_flight, run_start
+from executor.flight.flight_recorder import (
+    FoundCheckpoint,
+    InheritedRecord,
+    Planned,
+    find_newest_checkpoint,
+    plan_path_of,
+)
+from executor.flight.open_links import follow_fleet_time, open_links
+from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel, load_site_model
 from executor.site.site_planning import check_plan_belongs
 from missions import PlanFile, read_plan
+from executor.site.site_model import SiteModel
+from missions import PlanFile
 
 HEAD = b'{"format":"faultline-'
 """What the first line of a log begins with."""
@@ -56,19 +52,11 @@ LAUNCH = b'"LaunchOrdered"'
 
 
 @dataclass(frozen=True, slots=True)
-class UnlaunchedRun:
-    """A run directory of a flight that was never launched: nothing has moved, so it begins from its beginning."""
-
-    ground: SiteModel
-    plan: PlanFile
-
-
-@dataclass(frozen=True, slots=True)
 class InterruptedRun:
     """A flight as its log ends."""
 
-    begun: RunStart
-    head: LogHeader
+    begun: run_start.RunStart
+    head: eventlog.LogHeader
     state: FleetState
     last_s: float
     """The last time that is on record."""
@@ -85,8 +73,8 @@ class InterruptedRun:
 class ResumePlan:
     """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
 
-    order: FlightRequest
-    head: LogHeader
+    order: run_start.FlightRequest
+    head: eventlog.LogHeader
     found: FoundCheckpoint
     """Its checkpoint, if there is a good one."""
     last_s: float
@@ -95,8 +83,10 @@ class ResumePlan:
     """By how much the computer's time of day was set in the flight."""
 
 
-def read_resume_plan(run: Path) -> UnlaunchedRun | ResumePlan:
+def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     """Return what is known of a flight without reading its log, as far as there is a checkpoint.
+
+    One that was never launched begins from its beginning, as nothing has moved: it is a request again.
 
     Raises:
         LogError: the directory holds no flight, or one of a newer version.
@@ -108,29 +98,17 @@ def read_resume_plan(run: Path) -> UnlaunchedRun | ResumePlan:
     path = RunDirectory(run).events
     found = find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
-    ground, plan = (
-        load_site_model(read_site(RunDirectory(run).site), run, read_learned_before(run)),
-        read_plan(RunDirectory(run).plan_path(0)),
-    )
-    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
+    order = _build_request(run, *run_start.read_site_and_plan(run), launched=launched)
     if not launched:
-        return UnlaunchedRun(ground, plan)
+        return order
     known = found.checkpoint
-    set_s = total_clock_step_s(path) if known is None else known.set_s + total_clock_step_s(path, known.place)
-    last_s = read_last_event_s(path) or 0.0
-    return ResumePlan(_build_request_in_air(run, ground, plan), read_head(path), found, last_s, set_s)
-
-
-def read_interrupted_run(run: Path) -> UnlaunchedRun | InterruptedRun:
-    """Return how a flight was left.
-
-    Raises:
-        LogError: as `read_resume_plan`, or what the directory holds cannot be used.
-        SiteError: site.toml cannot be used.
-        MissionsError: the first plan, or the network, cannot be used.
-    """
-    known = read_resume_plan(run)
-    return known if isinstance(known, UnlaunchedRun) else replay_interrupted_run(run, known)
+    set_s = (
+        eventlog.total_clock_step_s(path)
+        if known is None
+        else known.set_s + eventlog.total_clock_step_s(path, known.place)
+    )
+    last_s = eventlog.read_last_event_s(path) or 0.0
+    return ResumePlan(order, eventlog.read_head(path), found, last_s, set_s)
 
 
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
@@ -142,9 +120,10 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         stopped: Asked again and again: whether nobody waits for it any more.
 
     Raises:
-        LogError: as `read_interrupted_run`, or it was stopped.
+        LogError: as `read_resume_plan`, or it was stopped.
     """
-    path, begun, checkpoint = RunDirectory(run).events, read_run_start(run), known.found.checkpoint
+    path, checkpoint = RunDirectory(run).events, known.found.checkpoint
+    begun = run_start.build_run_start(run, known.order.ground, known.order.plan)
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -155,7 +134,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         planned = list(checkpoint.unkept)
     replayed = 0
     latest: tuple[Command, ...] = ()
-    for last_s, event in read_events(path, notes.append, place):
+    for last_s, event in eventlog.read_events(path, notes.append, place):
         if stopped():
             raise LogError(f"{path}: was not read to its end")
         latest = ()
@@ -166,12 +145,12 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
             state, latest = fleet_step.step(begun.context, state, event, last_s)
             replayed += len(latest)
             solves |= {command.revision: command for command in latest if isinstance(command, Solve)}
-    missing = replayed - sum(1 for _ in read_decisions(path, place))
+    missing = replayed - sum(1 for _ in eventlog.read_decisions(path, place))
     undone = latest[-missing:] if 0 < missing <= len(latest) else ()
     unkept = tuple(one for one in planned if not plan_path_of(run, one).exists())
     solve = solves[max(solves)] if solves else None
     legacy = InheritedRecord(unkept, solve, known.set_s, known.found.name)
-    lines = (0 if place is None else place.lines) + count_lines_after(path, place)
+    lines = (0 if place is None else place.lines) + eventlog.count_lines_after(path, place)
     return InterruptedRun(begun, known.head, state, last_s, lines, tuple(notes), undone, legacy)
 
 
@@ -179,12 +158,13 @@ def read_finished_run(run: Path) -> InterruptedRun | None:
     """Return a flight whose log says that nothing is left to supervise; None if it does not, or there is none.
 
     Raises:
-        LogError: as `read_interrupted_run`.
+        LogError: as `read_resume_plan`.
     """
-    if not RunDirectory(run).events.exists() or not is_flight_finished(RunDirectory(run).events):
+    if not RunDirectory(run).events.exists() or not eventlog.is_flight_finished(RunDirectory(run).events):
         return None
-    left = read_interrupted_run(run)
-    return left if isinstance(left, InterruptedRun) and left.state.progress.finished else None
+    known = read_resume_plan(run)
+    left = replay_interrupted_run(run, known) if isinstance(known, ResumePlan) else None
+    return left if left is not None and left.state.progress.finished else None
 
 
 def _is_launched(run: Path) -> bool:
@@ -193,7 +173,7 @@ def _is_launched(run: Path) -> bool:
     if not path.exists() or path.stat().st_size == 0:
         return False
     with suppress(LogError):
-        read_head(path)
+        eventlog.read_head(path)
         with path.open("rb") as file:
             return any(LAUNCH in line[:200] and line.endswith(b"\n") for line in file)
     with path.open("rb") as file:
@@ -201,7 +181,7 @@ def _is_launched(run: Path) -> bool:
     # Torn by a death while the very first line was written; anything else is damage, and may have been a flight.
     torn = not line.endswith(b"\n") and (line.startswith(HEAD) or HEAD.startswith(line))
     if not torn:
-        read_head(path)  # says what is wrong with it
+        eventlog.read_head(path)  # says what is wrong with it
     return False
 
 
@@ -234,54 +214,33 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     return report
 
 
-def build_resumed_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    """Return the order to fly what a run directory describes."""
-    return replace(_build_unpublished_request(run, ground, plan), mqtt=_read_broker(run, ground))
+def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bool) -> run_start.FlightRequest:
+    """Return the order to fly what a run directory describes; one in the air goes on though it cannot be published."""
+    silent = launched and describe_missing_extra(Extra.MQTT, "[mqtt]")
+    mqtt = None if silent else run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
+    truths, day = partial(read_injected_faults, run), run_start.read_flown_day_plan(run)
+    return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-def _build_unpublished_request(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    return FlightRequest(
-        ground.site,
-        run,
-        ground,
-        plan,
-        run,
-        lambda clock: read_injected_faults(run, clock),
-        day=read_flown_day_plan(run),
-    )
-
-
-def _read_broker(run: Path, ground: SiteModel) -> MqttSettings | None:
-    return read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-
-
-def _build_request_in_air(run: Path, ground: SiteModel, plan: PlanFile) -> FlightRequest:
-    """Return the order of a flight that was launched: it is taken up though it cannot be published."""
-    order = _build_unpublished_request(run, ground, plan)
-    return order if describe_missing_extra(Extra.MQTT, "[mqtt]") else replace(order, mqtt=_read_broker(run, ground))
-
-
-async def start_unlaunched_run(run: Path, ready: UnlaunchedRun, console: Console) -> FlightResult:
+async def start_unlaunched_run(order: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
         ExecutorError: as `app.fly`.
     """
-    kept = RunDirectory(run)
-    for file in (
-        kept.events,
-        *kept.checkpoints,
-    ):  # the log holds its head at most; checkpoints would be another flight's
+    kept = RunDirectory(order.run)
+    # The log holds its head at most; checkpoints would be another flight's.
+    for file in (kept.events, *kept.checkpoints):
         file.unlink(missing_ok=True)
-    console.say(Level.INFO, f"{run}: nothing was launched; the flight begins from its beginning")
-    return await run_flight.run_flight(build_resumed_request(run, ready.ground, ready.plan), console)
+    console.say(Level.INFO, f"{order.run}: nothing was launched; the flight begins from its beginning")
+    return await run_flight.run_flight(order, console)
 
 
 def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     """Return what there is to say of a flight before anybody is told anything: the less, the longer its log is.
 
     Raises:
-        LogError: as `read_interrupted_run`.
+        LogError: as `read_resume_plan`.
     """
     if known.found.checkpoint is not None:
         return describe_interrupted_run(replay_interrupted_run(run, known))
@@ -290,7 +249,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -> FlightResult:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> run_flight.FlightResult:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -306,17 +265,17 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
     """
     with lock_run_directory(run), supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), run):
         known = read_resume_plan(run)  # now that nobody else writes to it
-        if isinstance(known, UnlaunchedRun):
+        if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
         order = known.order
         if order.mqtt is None and order.site.mqtt is not None:
             why = describe_missing_extra(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         async with AsyncExitStack() as stack:
-            found = await stack.enter_async_context(follow_fleet_time(order.site, console))
+            fleet = await stack.enter_async_context(follow_fleet_time(order.site, console))
             head = known.head
             clock = SystemClock.resume(
-                head.speedup, head.began_unix_s, known.last_s, known.set_s, found.steady, found.date_unix_s()
+                head.speedup, head.began_unix_s, known.last_s, known.set_s, fleet.steady_s, fleet.date_unix_s()
             )
             links = await stack.enter_async_context(open_links(order, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
@@ -325,11 +284,13 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
             report = finish_report(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
-                return FlightResult(report, left.begun.context, left=False)
+                return run_flight.FlightResult(report, left.begun.context, left=False)
             for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)
-            log = EventLog(RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines)
+            log = eventlog.EventLog(
+                RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines
+            )
             for command in left.undone:
                 _note_undone_command(log, command, left.last_s)
             away_s = max(0.0, clock.now_s() - left.last_s)
@@ -339,7 +300,7 @@ async def resume_flight(run: Path, console: Console, told: Sequence[str] = ()) -
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
-                seat = FlightSession(left.begun.context, left.state, links, clock, log, solver, said, left.legacy)
+                seat = run_flight.FlightSession(left.begun.context, left.state, links, clock, log, solver, said, left.legacy)
                 return await run_flight.supervise(order, console, seat, reopened)
             finally:
                 await starting
@@ -354,12 +315,12 @@ async def _replay_in_thread(run: Path, known: ResumePlan) -> InterruptedRun:
         over.set()
 
 
-def _note_undone_command(log: EventLog, command: Command, at_s: float) -> None:
+def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) -> None:
     """Write down what was decided when the ground station died: the vehicles may not know of it."""
     if isinstance(command, Say):
         log.note(at_s, said=command.text, level=command.level.value, carried_out=False)
     else:
-        log.note(at_s, command=to_plain(command), carried_out=False)
+        log.note(at_s, command=eventlog.to_plain(command), carried_out=False)
 
 
 def _read_preflight_record(run: Path) -> AskedVehicles:

@@ -1,19 +1,21 @@
-"""Wires the parts together for one flight; holds no rule."""
+"""Wires the parts together for one flight, holds no rule; and how an operator, or the computer, ends it."""
 
 from __future__ import annotations
 
 import asyncio
 import gc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext
+import signal
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import FrameType
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog
+from executor.adapters.interrupts import ENDS, SignalDebouncer, forget_terminal
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
 from executor.analysis.documents import AskedVehicles, FlightReport
@@ -23,7 +25,7 @@ from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
 from executor.core.imaging.asset_status import build_asset_views, list_asked_pictures
 from executor.core.interface.commands import Level, Say
-from executor.core.interface.events import Asked, IntentReceived, Reopened
+from executor.core.interface.events import Asked, IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight.fence_checks import OnboardLists
@@ -33,26 +35,120 @@ from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
-from executor.flight import fencing, parameter_changes, web_page
-from executor.flight.board_record import build_parameter_rows
+from executor.flight import preparation
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
-from executor.flight.flight_request import Console, FlightRequest
-from executor.flight.open_links import open_links
-from executor.flight.operator_interrupts import Interrupts
-from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.flight.restore_vehicles import restore_board
-from executor.flight.simulation_clock import follow_fleet_time
+from executor.flight.open_links import follow_fleet_time, open_links
+from executor.flight.publication import Publication, check_web, serve_page
+from executor.flight.restore_vehicles import build_parameter_rows, restore_board
+from executor.flight.run_start import Console, FlightRequest
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight
 from executor.runtime.loss_judging import keep_judging
 from executor.site import day_plans
 from executor.site.learned_files import build_flown_packs, learn_from_flight
+from executor.runtime.flight_loop import Flight, keep_judging
+from executor.site import day_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
 from missions.fences import Fence
 
-if TYPE_CHECKING:
-    from executor.flight.publication import Publication
+LEAVE_AFTER_S = 5.0
+"""Real seconds after the first Ctrl-C in which a second one still means 'send them home'."""
+STAYS = "the vehicles go on with what they do, unless a GCS failsafe that is set on them acts"
+LEFT = f"supervision ends; {STAYS}"
+
+
+class Interrupts:
+    """Ctrl-C: before the take-off it ends everything.
+
+    Then once leaves the vehicles on their missions, twice sends them home, three times ends the supervision at once.
+    SIGTERM, and a terminal that closes, are one Ctrl-C however often they come: nobody asks for a return with them.
+    """
+
+    def __init__(self, flight: Flight, console: Console) -> None:
+        """Listen for the end of this flight's supervision, inside the block."""
+        self._flight = flight
+        self._console = console
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._recalled = False
+        self._declined = asyncio.Event()
+        self._how = "Ctrl-C"
+        self._once = SignalDebouncer()
+        self._before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
+        self.left = False
+
+    def __enter__(self) -> Interrupts:
+        for number in (signal.SIGINT, *ENDS):
+            before = signal.getsignal(number)
+            if before is signal.SIG_IGN and number in ENDS:
+                continue  # as nohup has it
+            with suppress(NotImplementedError):
+                self._loop.add_signal_handler(
+                    number, self._on_interrupt if number == signal.SIGINT else self._on_signal, number
+                )
+                self._before[number] = before
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        for number, before in self._before.items():
+            self._loop.remove_signal_handler(number)
+            if before is not None:
+                signal.signal(number, before)  # what is done after the flight is interrupted as it was before
+
+    async def run_unless_interrupted(self, work: Coroutine[None, None, None]) -> None:
+        """Do what comes before the take-off.
+
+        Raises:
+            PreflightFailed: the operator, or the computer, ended it before it was done.
+        """
+        task, pressed = asyncio.ensure_future(work), asyncio.ensure_future(self._declined.wait())
+        try:
+            await asyncio.wait({task, pressed}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            pressed.cancel()
+            ended = task.done()
+            if not ended:
+                task.cancel()
+                await asyncio.gather(task, return_exceptions=True)
+        if not ended:
+            raise PreflightFailed(f"{self._how}: nothing has moved")
+        await task
+
+    def _on_signal(self, number: int) -> None:
+        """Take a signal to end; several of them are one."""
+        forget_terminal()
+        if not self._once.is_first():
+            return
+        self._how = signal.Signals(number).name
+        if self._flight.state.progress.launched_s is None or self._timer is None or self._recalled:
+            self._on_interrupt(number)
+
+    def _on_interrupt(self, _: int) -> None:
+        if self._flight.state.progress.launched_s is None:
+            self._declined.set()
+        elif self._recalled or self.left:
+            self._leave()
+        elif self._timer is None:
+            again = "once more" if self._how == "Ctrl-C" else "Ctrl-C"
+            stay = f"the vehicles stay on their missions; {again} within {LEAVE_AFTER_S:g} s sends them home"
+            text = f"{self._how}: {stay}"
+            self._console.say(Level.WARNING, text)
+            self._timer = self._loop.call_later(LEAVE_AFTER_S, self._leave)
+        else:
+            self._timer.cancel()
+            self._recalled = True
+            self._flight.apply(ReturnAllOrdered())
+            self._console.say(Level.WARNING, "once more ends the supervision; the vehicles come home by themselves")
+
+    def _leave(self) -> None:
+        waits_for = self._flight.stop_supervising(at_once=self.left or self._recalled)
+        self.left = True
+        uploads = f"the upload to {' and '.join(waits_for)} has ended"
+        text = f"supervision ends once {uploads}, Ctrl-C ends it at once; {STAYS}" if waits_for else LEFT
+        self._console.say(Level.WARNING, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +173,8 @@ async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
         lock_run_directory(order.run),
         supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), order.run),
     ):
-        async with follow_fleet_time(order.site, console) as found:
-            clock = SystemClock.start_on(order.site.flight.speedup, found.steady)
+        async with follow_fleet_time(order.site, console) as fleet:
+            clock = SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)
             async with open_links(order, clock) as links, solver:
                 return await _check_and_supervise(order, console, clock, solver, links)
 
@@ -87,11 +183,11 @@ def load_optional_parts(order: FlightRequest) -> None:
     """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
 
     Raises:
-        SiteError: as `web.check_web`.
+        SiteError: as `check_web`.
     """
-    web_page.check_web(order.site.web)
+    check_web(order.site.web)
     if order.mqtt is not None:
-        import executor.flight.publication  # noqa: F401 - it is loaded, and used later
+        import executor.adapters.mqtt.publisher  # noqa: F401 - it is loaded, and used later
 
 
 def make_solver_process(order: FlightRequest, console: Console) -> SolverProcess:
@@ -108,14 +204,14 @@ async def _check_and_supervise(
     links: Mapping[str, OpenLink],
 ) -> FlightResult:
     run = order.run
-    facts = await interview_vehicles(order, links, clock, console)
-    context, boards, found = build_context_and_checklist(order, facts)
-    lists = await fencing.read_fences(context, links, clock)
-    found += fencing.check_fences_on_board(context, facts, boards, lists, run)
+    facts = await preparation.interview_vehicles(order, links, clock, console)
+    context, boards, found = preparation.build_context_and_checklist(order, facts)
+    lists = await preparation.read_fences(context, links, clock)
+    found += preparation.check_fences_on_board(context, facts, boards, lists, run)
     console.show_checks(found)
     try:
         _raise_on_stop(found)
-        proposal = await parameter_changes.read_changes(context, links, clock)
+        proposal = await preparation.read_changes(context, links, clock)
         console.show_checks(proposal.checks)
         _raise_on_stop(proposal.checks)
     except PreflightFailed:
@@ -179,16 +275,16 @@ async def _prepare_launch(
         PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
     context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
-    fence_lines = fencing.describe_fence_changes(context, beginning.fences, beginning.lists)
+    fence_lines = preparation.describe_fence_changes(context, beginning.fences, beginning.lists)
     if proposal.changes or fence_lines:
-        text = parameter_changes.compose_changes_question(proposal, fences=len(fence_lines))
-        told = [*fence_lines, *parameter_changes.describe_parameter_changes(proposal)]
+        text = preparation.compose_changes_question(proposal, fences=len(fence_lines))
+        told = [*fence_lines, *preparation.describe_parameter_changes(proposal)]
         if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
-    beginning.found.extend(await parameter_changes.apply_changes(order.run, proposal, context, links, clock, console))
+    beginning.found.extend(await preparation.apply_changes(order.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await fencing.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
-    await upload_first_missions(context, links, clock, beginning.boards, console)
+    await preparation.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
+    await preparation.upload_first_missions(context, links, clock, beginning.boards, console)
     seat.said().write(RunDirectory(order.run).vehicles)
     later = [] if order.day is None else day_plans.describe_later_sorties(order.day)
     text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
@@ -235,9 +331,9 @@ async def supervise(
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    publication = _build_publication(order, clock)
+    publication = Publication(order.mqtt, order.run, clock)
     keeper = FlightRecorder(order, context, console, seat.log, clock, publication, seat.legacy)
-    if publication is not None:
+    if order.mqtt is not None:
         publication.publish_plan(
             seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
         )
@@ -249,7 +345,7 @@ async def supervise(
         listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                web_page.serve_page(order.site.web, flight, clock, console, order),
+                serve_page(order.site.web, flight, clock, console, order),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
@@ -297,19 +393,9 @@ def write_results(
     return failed
 
 
-def _build_publication(order: FlightRequest, clock: SystemClock) -> Publication | None:
-    if order.mqtt is None:
-        return None
-    from executor.flight.publication import Publication
-
-    return Publication(order.mqtt, order.run, clock)
-
-
 def _publish_flight(
-    publication: Publication | None, flight: Flight, keeper: FlightRecorder, clock: SystemClock
+    publication: Publication, flight: Flight, keeper: FlightRecorder, clock: SystemClock
 ) -> AbstractAsyncContextManager[None]:
-    if publication is None:
-        return nullcontext()
     context, looks = flight.context, flight.context.setup.looks
     asked = list_asked_pictures(context) if looks else {}
     return publication.run(

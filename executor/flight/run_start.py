@@ -1,16 +1,29 @@
-"""What a run directory says that its flight began with: the site, the first plan, and who stood where."""
+"""What a flight begins with: what is flown, where the operator looks, and what its run directory keeps of that."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import ssl
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from secrets import token_hex
+from typing import Protocol
 
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import AskedVehicle, read_vehicle_answers
+from executor.adapters.clock import SystemClock
+from executor.adapters.extras import Extra, require_extra
+from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
+from executor.adapters.run_directory import RunDirectory, today, write_site
+from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_answers
+from executor.analysis.learned_document import build_learned_document, read_learned_before
+from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
+from executor.core.interface.commands import Level
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
@@ -19,15 +32,185 @@ from executor.site import day_plans, site_model
 from executor.site.learned_files import read_learned_before
 from executor.site.site_file import read_site
 from executor.site.site_model import SiteModel
+from executor.errors import SiteError
+from executor.site import day_flight, site_model
+from executor.site.ground_files import write_ground
+from executor.site.ground_view import GroundView, view_for
+from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
-from missions import DayPlanFile, FlightSetup, Pad, PlanFile, apply_tunings, dialect_for, read_day_plan, read_plan
+from executor.site.tables.links import MqttTable
+from missions import (
+    DayPlanFile,
+    FlightSetup,
+    Pad,
+    PlanFile,
+    apply_tunings,
+    dialect_for,
+    read_day_plan,
+    read_plan,
+    write_plan,
+)
+from missions.readers.kept_elevation import write_kept_ground
+
+
+class MessageSink(Protocol):
+    """What shows the operator a line."""
+
+    def say(self, level: Level, text: str, at_s: float | None = None) -> None:
+        """Show one line; `at_s` counts from the order to take off."""
+
+
+class Console(MessageSink, Protocol):
+    """Where the operator looks."""
+
+    def show_checks(self, found: Sequence[Check]) -> None:
+        """Show the checklist."""
+
+    def confirm(self, question: str) -> bool:
+        """Ask while nobody has to be listened to."""
+
+    async def ask(self, question: str) -> bool:
+        """Ask beside everything else that goes on."""
+
+    def show(self, context: Context, state: FleetState, now_s: float) -> None:
+        """Show the fleet; called often, draws seldom."""
+
+    def stop_drawing(self) -> None:
+        """Stop drawing."""
+
+
+@dataclass(frozen=True, slots=True)
+class MqttSettings:
+    """What a site says of its broker."""
+
+    topics: MqttTopics
+    broker: BrokerAddress
+    rules: IntakeRules
+    period_s: float
+    """Of telemetry, in real seconds."""
+    exposed: bool
+    """Whether secrets leave this computer without TLS."""
+
+
+def read_mqtt_settings(
+    table: MqttTable | None, base: Path, source: str, environment: Mapping[str, str] = os.environ
+) -> MqttSettings | None:
+    """Return what a site says of its broker, with the secrets that it names; None if it has none.
+
+    Args:
+        table: The site's table.
+        base: The folder that the site file's paths are relative to.
+        source: The site file, for messages.
+        environment: Where the secrets are.
+
+    Raises:
+        ExtraMissing: there is a broker, and nothing installed to speak to it with.
+        SiteError: a secret is not set, or the authority's certificate cannot be used.
+    """
+    if table is None:
+        return None
+    require_extra(Extra.MQTT, f"[mqtt] in {source}")
+    broker = BrokerAddress(
+        table.host,
+        table.port or (8883 if table.tls else 1883),
+        # The same at every connection of this flight, and nobody else's.
+        f"faultline-{token_hex(6)}",
+        read_secret(table.username_env, "mqtt.username_env", source, environment),
+        read_secret(table.password_env, "mqtt.password_env", source, environment),
+        _build_tls_context(table, base, source),
+    )
+    token = (environment.get(table.token_env) if table.token_env is not None else None) or None
+    exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
+    return MqttSettings(
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
+    )
+
+
+def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
+    closed = ""
+    if token is None and table.token_env is not None:
+        closed = f"the environment variable {table.token_env} is not set"
+    elif token is None and not table.is_here:
+        closed = "the broker is not on this computer, and the site names no token_env"
+    return IntakeRules(table.intent_max_age_s, token, closed)
+
+
+def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+    if not table.tls:
+        return None
+    try:
+        return ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
+    except (OSError, ssl.SSLError) as error:
+        why = error.strerror or type(error).__name__
+        text = f"{source}: mqtt.ca_file: expected a certificate (PEM) in {table.ca_file}: {why}"
+        raise SiteError(text) from error
+
+
+@dataclass(frozen=True, slots=True)
+class FlightRequest:
+    """What is to be flown, and where its record goes."""
+
+    site: Site
+    base: Path
+    """The folder that the site file's paths are relative to."""
+    ground: site_model.SiteModel
+    plan: PlanFile
+    """Over all of the ground's segments, for its vehicles."""
+    run: Path
+    truths: Callable[[SystemClock], Sequence[InjectedFault]]
+    """What really happened, asked for at the end; empty without a simulator."""
+    mqtt: MqttSettings | None = None
+    """Where it is published."""
+    below: GroundView | None = None
+    """The ground around the line, where it is read already."""
+    day: DayPlanFile | None = None
+    """The day whose first sorties `plan` is; None for a single flight."""
+    earlier: tuple[EarlierRow, ...] = ()
+    """Flights whose rest is flown."""
+
+
+def write_run_start(order: FlightRequest) -> None:
+    """Write the site, the first plan and the ground around the line into the run directory.
+
+    Raises:
+        BackgroundError: the picture of the ground cannot be used; nothing is written then.
+    """
+    below = view_for(order.ground, order.base) if order.below is None else order.below
+    write_ground(order.run, below, order.ground.network.frame)
+    files = {}
+    if order.site.network.file != site_model.DEFAULT_NETWORK:
+        files["network", "file"] = order.base / order.site.network.file
+    if order.site.energy.packs is not None:
+        files["energy", "packs"] = order.base / order.site.energy.packs
+    for index, table in enumerate(order.site.area):
+        if table.file is not None:
+            files[f"area.{index}", "file"] = order.base / table.file
+    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
+    content = order.site.model_dump(exclude_none=True, mode="json")
+    if order.site.signing is not None and order.site.signing.key_file is not None:
+        # The key stays where it is: a run directory is copied and handed on.
+        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+    # What the crew sees of it is kept; the whole picture may be as large as a county.
+    content.get("map", {}).pop("background", None)
+    if order.ground.terrain is not None:
+        # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
+        kept = RunDirectory(order.run).terrain
+        write_kept_ground(kept, order.ground.terrain.elevation)
+        content["terrain"] = {**content["terrain"], "files": kept.name}
+    write_site(order.run, content, files)
+    if order.ground.learned:
+        build_learned_document(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
+    write_plan(RunDirectory(order.run).plan_path(0), order.plan)
+    if order.day is not None:
+        write_plan(RunDirectory(order.run).day_plan, order.day)
 
 
 @dataclass(frozen=True, slots=True)
 class RunStart:
     """A flight before its launch."""
 
-    ground: SiteModel
+    ground: site_model.SiteModel
     plan: PlanFile
     context: Context
     state: FleetState
@@ -41,14 +224,29 @@ def read_run_start(run: Path) -> RunStart:
         SiteError: site.toml cannot be used.
         MissionsError: the first plan, or the network, cannot be used.
     """
-    site = read_site(RunDirectory(run).site)
-    ground = site_model.load_site_model(site, run, read_learned_before(run))
-    plan = read_plan(RunDirectory(run).plan_path(0))
-    check_plan_belongs(plan, ground, str(RunDirectory(run).plan_path(0)))
+    return build_run_start(run, *read_site_and_plan(run))
+
+
+def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
+    """Return the site of a flight and its first plan.
+
+    Raises:
+        SiteError: site.toml cannot be used.
+        MissionsError: the first plan, or the network, cannot be used.
+    """
+    kept = RunDirectory(run)
+    ground = site_model.load_site_model(read_site(kept.site), run, read_learned_before(run))
+    plan = read_plan(kept.plan_path(0))
+    check_plan_belongs(plan, ground, str(kept.plan_path(0)))
+    return ground, plan
+
+
+def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
+    """Return what a flight began with, as `read_run_start`."""
     rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
-    dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
+    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
@@ -63,7 +261,7 @@ def read_run_start(run: Path) -> RunStart:
 
 
 def build_context_and_boards(
-    ground: SiteModel,
+    ground: site_model.SiteModel,
     setup: FlightSetup,
     plan: PlanFile,
     day: DayPlanFile | None,

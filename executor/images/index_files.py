@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from executor.adapters.run_directory import RunDirectory, write_json
+from executor.adapters.run_directory import RunDirectory
 from executor.core.context import Context
 from executor.core.imaging.picture_proof import describe_unseen_parts
 from executor.core.payload.camera_state import Picture
@@ -24,6 +24,8 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from missions.cameras import Trigger
 from missions.files import write_whole
+from executor.images.index_rows import AssetRow, ImageRow, build_asset_rows, build_image_rows
+from missions.files import write_document, write_whole
 
 EXPECTED = "the index of a flight with cameras, which is written when it ends"
 
@@ -187,7 +189,7 @@ def write_index(run: Path, index: ImageIndex) -> None:
     """
     directory = RunDirectory(run)
     write_whole(directory.images_csv, format_csv(index.images).encode())
-    write_json(directory.images_geojson, build_geojson(index))
+    write_document(directory.images_geojson, build_geojson(index))
     _write_tables(directory.images_sqlite, index)
 
 

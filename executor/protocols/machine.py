@@ -1,17 +1,59 @@
-"""What all dialogues share: outcomes, and the shape of a machine.
+"""What all dialogues share: outcomes, the shape of a machine, and how long an answer takes over a link.
 
 A machine is a frozen state. ``begin``, ``on_message``, ``on_deadline`` and ``cancel`` return the next state and what to
 send. A state with an outcome is final: whatever comes later leaves it as it is and sends nothing.
+
+A round trip is measured after RFC 6298, and Karn's rule. That rule is the asker's to keep: what was asked twice is no
+measure, as nobody knows which of the two was answered.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Message, Outgoing
+
+VARIANCES = 2
+"""How far above the mean an answer is waited for. RFC 6298 has four, and whole segments to lose by a mistake. Here a
+question is 20 bytes, and on a link that loses a fifth each way every third one waits for this."""
+LEAST_VARIANCE_S = 0.1
+"""Beyond the round trip itself: a busy computer, and a vehicle that answers in its own rhythm."""
+
+
+@dataclass(frozen=True, slots=True)
+class RoundTrip:
+    """What is known of a link's round trip."""
+
+    waits_s: float = 1.0
+    """An answer that takes longer is taken for lost; the first figure is RFC 6298's own."""
+    most_s: float = 8.0
+    least_s: float = 0.25
+    mean_s: float | None = None
+    varies_s: float = 0.0
+
+    @property
+    def usual_s(self) -> float:
+        """By when most answers have come."""
+        return self.least_s if self.mean_s is None else max(self.least_s, self.mean_s + self.varies_s)
+
+    def record_round_trip(self, took_s: float) -> Self:
+        """Return what is known after a question that was asked once was answered."""
+        if self.mean_s is None:
+            mean_s, varies_s = took_s, took_s / 2
+        else:
+            varies_s = 0.75 * self.varies_s + 0.25 * abs(self.mean_s - took_s)
+            mean_s = 0.875 * self.mean_s + 0.125 * took_s
+        waits_s = mean_s + max(LEAST_VARIANCE_S, VARIANCES * varies_s)
+        waits_s = min(max(waits_s, self.least_s), self.most_s)
+        return replace(self, waits_s=waits_s, mean_s=mean_s, varies_s=varies_s)
+
+    def record_timeout(self) -> Self:
+        """Return what is waited after nothing came in that time: a jam is not to be fed."""
+        return replace(self, waits_s=min(2 * self.waits_s, self.most_s))
+
 
 SAME_S = 1e-6
 """Times nearer to each other than this are one: a timer may end that much before its deadline, and sums are rounded."""
@@ -20,6 +62,9 @@ SAME_S = 1e-6
 @dataclass(frozen=True, slots=True)
 class Accepted:
     """The vehicle has done, or will do, what was asked."""
+
+    reason: ClassVar[str] = ""
+    code: ClassVar[Ending | None] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +87,9 @@ class TimedOut:
 class Aborted:
     """We gave it up ourselves."""
 
+    reason: ClassVar[str] = "cancelled"
+    code: ClassVar[Ending | None] = Ending.BROKEN_OFF
+
 
 Outcome = Accepted | Rejected | TimedOut | Aborted
 
@@ -55,21 +103,45 @@ class DialogueMachine(ABC):
     deadline_s: float = 0.0
     """When `on_deadline` wants to be called if nothing comes before."""
 
+    @property
+    def accepted(self) -> bool:
+        """Whether it ended well."""
+        return isinstance(self.outcome, Accepted)
+
+    @property
+    def reason(self) -> str:
+        """Why it did not, in words."""
+        return "" if self.outcome is None else self.outcome.reason
+
+    @property
+    def code(self) -> Ending | None:
+        """The same as a code."""
+        return None if self.outcome is None else self.outcome.code
+
     @abstractmethod
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Open the dialogue."""
 
-    @abstractmethod
     def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take a message that may or may not belong to this dialogue."""
+        return self._take(message, now_s) if self.outcome is None else (self, ())
 
-    @abstractmethod
     def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """`deadline_s` has passed."""
+        """`deadline_s` has passed: repeat what may be repeated, or give up."""
+        return self._expire(now_s) if self.outcome is None else (self, ())
 
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; what is sent tells the vehicle so where it can be told."""
-        return (self if self.outcome is not None else self._finish(Aborted())), ()
+        return (self._finish(Aborted()), self._build_farewell()) if self.outcome is None else (self, ())
+
+    @abstractmethod
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]: ...
+
+    @abstractmethod
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]: ...
+
+    def _build_farewell(self) -> tuple[Outgoing, ...]:
+        return ()
 
     def _finish(self, outcome: Outcome) -> Self:
         return replace(self, outcome=outcome, deadline_s=float("inf"))

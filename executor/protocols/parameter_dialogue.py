@@ -13,8 +13,7 @@ from typing import Self, TypeVar
 
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
-from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, TimedOut
-from executor.protocols.round_trip import RoundTrip
+from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 
 R = TypeVar("R", bound="ParameterReading")
 
@@ -87,9 +86,9 @@ class ParameterReading(DialogueMachine):
         """Ask for the first few."""
         return _fill_pipeline(replace(self, began_s=now_s, heard_s=now_s), now_s)
 
-    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take an answer, and ask for the next."""
-        if self.outcome is not None or not isinstance(message, ParamValue | ParamRefused):
+        if not isinstance(message, ParamValue | ParamRefused):
             return self, ()
         control, name = self.control, message.name
         question = next((one for one in (*self.asked, *self.waiting) if one.name == name and one.tries), None)
@@ -107,10 +106,8 @@ class ParameterReading(DialogueMachine):
                 state = replace(state, refused=state.refused | {name})
         return _fill_pipeline(_record_answer(state, question, now_s), now_s)
 
-    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask again what was not answered in time; or give up."""
-        if self.outcome is not None:
-            return self, ()
         if now_s >= min(self.heard_s + SILENT_S, self.began_s + LONGEST_S) - SAME_S:
             return self._finish(TimedOut(f"{', '.join(sorted(self.unread))}: no answer")), ()
         latest_s = now_s - self.round_trip.waits_s + SAME_S
@@ -190,10 +187,8 @@ class ParameterDialogue(DialogueMachine):
         """Ask, or set."""
         return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self._build_request(),)
 
-    def on_message(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the value if it is the one asked for, and the one wanted."""
-        if self.outcome is not None:
-            return self, ()
         match message:
             case ParamValue(name, value) if name == self.name:
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
@@ -205,10 +200,8 @@ class ParameterDialogue(DialogueMachine):
             case _:
                 return self, ()
 
-    def on_deadline(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask again, more and more seldom while nobody answers; or give up."""
-        if self.outcome is not None:
-            return self, ()
         if self.wanted is not None and self.value is not None and self.tries >= TRIES_ANSWERED:
             return self._finish(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
         if self.tries >= TRIES:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 from executor import supervised
@@ -16,17 +16,17 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface import commands, events
 from executor.core.interface.commands import Command
 from executor.core.interface.endings import Ending
-from executor.core.interface.events import Event
+from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
-from executor.core.interface.ports import Clock, EventSink, Link, Solver
-from executor.core.replanning import new_missions
+from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
+from executor.core.replanning import loss_preview, new_missions
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
 from executor.protocols import vehicle_commands
-from executor.runtime import procedures, reconnect, stream_requests, turnaround_check
-from executor.runtime.awake import Lateness, awake
+from executor.runtime import procedures, vehicle_preflight
+from executor.runtime.dialogue import Lateness, awake
 from missions import EncodeError, encode, flag_current
 
 TICK_S = 0.2
@@ -57,38 +57,28 @@ class Observer:
     """Called with lines for the operator that nobody decided: what is waited for."""
 
 
+@dataclass(eq=False, repr=False)
 class Flight:
     """Owns the state of one flight; everything runs on one event loop, and only `apply` changes the state."""
 
-    def __init__(
-        self,
-        context: Context,
-        state: FleetState,
-        links: Mapping[str, Link],
-        clock: Clock,
-        sink: EventSink,
-        solver: Solver,
-        observer: Observer,
-    ) -> None:
-        """Wire the parts; `run` flies."""
-        self.context = context
-        self.state = state
-        self._links = links
-        self._clock = clock
-        self._sink = sink
-        self._solver = solver
-        self._observer = observer
-        self._jobs: dict[str, asyncio.Task[None]] = {}
-        self._whole: set[str] = set()
-        """Vehicles whose present job is an upload."""
-        self._solving: set[asyncio.Task[None]] = set()
-        self._leaves = False
-        """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
-        self._tasks: asyncio.TaskGroup | None = None
-        self._over = asyncio.Event()
-        self._mistakes: set[str] = set()
-        self._stops: list[Callable[[], None]] = []
-        self._answer = asyncio.Event()
+    context: Context
+    state: FleetState
+    _links: Mapping[str, Link]
+    _clock: Clock
+    _sink: EventSink
+    _solver: Solver
+    _observer: Observer
+    _jobs: dict[str, asyncio.Task[None]] = field(default_factory=dict)
+    _whole: set[str] = field(default_factory=set)
+    """Vehicles whose present job is an upload."""
+    _solving: set[asyncio.Task[None]] = field(default_factory=set)
+    _leaves: bool = False
+    """Nothing new is begun: only what would leave a part of a new mission on board is brought to its end."""
+    _tasks: asyncio.TaskGroup | None = None
+    _over: asyncio.Event = field(default_factory=asyncio.Event)
+    _mistakes: set[str] = field(default_factory=set)
+    _stops: list[Callable[[], None]] = field(default_factory=list)
+    _answer: asyncio.Event = field(default_factory=asyncio.Event)
 
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.
@@ -151,7 +141,10 @@ class Flight:
                     self.apply(reopened)
                 with self.listen_to_vehicles():
                     if reopened is not None:
-                        self.apply(await self._reconnect(patience_real_s))
+                        answers = vehicle_preflight.reconnect_vehicles(
+                            self.context, lambda: self.state, self._links, self._clock, patience_real_s
+                        )
+                        self.apply(await answers)
                     tick = tasks.create_task(
                         supervised.keep_going("the tick", self._run_ticks, at_once=True), name="tick"
                     )
@@ -193,11 +186,6 @@ class Flight:
             self._answer.clear()
             await self._answer.wait()
         return True
-
-    async def _reconnect(self, patience_real_s: float) -> events.Resumed:
-        return await reconnect.reconnect_vehicles(
-            self.context, lambda: self.state, self._links, self._clock, patience_real_s
-        )
 
     def stop_supervising(self, *, at_once: bool = False) -> tuple[str, ...]:
         """Stop supervising; the vehicles keep their missions, and nobody is given another one.
@@ -247,6 +235,7 @@ class Flight:
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
         failed: Failed
+        ended: Callable[..., Event]
         if self._leaves and isinstance(command, commands.Solve | commands.Compose | commands.Upload | commands.Start):
             return  # nobody would be there to look after what it begins
         match command:
@@ -259,15 +248,15 @@ class Flight:
                 self._start_job(vehicle, partial(self._upload, command), failed, whole=command.fence is None)
             case commands.Start(vehicle):
                 self._start_job(vehicle, partial(self._start, vehicle), partial(events.StartEnded, vehicle, False))
-            case commands.SendHome(vehicle):
-                self._start_job(vehicle, partial(self._send_home, vehicle), partial(events.ReturnEnded, vehicle, False))
-            case commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
-                failed = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)], False)
-                self._start_job(command.vehicle, partial(self._run_order, command), failed)
+            case commands.SendHome() | commands.Hold() | commands.Resume() | commands.LandNow() | commands.Disarm():
+                ended = partial(events.ReturnEnded, command.vehicle)
+                if not isinstance(command, commands.SendHome):
+                    ended = partial(events.OrderEnded, command.vehicle, ORDERS[type(command)])
+                self._start_job(command.vehicle, partial(self._give_order, command, ended), partial(ended, False))
             case commands.HandsOff(vehicle):
                 self._stop_commanding(vehicle)
             case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
-                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_parameters
+                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_mission
                 self._start_side_job(vehicle, asks(vehicle))
             case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
@@ -314,15 +303,8 @@ class Flight:
         before = self._jobs.get(vehicle)
         if before is not None:
             before.cancel()
-        task = self._spawn(
-            self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed), vehicle
-        )
-        if task is not None:
-            self._jobs[vehicle] = task
-            self._whole.discard(vehicle)
-            if whole:
-                self._whole.add(vehicle)
-            task.add_done_callback(self._on_job_end)
+        job = self._run_job(f"an order to {vehicle}", partial(self._run_once_recorded, work), failed)
+        self._begin_job(vehicle, job, whole=whole)
 
     def _start_side_job(self, vehicle: str, work: Coroutine[None, None, None]) -> None:
         """Ask a vehicle something, unless it is being told something: that can wait, and is asked again."""
@@ -330,10 +312,14 @@ class Flight:
         if job is not None and not job.done():
             work.close()
             return
+        self._begin_job(vehicle, work)
+
+    def _begin_job(self, vehicle: str, work: Coroutine[None, None, None], *, whole: bool = False) -> None:
         task = self._spawn(work, vehicle)
         if task is not None:
             self._jobs[vehicle] = task
-            self._whole.discard(vehicle)
+            (self._whole.add if whole else self._whole.discard)(vehicle)
+            task.add_done_callback(self._on_job_end)
 
     async def _run_job(self, what: str, work: Work, failed: Failed) -> None:
         """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""
@@ -406,29 +392,14 @@ class Flight:
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
-        return await turnaround_check.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
+        return await vehicle_preflight.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
 
-    async def _send_home(self, vehicle: str) -> Event:
-        done = await procedures.order_rtl(self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect)
-        return events.ReturnEnded(vehicle, done.accepted, done.reason, done.lost, done.refused, done.code)
-
-    async def _run_order(self, command: commands.Hold | commands.Resume | commands.LandNow | commands.Disarm) -> Event:
+    async def _give_order(self, command: procedures.Order, ended: Callable[..., Event]) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
-        match command:
-            case commands.Hold():
-                done = await procedures.order_hold(link, self._clock, dialect)
-            case commands.Resume(_, speed_m_s):
-                done = await procedures.resume_mission(link, self._clock, dialect, speed_m_s)
-            case commands.LandNow():
-                done = await procedures.order_landing(link, self._clock, dialect)
-            case commands.Disarm(_, force):
-                done = await procedures.order_disarm(link, self._clock, force=force)
-        action = ORDERS[type(command)]
-        return events.OrderEnded(
-            command.vehicle, action, done.accepted, done.reason, done.lost, done.refused, done.code
-        )
+        done = await procedures.give_order(link, self._clock, dialect, command)
+        return ended(done.accepted, done.reason, done.lost, done.refused, done.code)
 
-    async def _read_parameters(self, vehicle: str) -> None:
+    async def _read_mission(self, vehicle: str) -> None:
         unread = events.MissionRead(events.Found(vehicle, heard=True, seq=None, items=None, matches=()))
         await self._run_job(f"a question to {vehicle}", partial(self._read_back_mission, vehicle), lambda _: unread)
 
@@ -438,9 +409,8 @@ class Flight:
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            await stream_requests.request_streams_again(
-                self._links[vehicle], self._clock, self.context.vehicles[vehicle].dialect
-            )
+            dialect = self.context.vehicles[vehicle].dialect
+            await procedures.request_streams(self._links[vehicle], self._clock, dialect, again=True)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_mistake(f"an order to {vehicle}", error)
 
@@ -451,3 +421,36 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
         for name, link in links.items():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         await asyncio.sleep(HEARTBEAT_S / clock.speedup)
+
+
+REST_S = 5.0
+"""Real seconds between two rounds, at least."""
+SHARE = 8.0
+"""Times as long as a round took the next one is waited for: the computer is there for the flight."""
+
+
+async def keep_judging(flight: Flight, judge: LossJudge) -> None:
+    """Judge every vehicle's loss, whenever a plan has come or a visit has ended, for ever."""
+    loop = asyncio.get_running_loop()
+    judged: tuple[object, ...] | None = None
+    while True:
+        began_s = loop.time()
+        moment = loss_preview.build_judgement_key(flight.state)
+        if moment != judged and await _judge_all(flight, judge):
+            judged = moment
+        await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
+
+
+async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
+    """Judge everybody once; returns whether that came to its end."""
+    names = loss_preview.select_vehicles_to_judge(flight.state)
+    for name in names:
+        revision = flight.state.replanning.revision
+        if name not in loss_preview.select_vehicles_to_judge(flight.state):
+            return False
+        problem = loss_preview.build_loss_problem(flight.context, flight.state, name, flight.now_s())
+        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
+        if uncovered is None or revision != flight.state.replanning.revision:
+            return False
+        flight.apply(LossJudged(name, revision, uncovered))
+    return bool(names)

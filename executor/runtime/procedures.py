@@ -9,17 +9,24 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
 from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_TRIP, DownloadDialogue
-from executor.protocols.machine import Accepted, DialogueMachine, Outcome, Rejected, TimedOut
+from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
+from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
-from executor.protocols.upload import UploadDialogue
-from executor.runtime.awake import LEAST_WAIT_S, count_awake_time, times_slower, underlying
-from executor.runtime.dialogue import run_dialogue
+from executor.protocols.vehicle_commands import CommandDialogue
+from executor.runtime.dialogue import (
+    LEAST_WAIT_S,
+    awake,
+    count_awake_time,
+    listen_to,
+    run_dialogue,
+    times_slower,
+    underlying,
+)
 from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
@@ -53,8 +60,6 @@ DROPPED_S = 1.5
 """It came half a second after the acknowledgement (measured)."""
 ARM_PATIENCE_S = 30.0
 ARM_AGAIN_S = 2.0
-STANDS_STILL_S = 5.0
-"""Of this computer: so long after the crew's yes, and nobody looked meanwhile, somebody may be at the pad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,28 +80,6 @@ class ProcedureResult:
     """Why it was not accepted."""
     broken_off: bool = field(default=False, compare=False)
     """Whether an upload had begun, and nobody knows its end."""
-
-
-def reason_of(outcome: Outcome | None) -> str:
-    """Return why a dialogue did not end well, in words."""
-    match outcome:
-        case Rejected(reason) | TimedOut(reason):
-            return reason
-        case Accepted() | None:
-            return ""
-        case _:
-            return "cancelled"
-
-
-def code_of(outcome: Outcome | None) -> Ending | None:
-    """Return the same as a code."""
-    match outcome:
-        case Rejected(_, code) | TimedOut(_, code):
-            return code
-        case Accepted() | None:
-            return None
-        case _:
-            return Ending.BROKEN_OFF
 
 
 @count_awake_time
@@ -128,7 +111,7 @@ async def upload_and_verify(
         real_s = UPLOAD_PATIENCE_REAL_S * (1.0 if mixed else 0.5) if stalled else 0.0
         patience_s = max(UPLOAD_PATIENCE_S if mixed else 0.0, real_s * clock.speedup)
         tries = UPLOAD_TRIES * times_slower(clock, real_began_s, began_s)
-        if attempt >= tries and not _may_retry_busy(busy) and clock.now_s() - began_s > patience_s:
+        if attempt >= tries and not 0 < busy < BUSY_TRIES and clock.now_s() - began_s > patience_s:
             break
         if attempt:
             await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
@@ -143,15 +126,15 @@ async def upload_and_verify(
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.is_begun or not isinstance(upload.outcome, Rejected)
         broken_off = _is_broken_off(upload, broken=broken_off)
-        if not isinstance(upload.outcome, Accepted):
-            reason, code = reason_of(upload.outcome), code_of(upload.outcome)
+        if not upload.accepted:
+            reason, code = upload.reason, upload.code
             busy = _count_busy(upload, code, busy, dialect, tell)
             if (items and not upload.is_begun) or upload.furthest < len(items) - 1:
                 continue
             # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
         download = await _read_back(link, clock, kind, upload)
-        if not isinstance(download.outcome, Accepted):
-            reason, code = reason_of(download.outcome), code_of(download.outcome)
+        if not download.accepted:
+            reason, code = download.reason, download.code
             broken_off |= isinstance(download.outcome, TimedOut)
             continue
         different = (
@@ -167,10 +150,10 @@ async def upload_and_verify(
 
 async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
     """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
-    trip = replace(FIRST_TRIP, waits_s=max(FIRST_TRIP.waits_s, upload.round_trip.waits_s))
-    for _ in range(READ_BACK_TRIES if isinstance(upload.outcome, Accepted) else 1):
+    trip = replace(FIRST_READ_TRIP, waits_s=max(FIRST_READ_TRIP.waits_s, upload.round_trip.waits_s))
+    for _ in range(READ_BACK_TRIES if upload.accepted else 1):
         download = await run_dialogue(DownloadDialogue(kind, round_trip=trip), link, clock)
-        if isinstance(download.outcome, Accepted):
+        if download.accepted:
             break
     return download
 
@@ -179,12 +162,8 @@ def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
     """Return whether an upload has come to no end since one began: who does not answer any more has ended nothing."""
     if upload.is_begun:
         return isinstance(upload.outcome, TimedOut | Rejected)
-    unheard = isinstance(upload.outcome, TimedOut) or code_of(upload.outcome) in BUSY
+    unheard = isinstance(upload.outcome, TimedOut) or upload.code in BUSY
     return broken and unheard
-
-
-def _may_retry_busy(busy: int) -> bool:
-    return 0 < busy < BUSY_TRIES
 
 
 def _count_busy(
@@ -215,7 +194,7 @@ async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | No
 async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
     """Read one of a vehicle's lists; None if it does not let it be read."""
     download = await run_dialogue(DownloadDialogue(kind), link, clock)
-    return download.items if isinstance(download.outcome, Accepted) else None
+    return download.items if download.accepted else None
 
 
 async def upload_and_verify_fence(
@@ -242,13 +221,10 @@ async def upload_and_verify_fence(
 
     if not wanted(False):
         return ProcedureResult(accepted=False, reason="it has left its mission", code=Ending.LEFT_MISSION)
-    stop_listening = link.listen(note)
-    try:
+    with listen_to(link, note):
         done = await upload_and_verify(link, clock, dialect, items, wanted, kind=MissionKind.FENCE)
         if done.accepted and items and dialect.geofence.checked_on_load:
             await asyncio.sleep(DROPPED_S / clock.speedup)
-    finally:
-        stop_listening()
     if done.accepted and dropped:
         return ProcedureResult(accepted=False, reason=f"dropped: {dropped[-1]}", code=Ending.FENCE_DROPPED)
     return done
@@ -268,34 +244,12 @@ async def upload_once(
 
 async def send_order(link: Link, clock: Clock, command: CommandDialogue) -> ProcedureResult:
     """Give one command."""
-    ended = await _run_patiently(command, link, clock)
-    return ProcedureResult(
-        isinstance(ended.outcome, Accepted),
-        reason_of(ended.outcome),
-        lost=isinstance(ended.outcome, TimedOut),
-        refused=isinstance(ended.outcome, Rejected),
-        code=code_of(ended.outcome),
-    )
+    return _build_result(await _run_patiently(command, link, clock))
 
 
-class _HostPauseWatch:
-    """Notices that this computer stood still: a laptop that was closed goes on where it was."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock, self._looked_s, self._still = clock, clock.now_s(), False
-
-    def has_paused(self) -> bool:
-        """Return whether it did since the watch began."""
-        now_s = self._clock.now_s()
-        self._still |= now_s - self._looked_s > STANDS_STILL_S * max(1.0, self._clock.speedup)
-        self._looked_s = now_s
-        return self._still
-
-    async def watch_clock(self) -> None:
-        """Look every second, until it is cancelled."""
-        while True:
-            await asyncio.sleep(1.0)
-            self.has_paused()
+def _build_result(ended: DialogueMachine) -> ProcedureResult:
+    lost, refused = isinstance(ended.outcome, TimedOut), isinstance(ended.outcome, Rejected)
+    return ProcedureResult(ended.accepted, ended.reason, lost=lost, refused=refused, code=ended.code)
 
 
 async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
@@ -305,25 +259,21 @@ async def arm_and_start(link: Link, clock: Clock, dialect: Dialect) -> Procedure
     """
     said: list[str] = []
     armed = False
-    watch = _HostPauseWatch(clock)
 
     def note(message: Message) -> None:
         if isinstance(message, StatusText) and message.severity <= 4:
             said.append(message.text)
 
-    stop_listening, looking = link.listen(note), asyncio.ensure_future(watch.watch_clock())
-    try:
+    with awake(clock) as able, listen_to(link, note):
+        has_paused = able.watch_pauses()
         for step in dialect.start:
-            if watch.has_paused():
+            if has_paused():
                 return ProcedureResult(accepted=False, reason=SLEPT, armed=armed, code=Ending.STOOD_STILL)
-            done = await _start_step(link, clock, dialect, step, watch)
+            done = await _start_step(link, clock, dialect, step, has_paused)
             armed = armed or done.armed
             if not done.accepted:
                 why = f"{done.reason}; it says: {said[-1]}" if said else done.reason
                 return ProcedureResult(accepted=False, reason=why, armed=armed, code=done.code)
-    finally:
-        looking.cancel()
-        stop_listening()
     return ProcedureResult(accepted=True)
 
 
@@ -331,13 +281,13 @@ SLEPT = "this ground station stood still meanwhile"
 
 
 async def _start_step(
-    link: Link, clock: Clock, dialect: Dialect, step: StartStep, watch: _HostPauseWatch
+    link: Link, clock: Clock, dialect: Dialect, step: StartStep, has_paused: Callable[[], bool]
 ) -> ProcedureResult:
     match step:
         case StartStep.GUIDED:
             return await switch_mode(link, clock, dialect.modes.guided)
         case StartStep.ARM:
-            done = await _arm(link, clock, watch)
+            done = await _arm(link, clock, has_paused)
             if not done.accepted:
                 return done
             seen = await _wait_for_confirmation(
@@ -358,47 +308,46 @@ async def _start_step(
 
 
 @count_awake_time
-async def _arm(link: Link, clock: Clock, watch: _HostPauseWatch) -> ProcedureResult:
+async def _arm(link: Link, clock: Clock, has_paused: Callable[[], bool]) -> ProcedureResult:
     """Arm, with patience: a check that fails may pass a few seconds later, while the estimator settles.
 
     Who changes its mode meanwhile wants something else of it.
     """
     until_s = clock.now_s() + ARM_PATIENCE_S
     modes: set[int] = set()
-    stop_listening = link.listen(
-        lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None
-    )
-    try:
+    with listen_to(link, lambda message: modes.add(message.custom_mode) if isinstance(message, Heartbeat) else None):
         while len(modes) < 2:
             done = await send_order(link, clock, CommandDialogue(vehicle_commands.arm(), "arm"))
             if len(modes) < 2 and (done.accepted or clock.now_s() >= until_s):
                 return done
             await asyncio.sleep(ARM_AGAIN_S / clock.speedup)
-            if watch.has_paused():
+            if has_paused():
                 return ProcedureResult(accepted=False, reason=SLEPT, code=Ending.STOOD_STILL)
         return ProcedureResult(
             accepted=False, reason="somebody else changed its mode", armed=done.accepted, code=Ending.MODE_CHANGED
         )
-    finally:
-        stop_listening()
 
 
-async def order_rtl(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a return, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.return_home, dialect.modes.land)
+Order = SendHome | Hold | LandNow | Disarm | Resume
 
 
-async def order_hold(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a stop in place, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.hold)
+async def give_order(link: Link, clock: Clock, dialect: Dialect, order: Order) -> ProcedureResult:
+    """Order a return, a stop in place, a landing, the motors to stop or to go on, and see that the vehicle does it."""
+    modes = dialect.modes
+    match order:
+        case SendHome():
+            return await switch_mode(link, clock, modes.return_home, modes.land)
+        case Hold():
+            return await switch_mode(link, clock, modes.hold)
+        case LandNow():
+            return await switch_mode(link, clock, modes.land)
+        case Resume(_, speed_m_s):
+            return await _resume_mission(link, clock, dialect, speed_m_s)
+        case Disarm(_, force):
+            return await _order_disarm(link, clock, force=force)
 
 
-async def order_landing(link: Link, clock: Clock, dialect: Dialect) -> ProcedureResult:
-    """Order a landing where it is, and see that the vehicle is in that mode."""
-    return await switch_mode(link, clock, dialect.modes.land)
-
-
-async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
+async def _order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
     """Order the motors to stop, and see that the vehicle says so."""
     done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
     if not done.accepted:
@@ -406,7 +355,7 @@ async def order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureRes
     return await _wait_for_confirmation(link, clock, lambda heard: not heard.armed, "still reports that it is armed")
 
 
-async def resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
+async def _resume_mission(link: Link, clock: Clock, dialect: Dialect, speed_m_s: float) -> ProcedureResult:
     """Let a vehicle that holds go on to the waypoint that it was flying to, at the speed of that leg.
 
     Both autopilots keep the index and forget the speed when the mode changes (measured), and gather more within a
@@ -466,14 +415,11 @@ async def _wait_for_confirmation(
 async def wait_for(link: Link, clock: Clock, wanted: Callable[[Message], bool], timeout_s: float) -> bool:
     """Wait for a message; returns whether it came."""
     came, until_s = asyncio.Event(), clock.now_s() + timeout_s
-    stop_listening = link.listen(lambda message: came.set() if wanted(message) else None)
-    try:
+    with listen_to(link, lambda message: came.set() if wanted(message) else None):
         while not came.is_set() and (left_s := until_s - clock.now_s()) > LEAST_WAIT_S:
             with suppress(TimeoutError):
                 async with asyncio.timeout(left_s / clock.speedup):
                     await came.wait()
-    finally:
-        stop_listening()
     return came.is_set()
 
 
@@ -484,8 +430,7 @@ async def read_parameter(link: Link, clock: Clock, name: str) -> ParameterDialog
 
 async def set_parameter(link: Link, clock: Clock, name: str, value: float, kind: int) -> ProcedureResult:
     """Set a parameter and see the new value."""
-    ended = await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock)
-    return ProcedureResult(isinstance(ended.outcome, Accepted), reason_of(ended.outcome), code=code_of(ended.outcome))
+    return _build_result(await _run_patiently(ParameterDialogue(name, SendParamSet(name, value, kind)), link, clock))
 
 
 @count_awake_time
@@ -497,3 +442,38 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
         waited_s = clock.now_s() - began_s
         if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended
+
+
+STREAMS_HZ = {
+    vehicle_commands.GLOBAL_POSITION_INT: 5.0,
+    vehicle_commands.SYS_STATUS: 1.0,
+    vehicle_commands.BATTERY_STATUS: 1.0,
+    vehicle_commands.MISSION_CURRENT: 2.0,
+    vehicle_commands.EXTENDED_SYS_STATE: 1.0,
+    vehicle_commands.ATTITUDE: 1.0,
+    vehicle_commands.GPS_RAW_INT: 1.0,
+    vehicle_commands.RC_CHANNELS: 1.0,  # its pilot's switches
+}
+"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
+HEARTBEAT_HZ = 1.0
+
+
+def streams_hz(dialect: Dialect) -> dict[int, float]:
+    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
+    return STREAMS_HZ | dict(dialect.own_streams_hz)
+
+
+async def request_streams(link: Link, clock: Clock, dialect: Dialect, *, again: bool = False) -> None:
+    """Ask a vehicle for everything that we follow.
+
+    Args:
+        link: To it.
+        clock: The flight's.
+        dialect: The vehicle's.
+        again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
+    """
+    beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
+    for message, rate_hz in (beat_hz | streams_hz(dialect)).items():
+        await send_order(
+            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
+        )

@@ -1,36 +1,43 @@
-"""Before the flight: who answers, where everybody stands, what is in the batteries; then the missions on board."""
+"""Who answers, where everybody stands, what is in the batteries: before a flight, and before each sortie of a day.
+
+After the ground station was away: who answers, what everybody carries, and which item everybody flies to.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
-from executor.core.interface.messages import (
-    Battery,
-    DoubleHeard,
-    Gps,
-    Heartbeat,
-    Message,
-    Position,
-    StationHeard,
-    StatusText,
-    SystemStatus,
-    Version,
-)
+from executor.core.context import Context
+from executor.core.interface import messages
+from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import failsafe_parameters, prearm
-from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.preflight import failsafe_parameters, fence_checks, prearm
+from executor.core.preflight.parameter_proposals import (
+    Answers,
+    ParameterChange,
+    ParameterProposal,
+    Present,
+    list_newer_return_parameters,
+    list_return_parameters,
+    propose_return_changes,
+)
+from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
+from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.telemetry.firmware import parse_banner_version
 from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.runtime import procedures, stream_requests
-from executor.runtime.board_restore import read_parameters
-from missions import Dialect, EncodedMission, MissionKind
+from executor.protocols.parameter_dialogue import ParameterReading
+from executor.protocols.vehicle_commands import CommandDialogue
+from executor.runtime import procedures
+from executor.runtime.dialogue import listen_to, run_dialogue
+from missions import Dialect, EncodedMission, MissionItem, MissionKind
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -47,41 +54,41 @@ class _VehicleAnswers:
     """The latest of everything that a vehicle said before the flight."""
 
     clock: Clock
-    heartbeat: Heartbeat | None = None
-    position: Position | None = None
+    heartbeat: messages.Heartbeat | None = None
+    position: messages.Position | None = None
     remaining_pct: float | None = None
-    battery: Battery | None = None
-    status: SystemStatus | None = None
-    gps: Gps | None = None
-    version: Version | None = None
+    battery: messages.Battery | None = None
+    status: messages.SystemStatus | None = None
+    gps: messages.Gps | None = None
+    version: messages.Version | None = None
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own report, and when it said so last."""
     strangers: frozenset[ForeignSystem] = frozenset()
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
-    def update(self, message: Message) -> None:
+    def update(self, message: messages.Message) -> None:
         match message:
-            case Heartbeat():
+            case messages.Heartbeat():
                 self.heartbeat = message
-            case Position():
+            case messages.Position():
                 self.position = message
                 told = ReportedPosition(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
                 self.twins = add_reported_position(self.twins, told)
                 if self.twins.are_two:
-                    self.strangers = add_foreign_system(self.strangers, DoubleHeard(0, ()))
-            case Battery(remaining_pct=remaining):
+                    self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
+            case messages.Battery(remaining_pct=remaining):
                 self.remaining_pct = self.remaining_pct if remaining is None else remaining
                 self.battery = message
-            case SystemStatus():
+            case messages.SystemStatus():
                 self.status = message
-            case Gps():
+            case messages.Gps():
                 self.gps = message
-            case Version():
+            case messages.Version():
                 self.version = message
-            case StationHeard() | DoubleHeard():
+            case messages.StationHeard() | messages.DoubleHeard():
                 self.strangers = add_foreign_system(self.strangers, message)
-            case StatusText(_, text):
+            case messages.StatusText(_, text):
                 self._note_prearm_text(text)
         self.changed.set()
 
@@ -134,7 +141,7 @@ async def wait_for_vehicle(
         ConnectionFailed: nobody answered.
     """
     seen = await procedures.wait_for(
-        link, clock, lambda message: isinstance(message, Heartbeat), timeout_real_s * clock.speedup
+        link, clock, lambda message: isinstance(message, messages.Heartbeat), timeout_real_s * clock.speedup
     )
     if not seen:
         raise ConnectionFailed(
@@ -177,9 +184,8 @@ async def interview_vehicle(
         PreflightFailed: it did not become ready in time.
     """
     heard = _VehicleAnswers(clock)
-    stop_listening = link.listen(heard.update)
-    try:
-        await stream_requests.request_streams(link, clock, dialect)
+    with listen_to(link, heard.update):
+        await procedures.request_streams(link, clock, dialect)
         await procedures.send_order(
             link,
             clock,
@@ -198,11 +204,9 @@ async def interview_vehicle(
             (*failsafe_parameters.list_preflight_parameters(dialect), *more),
             lambda present: failsafe_parameters.list_older_parameters(dialect, present),
         )
-    finally:
-        stop_listening()
     if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
-    stations = [one for one in heard.strangers if isinstance(one, StationHeard)]
+    stations = [one for one in heard.strangers if isinstance(one, messages.StationHeard)]
     return VehicleFacts(
         name,
         heard.heartbeat,
@@ -211,7 +215,7 @@ async def interview_vehicle(
         heard.version,
         {name: one.value for name, one in answers.present.items()},
         tuple(sorted(stations, key=lambda station: (station.system, station.component))),
-        tuple(one for one in heard.strangers if isinstance(one, DoubleHeard)),
+        tuple(one for one in heard.strangers if isinstance(one, messages.DoubleHeard)),
         heard.voltage_v,
         None if heard.battery is None else len(heard.battery.cells_v) or None,
         heard.gps,
@@ -254,6 +258,57 @@ async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> N
             return
 
 
+async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
+    """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
+    return await read_parameters(
+        link,
+        clock,
+        (*list_return_parameters(dialect), *beside),
+        lambda present: list_newer_return_parameters(dialect, present),
+    )
+
+
+async def read_parameters(
+    link: Link, clock: Clock, names: Iterable[str], others: Callable[[Present], Iterable[str]] = lambda _: ()
+) -> Answers:
+    """Read parameters at the pace of the link, until each is answered, or not there, or the link is silent.
+
+    Args:
+        link: To the vehicle.
+        clock: The flight's.
+        names: Which ones.
+        others: Given what is there, the names that some have in other firmware.
+    """
+    answers = await _read_at_pace(link, clock, names)
+    more = () if answers.unread else tuple(others(answers.present))
+    if not more:
+        return answers
+    # One that is there goes with them: beside it a silence can be told from the link's.
+    found = await _read_at_pace(link, clock, (*more, *tuple(answers.present)[:1]))
+    return Answers({**answers.present, **found.present}, found.unread.difference(answers.present))
+
+
+async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
+    present: dict[str, messages.ParamValue] = {}
+    began_s, unread = clock.now_s(), tuple(names)
+    while unread:
+        reading = await run_dialogue(ParameterReading.start(unread), link, clock)
+        present |= {value.name: value for value in reading.values}
+        unread = tuple(name for name in unread if name in reading.unread)
+        if clock.now_s() - began_s >= procedures.PATIENCE_REAL_S * clock.speedup or reading.refused:
+            break
+    return Answers(present, frozenset(unread))
+
+
+async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChange]) -> dict[str, str]:
+    """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
+    ends = {}
+    for change in changes:
+        done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
+        ends[change.name] = "" if done.accepted else done.reason
+    return ends
+
+
 async def load_mission(
     name: str,
     link: Link,
@@ -289,15 +344,15 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> OnboardLists:
+async def read_lists(link: Link, clock: Clock) -> fence_checks.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return OnboardLists(
+    return fence_checks.OnboardLists(
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: OnboardLists) -> None:
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_checks.OnboardLists) -> None:
     """Put a fence and rally points on board; None of either leaves what is there.
 
     Raises:
@@ -311,3 +366,182 @@ async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, want
         done = await procedures.upload_and_verify(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
         if not done.accepted:
             raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")
+
+
+async def examine_vehicle(
+    context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
+) -> Examined:
+    """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
+
+    It may just be booting: nothing that it said before this counts.
+
+    Args:
+        context: Of the flight.
+        name: Of the vehicle.
+        link: To it.
+        clock: The flight's.
+        within_s: How long it may take to be ready, in its time.
+        sets: Whether what is not as the flight had set it is set again.
+    """
+    dialect, began_s = context.vehicles[name].dialect, clock.now_s()
+    seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, messages.Heartbeat), within_s)
+    if not seen:
+        return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
+    left_s = within_s - (clock.now_s() - began_s)
+    try:
+        facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None)
+        proposal = await _build_proposal(context, name, link, clock)
+        if sets and (lacks := proposal.changes_of(name)):
+            await set_changes(link, clock, lacks)
+            proposal = await _build_proposal(context, name, link, clock)
+    except PreflightFailed as error:
+        return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
+    if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
+        return Examined(name, ready=False, reason=reason)
+    return Examined(
+        name,
+        ready=True,
+        reason="",
+        remaining_pct=facts.remaining_pct,
+        voltage_v=facts.voltage_v,
+        cells=facts.cells,
+        parameters=tuple(sorted(facts.parameters.items())),
+        changed=tuple(change.words for change in proposal.changes_of(name)),
+        sets=sets,
+    )
+
+
+async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
+    """Return what would have to be set on it: nothing, where it is as the flight has set it."""
+    beside = fence_checks.list_fence_parameters(context, name)
+    present = await read_present(link, clock, context.vehicles[name].dialect, beside)
+    return fence_checks.add_fence_changes(context, propose_return_changes(context, {name: present}))
+
+
+def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
+    """Return what cannot be known of its parameters; empty if everything is."""
+    if facts.unread:
+        return failsafe_parameters.describe_unread_parameters(facts.unread)
+    return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
+
+
+def _find_mismatch(context: Context, facts: VehicleFacts) -> str:
+    """Return why it is not the vehicle that it was, or not at rest; empty if it is."""
+    dialect = context.vehicles[facts.name].dialect
+    if facts.heartbeat.autopilot != dialect.number:
+        return f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
+    return "it is armed" if facts.heartbeat.armed else ""
+
+
+ONE_REAL_S = 5.0
+"""How long one vehicle that should be heard is waited for; supervision of the others waits meanwhile."""
+READ_REAL_S = 6.0
+READ_TRIES = 3
+"""How often a mission that may be half of a new one is read: over a bad link one reading may be given up."""
+READ_WAYPOINT_REAL_S = 0.25
+"""How long a mission is read at most, and more for each waypoint that it should have. Who cannot be read in that time
+is taken at its word, as one that refuses; only half of a new mission is worth any time."""
+STREAMS_REAL_S = 3.0
+"""A vehicle keeps its streams; only one that was restarted needs to be asked again, and the link may be slow."""
+
+
+@dataclass(slots=True)
+class _Answer:
+    """What one vehicle says of itself; filled in while it speaks."""
+
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+    seq: int | None = None
+    items: tuple[MissionItem, ...] | None = None
+
+    def update(self, message: messages.Message) -> None:
+        match message:
+            case messages.Heartbeat():
+                self.heard.set()
+            case messages.MissionCurrent(seq):
+                self.seq = seq
+
+
+async def reconnect_vehicles(
+    context: Context, state: Callable[[], FleetState], links: Mapping[str, Link], clock: Clock, patience_real_s: float
+) -> Resumed:
+    """Ask every vehicle what it carries.
+
+    Args:
+        context: Of the flight.
+        state: The flight as it is known, asked at the end: it goes on while vehicles answer.
+        links: To the vehicles.
+        clock: The flight's.
+        patience_real_s: How long to wait for the first answer of anybody.
+
+    Raises:
+        ConnectionFailed: nobody answers.
+    """
+    answers = {name: _Answer() for name in links}
+    stops = [link.listen(answers[name].update) for name, link in links.items()]
+    try:
+        await _wait_for_first_answer(answers, patience_real_s)
+        moving = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
+        expected = [name for name, one in state().vehicles.items() if _is_pending(state(), one) or one.stage in moving]
+        with suppress(TimeoutError):
+            async with asyncio.timeout(ONE_REAL_S):
+                for name in expected:
+                    await answers[name].heard.wait()
+        async with asyncio.TaskGroup() as tasks:
+            for name, answer in answers.items():
+                if answer.heard.is_set():
+                    patience_s = _patience_real_s(state(), state().vehicles[name])
+                    asks = _query_vehicle(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
+                    tasks.create_task(asks, name=name)
+        found = [
+            compare_onboard_mission(context, state(), name, answer.items, answer.seq)
+            if answer.heard.is_set()
+            else Found(name, heard=False, seq=None, items=None, matches=())
+            for name, answer in answers.items()
+        ]
+    finally:
+        for stop in stops:
+            stop()
+    return Resumed(tuple(found))
+
+
+def _is_pending(state: FleetState, vehicle: VehicleState) -> bool:
+    return state.replanning.replan is not None and vehicle.name in state.replanning.replan.pending
+
+
+def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
+    """Return how long a vehicle's mission is read: not at all unless it flies by it, to the end if half may be there.
+
+    Over a bad link reading takes long, and nobody watches the others meanwhile.
+    """
+    if _is_pending(state, vehicle):
+        return None
+    if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
+        return 0.0
+    return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
+
+
+async def _wait_for_first_answer(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
+    waits = [asyncio.ensure_future(answer.heard.wait()) for answer in answers.values()]
+    try:
+        done, _ = await asyncio.wait(waits, timeout=patience_real_s, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for one in waits:
+            one.cancel()
+    if not done:
+        raise ConnectionFailed(
+            f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer that "
+            "they send to?"
+        )
+
+
+async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:
+    if patience_s != 0.0:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(patience_s):
+                for _ in range(1 if patience_s is not None else READ_TRIES):
+                    answer.items = await procedures.read_mission(link, clock)
+                    if answer.items is not None:
+                        break
+    with suppress(TimeoutError):
+        async with asyncio.timeout(STREAMS_REAL_S):
+            await procedures.request_streams(link, clock, dialect)

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from executor.adapters.extras import Extra, require_extra
-from executor.adapters.interrupts import defer_ctrl_c, end_children
-from executor.adapters.worker_pool import start_worker_pool
+from executor.adapters.interrupts import defer_ctrl_c, end_children, start_worker_pool
 from executor.errors import ConnectionFailed, ExecutorError
 from planner import FlightChunk, RiskCampaign, split_flights
 

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from executor.adapters.document import Document, Number, Whole
 from executor.adapters.run_directory import RunDirectory
+from executor.adapters.run_directory import Document, RunDirectory, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history

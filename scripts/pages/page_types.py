@@ -9,7 +9,7 @@ from enum import Enum
 from types import NoneType, UnionType
 from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hints
 
-from executor.adapters.web.documents import BesideFleet, BesideVehicle, PageAssets, PageChart
+from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
 from executor.core.fleet_view import FleetView
 from executor.site.ground_view import GroundDocument
 from scripts.pages.schemas import docstrings

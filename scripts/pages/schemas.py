@@ -13,6 +13,8 @@ from pydantic import BaseModel
 
 from executor.adapters.mqtt import intake, payloads
 from executor.analysis import documents
+from executor.adapters.mqtt import broker, publisher
+from executor.analysis import documents, learned_document
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
@@ -39,16 +41,16 @@ FILES: dict[str, type[BaseModel]] = {
     "vehicles": documents.AskedVehicles,
 }
 MESSAGES: dict[str, type[BaseModel]] = {
-    "acknowledgement": payloads.AcknowledgementMessage,
-    "assets": payloads.AssetsMessage,
-    "connection": payloads.ConnectionMessage,
-    "event": payloads.EventMessage,
-    "fault": payloads.FaultMessage,
-    "fleet-state": payloads.FleetStateMessage,
-    "intent": intake.IntentMessage,
-    "plan": payloads.PlanMessage,
-    "telemetry": payloads.TelemetryMessage,
-    "vehicle-state": payloads.VehicleStateMessage,
+    "acknowledgement": publisher.AcknowledgementMessage,
+    "assets": publisher.AssetsMessage,
+    "connection": publisher.ConnectionMessage,
+    "event": publisher.EventMessage,
+    "fault": publisher.FaultMessage,
+    "fleet-state": publisher.FleetStateMessage,
+    "intent": broker.IntentMessage,
+    "plan": publisher.PlanMessage,
+    "telemetry": publisher.TelemetryMessage,
+    "vehicle-state": publisher.VehicleStateMessage,
 }
 SITE = (site_file, site_tables, flight_tables)
 """The modules that the site file's keys are in."""
@@ -81,12 +83,14 @@ def schemas() -> dict[str, str]:
     )
     words = {(kind, key): text for module in modules for kind, key, text in docstrings(module)}
     files = {f"schemas/{name}": _text(f"faultline/{name}", one, words) for name, one in FILES.items()}
-    sent = {f"mqtt/{name}": _text(f"faultline/{payloads.VERSION}/{name}", one, words) for name, one in MESSAGES.items()}
+    sent = {
+        f"mqtt/{name}": _text(f"faultline/{publisher.VERSION}/{name}", one, words) for name, one in MESSAGES.items()
+    }
     return {f"{place}.schema.json": text for place, text in (files | sent).items()}
 
 
 def _text(name: str, model: type[BaseModel], words: Words) -> str:
-    sent = issubclass(model, payloads.MqttPayload)
+    sent = issubclass(model, publisher.MqttPayload)
     content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
     for part in (content, *content.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():

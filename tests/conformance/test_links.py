@@ -6,11 +6,12 @@ import asyncio
 
 import pytest
 
+from executor.core.interface.commands import SendHome
 from executor.core.interface.messages import Heartbeat, Position, SendCommand
 from executor.protocols import vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Accepted
+from executor.protocols.mission_transfer import DownloadDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import run_dialogue
 from missions import find_mission_differences
@@ -115,7 +116,7 @@ async def test_a_mission_is_started_and_flown(way: Way) -> None:
         assert await procedures.wait_for(
             link, clock, lambda message: isinstance(message, Position) and message.alt_rel_m > 5.0, 60.0
         )
-        assert (await procedures.order_rtl(link, clock, dialect)).accepted
+        assert (await procedures.give_order(link, clock, dialect, SendHome("uav1"))).accepted
 
 
 @every_way

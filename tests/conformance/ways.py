@@ -24,7 +24,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavsdk import mavsdk_link as mavsdk_links
-from executor.adapters.mavsdk.library import load_mavsdk
+from executor.adapters.mavsdk.mavsdk_link import load_mavsdk
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.ports import LinkRequest, OpenLink
 from executor.runtime.flight_loop import send_heartbeats

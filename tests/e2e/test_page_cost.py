@@ -23,7 +23,7 @@ from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage
 from executor.flight import run_flight
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from planner import Cost

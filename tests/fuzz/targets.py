@@ -18,12 +18,10 @@ from pymavlink.dialects.v20 import common as mav
 from pymavlink.generator.mavcrc import x25crc
 
 from executor.adapters.eventlog import from_plain, to_plain
-from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.frame_parser import FrameParser
-from executor.adapters.mavlink.link import VehicleLink
-from executor.adapters.mqtt.broker import IntakeRules, MqttTopics
-from executor.adapters.mqtt.intake import RefusedMessage, read_intent
-from executor.adapters.mqtt.outbox import Outbox
+from executor.adapters.mavlink.codec import FrameParser, MavlinkCodec
+from executor.adapters.mavlink.endpoints import VehicleLink
+from executor.adapters.mqtt.broker import IntakeRules, MqttTopics, RefusedMessage, read_intent
+from executor.adapters.mqtt.client import Outbox
 from executor.adapters.mqtt.publisher import Publisher
 from executor.adapters.web import WebServer, WebSettings
 from executor.core import fleet_step

@@ -17,10 +17,10 @@ from executor.core.interface.messages import (
     SendParamRequest,
     SendParamSet,
 )
-from executor.protocols import command, parameter_dialogue
-from executor.protocols.command import IN_PROGRESS_S, RESULT_NAMES, CommandDialogue
+from executor.protocols import parameter_dialogue, vehicle_commands
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.vehicle_commands import IN_PROGRESS_S, RESULT_NAMES, CommandDialogue
 from tests.properties.machines import Told, play, stories
 
 ORDER = SendCommand(400, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
@@ -43,7 +43,7 @@ def arm() -> CommandDialogue:
 @given(story=stories(ACKS))
 def test_a_command_ends_exactly_once_whatever_comes(story: list[Told]) -> None:
     _, sent = play(arm(), story)
-    assert len(sent) <= command.TRIES
+    assert len(sent) <= vehicle_commands.TRIES
     confirmations = [message.confirmation for message in sent if isinstance(message, SendCommand)]
     assert confirmations == list(range(len(sent)))
 
@@ -89,7 +89,7 @@ def test_every_result(result: int) -> None:
 
 def test_a_temporary_rejection_is_asked_again_and_then_is_the_reason() -> None:
     machine, sent = play(arm(), [Told(CommandAck(400, 1), 0.1)])
-    assert len(sent) == command.TRIES
+    assert len(sent) == vehicle_commands.TRIES
     assert machine.outcome == Rejected("arm: temporarily rejected")
 
 

@@ -17,9 +17,8 @@ from executor.core.interface.messages import (
     SendMissionRequest,
     SendMissionRequestList,
 )
-from executor.protocols.download import DownloadDialogue
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
-from executor.protocols.upload import RESULT_NAMES
+from executor.protocols.mission_transfer import RESULT_NAMES, DownloadDialogue
 from missions import MissionItem
 from tests.properties.machines import Deadline, Told, play, stories
 

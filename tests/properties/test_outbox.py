@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from executor.adapters.mqtt.outbox import MqttMessage, Outbox, PendingMessage
+from executor.adapters.mqtt.client import MqttMessage, Outbox, PendingMessage
 
 BOUND = 5
 ROWS, CELLS = ("event", "fault"), ("state/a", "state/b", "state/c", "plan")

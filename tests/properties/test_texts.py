@@ -8,7 +8,13 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.adapters.mavlink.statustext import GAP, MEMORY_FRAMES, PART_BYTES, PATIENCE_FRAMES, StatusTextAssembler
+from executor.adapters.mavlink.message_readers import (
+    GAP,
+    MEMORY_FRAMES,
+    PART_BYTES,
+    PATIENCE_FRAMES,
+    StatusTextAssembler,
+)
 from executor.core.interface.messages import StatusText
 
 UAV1, UAV2 = (1, 1), (2, 1)

@@ -19,7 +19,7 @@ from executor.core.interface.messages import (
     SendMissionItem,
 )
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
-from executor.protocols.upload import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, UploadDialogue
+from executor.protocols.mission_transfer import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, UploadDialogue
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
 from tests.properties.machines import Cancel, Told, play, stories
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.adapters.web.snapshot import WebSnapshot
 from executor.core import fleet_step
 from executor.core.context import Context

@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
+from executor.adapters import clock
 from executor.core.context import Context
 from executor.core.interface.commands import Level
 from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.flight import run_flight
-from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.runtime import fair_event_loop
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model, site_planning
 from executor.site.site_file import Site, check_site
 from executor.site.site_model import SiteModel
@@ -232,7 +232,7 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
                 vehicle.other.sign(vehicle.sysid, KEY)
-        fair_event_loop.run_on_fair_loop(run_flight.run_flight(order, console))
+        clock.run_on_fair_loop(run_flight.run_flight(order, console))
         relay = console.running[VICTIM].relay
     report = json.loads((order.run / "report.json").read_text())
     began_s = began_unix_s(order.run)

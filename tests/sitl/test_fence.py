@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.core.preflight.board_changes import ChangeStage
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
-from executor.flight.board_record import read_kept_lists
+from executor.flight.restore_vehicles import read_kept_lists
 from missions.fences import find_list_differences
 from missions.items import MissionItem, MissionKind, PlaceCommand
 from tests.sitl.flights import VICTIM, Story, flown

@@ -19,6 +19,15 @@ from executor.flight.flight_request import FlightRequest
 from executor.flight.parameter_changes import apply_changes, read_changes
 from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
 from executor.simulated.simulated_fleet import build_demo_site
+from executor.flight.preparation import (
+    apply_changes,
+    build_context_and_checklist,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
+from executor.flight.run_start import FlightRequest
+from executor.simulated.demo_site import build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel

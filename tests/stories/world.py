@@ -16,7 +16,7 @@ from typing import TypeVar
 from benchmarks.virtual.in_process_solver import InProcessSolver
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import MemoryRadio
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import VehicleLink
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.fleet_view import FleetView, build_fleet_view

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from benchmarks.virtual.radio import MemoryRadio
 from executor.adapters.mavlink.codec import DecodedFrame
-from executor.adapters.mavlink.link import discard_frame
+from executor.adapters.mavlink.endpoints import discard_frame
 from executor.core.interface.messages import Battery, Heartbeat, Message, Position, SystemStatus
 from simulator.fleet import STATION, SimulatedVehicle
 from simulator.messages import (

@@ -7,49 +7,31 @@ so does what it cannot mean; of its components the autopilot alone speaks for it
 from __future__ import annotations
 
 import math
+import re
 import struct
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink import camera_messages, integers, message_readers, px4_events
-from executor.adapters.mavlink.frame_layout import message_id_of, payload_of
-from executor.adapters.mavlink.frame_parser import FrameParser
-from executor.adapters.mavlink.message_readers import Frame
-from executor.adapters.mavlink.signing import FrameRejection, LinkSigning
-from executor.adapters.mavlink.statustext import StatusTextAssembler
-from executor.core import formatting
-from executor.core.interface.messages import (
-    GROUND_STATION,
-    CameraHeard,
-    CommandAck,
-    Heartbeat,
-    Message,
-    MissionAck,
-    MissionCount,
-    MissionItemReceived,
-    MissionRequest,
-    ModeChange,
-    OrderSeen,
-    Outgoing,
-    OwnFailsafe,
-    ParamRefused,
-    ParamValue,
-    SendCommand,
-    SendHeartbeat,
-    SendMissionAck,
-    SendMissionCount,
-    SendMissionItem,
-    SendMissionRequest,
-    SendMissionRequestList,
-    SendParamRequest,
-    SendParamSet,
-    StationHeard,
-    Version,
+from executor.adapters.mavlink import frame_layout, message_readers
+from executor.adapters.mavlink.frame_layout import (
+    CHECKSUM,
+    HEADS,
+    V1,
+    V2,
+    FrameRejection,
+    LinkSigning,
+    has_valid_checksum,
+    message_id_of,
+    payload_of,
 )
+from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
+from executor.core import formatting
+from executor.core.interface import messages
 from executor.core.telemetry.autopilot_component import (
     AutopilotComponent,
     select_component_message,
@@ -58,6 +40,119 @@ from executor.core.telemetry.autopilot_component import (
 from executor.core.telemetry.plausibility import filter_implausible
 from missions import MissionKind
 from missions.cameras import FIRST_COMPONENT
+
+SIGNATURE, SIGNED = 13, 1
+"""Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
+MARK = re.compile(b"[%c%c]" % (V1, V2))
+
+OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
+"""Messages that are read from any sender; of the rest it is enough that they are whole."""
+
+MOST_WRONG = 500
+"""Marks at once that begin no frame, until all that came with them is noise: 60 kB of them took 0.4 s to go through."""
+
+
+@dataclass(eq=False, repr=False)
+class FrameParser:
+    """Cuts a stream of bytes into frames, wherever it was cut on its way.
+
+    A frame counts only with its checksum. Where there is none the search goes on one byte later, so that a start mark
+    among noise costs no frame that follows it. The checksum of a message that pymavlink does not know cannot be seen:
+    in a datagram such a frame counts where another or the end follows it, as there is no noise between.
+    """
+
+    in_datagrams: bool = False
+    """Whether nothing but frames is to be expected."""
+    systems: Collection[int] | None = None
+    """Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the fleet's do: of
+    theirs all but `OF_ANYBODY` come as unknown messages, with their header."""
+    _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None))
+    _buffer: bytearray = field(default_factory=bytearray)
+    _in_garbage: bool = False
+    garbage: int = 0
+    """How many runs of bytes were no frame."""
+
+    def feed(self, data: bytes) -> list[Any]:
+        """Take the next bytes; return the frames that are whole now."""
+        self._buffer += data
+        frames, at, wrong = [], 0, 0
+        while (end := self._find_frame_end(at)) <= len(self._buffer):
+            frame = self._parse_frame(at, end)
+            if frame is None:
+                self.garbage += not self._in_garbage
+                wrong += self._buffer[at] in HEADS
+                mark = MARK.search(self._buffer, at + 1) if wrong < MOST_WRONG else None
+                at = len(self._buffer) if mark is None else mark.start()
+            else:
+                frames.append(frame)
+                at = end
+            self._in_garbage = frame is None
+        del self._buffer[:at]
+        return frames
+
+    def close(self) -> int:
+        """Give up what is unfinished; return how many runs of bytes were no frame so far."""
+        self.garbage += bool(self._buffer) and not self._in_garbage
+        self._buffer.clear()
+        self._in_garbage = False
+        return self.garbage
+
+    def _find_frame_end(self, at: int) -> int:
+        """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
+        buffer = self._buffer
+        if at >= len(buffer):
+            return sys.maxsize
+        if buffer[at] not in HEADS:
+            return at
+        head = HEADS[buffer[at]]
+        if at + head > len(buffer):
+            return sys.maxsize
+        end, flags, number = at + head + buffer[at + 1] + CHECKSUM, 0, buffer[at + 5]
+        if buffer[at] == V2:
+            flags, number = buffer[at + 2], int.from_bytes(buffer[at + 7 : at + 10], "little")
+            end += SIGNATURE * (flags & SIGNED)
+        known = number in mav.mavlink_map or number == message_readers.EVENT
+        if flags & ~SIGNED or not (known or self._is_followed(end)):
+            return at
+        return end
+
+    def _is_followed(self, end: int) -> bool:
+        """Return whether a frame that ends here fills its datagram, or another begins behind it."""
+        size = len(self._buffer)
+        return self.in_datagrams and (end == size or (end < size and self._buffer[end] in HEADS))
+
+    def _parse_frame(self, at: int, end: int) -> Any | None:  # noqa: ANN401 - pymavlink's classes are untyped
+        if end == at:
+            return None
+        data = self._buffer[at:end]
+        if message_id_of(data) == message_readers.EVENT and not has_valid_checksum(data, message_readers.EVENT_EXTRA):
+            return None
+        try:
+            frame = _build_raw_frame(data) if self._is_unread_kind(data) else self._mav.decode(data)
+        except (mav.MAVError, struct.error, UnicodeDecodeError):
+            return None
+        if frame is not None and isinstance(frame, mav.MAVLink_unknown):  # pymavlink says nothing of who sent it
+            system = 3 if data[0] == V1 else 5
+            frame.get_header().srcSystem, frame.get_header().srcComponent = data[system], data[system + 1]
+            frame.get_header().seq = data[system - 1]
+        return frame
+
+    def _is_unread_kind(self, data: bytearray) -> bool:
+        """Return whether nobody here wants to know what a frame says."""
+        if self.systems is None:
+            return False
+        system = data[3] if data[0] == V1 else data[5]
+        return system not in self.systems and message_id_of(data) not in OF_ANYBODY
+
+
+def _build_raw_frame(data: bytearray) -> Any | None:  # noqa: ANN401
+    """Return a frame that is not taken apart; None if its checksum is wrong."""
+    number = message_id_of(data)
+    kind = mav.mavlink_map.get(number)
+    return (
+        None if kind is not None and not has_valid_checksum(data, kind.crc_extra) else mav.MAVLink_unknown(number, data)
+    )
+
 
 _KINDS = {int(kind): kind for kind in MissionKind}
 """MAV_MISSION_TYPE of the lists that are followed here."""
@@ -78,9 +173,9 @@ class DecodedFrame:
     compid: int
     seq: int
     frame: bytes
-    message: Message | None
+    message: messages.Message | None
     """None for a message that nobody here follows."""
-    more: tuple[Message, ...] = ()
+    more: tuple[messages.Message, ...] = ()
     """What else this frame brings to an end: a text whose last part never came."""
     own: bool = True
     """Whether the vehicle's autopilot says it, not another component, or a radio on the way."""
@@ -88,38 +183,32 @@ class DecodedFrame:
     """Why it is not believed, where frames must be signed."""
 
 
+@dataclass(eq=False, repr=False)
 class MavlinkCodec:
     """Frames of all vehicles behind one endpoint to messages, and messages to their frames."""
 
-    def __init__(
-        self,
-        signing: LinkSigning | None = None,
-        radios: Collection[Sender] | None = None,
-        systems: Collection[int] | None = None,
-    ) -> None:
-        """Begin knowing nobody.
+    _signing: LinkSigning | None = None
+    """Frames are signed with it, both ways."""
+    radios: Collection[Sender] | None = None
+    """Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where nothing is
+    signed and of nobody where frames are."""
+    systems: Collection[int] | None = None
+    """Whose frames are read, everybody's if None; see `FrameParser`."""
+    _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None, *messages.GROUND_STATION))
+    _datagrams: FrameParser = field(init=False)
+    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+    _sent: dict[int, int] = field(default_factory=dict)
+    """How many frames went to each system: each is numbered as a stream of its own."""
+    _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
+    _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
+    autopilots: dict[int, int] = field(default_factory=dict)
+    """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
+    garbage: int = 0
+    """Runs of bytes in datagrams that could not be understood."""
 
-        Args:
-            signing: Frames are signed with it, both ways.
-            radios: Whose RADIO_STATUS is taken without a signature: of these, or, if it is None, of everybody where
-                nothing is signed and of nobody where frames are.
-            systems: Whose frames are read, everybody's if None; see `FrameParser`.
-        """
-        self.systems = systems
-        self._signing = signing
-        self._radios = radios
-        system, component = GROUND_STATION
-        self._mav = mav.MAVLink(None, srcSystem=system, srcComponent=component)
-        self._datagrams = FrameParser(in_datagrams=True, systems=systems)
-        self._texts = StatusTextAssembler()
-        self._sent: dict[int, int] = {}
-        """How many frames went to each system: each is numbered as a stream of its own."""
-        self._speakers: dict[int, AutopilotComponent] = {}
-        self._events: dict[int, px4_events.Px4EventDecoder] = {}
-        self.autopilots: dict[int, int] = {}
-        """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
-        self.garbage = 0
-        """Runs of bytes in datagrams that could not be understood."""
+    def __post_init__(self) -> None:
+        """Begin knowing nobody."""
+        self._datagrams = FrameParser(in_datagrams=True, systems=self.systems)
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
         """Yield every frame of a datagram; no frame goes on in the next."""
@@ -140,9 +229,9 @@ class MavlinkCodec:
             if isinstance(frame, mav.MAVLink_unknown) and self.systems is not None and source[0] not in self.systems:
                 yield DecodedFrame(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False)
                 continue
-            more: list[Message] = [*self._texts.count_frame(source)]
+            more: list[messages.Message] = [*self._texts.count_frame(source)]
             message = self._parse_message(frame)
-            if isinstance(message, Heartbeat):
+            if isinstance(message, messages.Heartbeat):
                 self._follow_speaker(source, message)
             if frame.get_type() == "COMMAND_ACK":
                 more += self._parse_acknowledged_order(frame)
@@ -163,11 +252,11 @@ class MavlinkCodec:
         if self._signing is None:
             return None
         refusal = self._signing.check_signature(bytes(frame.get_msgbuf()), *source)
-        if refusal is FrameRejection.UNSIGNED and frame.get_type() == RADIO and source in (self._radios or ()):
+        if refusal is FrameRejection.UNSIGNED and frame.get_type() == RADIO and source in (self.radios or ()):
             return None
         return refusal
 
-    def _follow_speaker(self, source: Sender, beat: Heartbeat) -> None:
+    def _follow_speaker(self, source: Sender, beat: messages.Heartbeat) -> None:
         system, component = source
         speaker = self._speakers[system] = update_autopilot_component(
             self._speakers.get(system, AutopilotComponent()), component, beat
@@ -175,7 +264,7 @@ class MavlinkCodec:
         if speaker.component == component:
             self.autopilots[system] = beat.autopilot
 
-    def encode(self, message: Outgoing, sysid: int, compid: int) -> bytes:
+    def encode(self, message: messages.Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
         self._mav.seq = self._sent.get(sysid, 0)
         self._sent[sysid] = (self._mav.seq + 1) % 256
@@ -185,7 +274,7 @@ class MavlinkCodec:
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[Message, ...]] | None:
+    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
         """Return a frame of a message that another parser took apart, and what it says; None if it is not known.
 
         Args:
@@ -194,7 +283,7 @@ class MavlinkCodec:
             compid: its component.
             fields: by MAVLink's names; None stands for a float that is not finite.
         """
-        if name == px4_events.NAME:
+        if name == message_readers.EVENT_NAME:
             return self._read_event(sysid, compid, fields)
         kind = _BY_NAME.get(name)
         if kind is None:
@@ -204,23 +293,29 @@ class MavlinkCodec:
             packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
         except (struct.error, TypeError, AttributeError):
             return None  # another parser's definition of the message is another one
-        lost = name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in integers.INTEGER_TYPES
+        lost = (
+            name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in frame_layout.INTEGER_TYPES
+        )
         [received] = self.read([frame])
-        message = ParamRefused(formatting.escape_controls(frame.param_id), absent=False) if lost else received.message
+        message = (
+            messages.ParamRefused(formatting.escape_controls(frame.param_id), absent=False)
+            if lost
+            else received.message
+        )
         said = (message, *received.more)
         return packed, tuple(one for one in said if one is not None)
 
     def _read_event(
         self, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[Message, ...]] | None:
-        packed = px4_events.build_event_frame(fields, sysid, compid)
+    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
+        packed = message_readers.build_event_frame(fields, sysid, compid)
         if packed is None:
             return None
         [received] = self.read(FrameParser(in_datagrams=True).feed(packed))
         return packed, tuple(one for one in (received.message, *received.more) if one is not None)
 
     def write_fields(
-        self, message: Outgoing, sysid: int, compid: int
+        self, message: messages.Outgoing, sysid: int, compid: int
     ) -> tuple[str, Mapping[str, object], bytes] | None:
         """Return the name, fields and frame of a message; None if its fields as numbers would not be the same."""
         packed = self.encode(message, sysid, compid)
@@ -229,54 +324,64 @@ class MavlinkCodec:
             field: None if isinstance(value := getattr(frame, field), float) and not math.isfinite(value) else value
             for field in frame.fieldnames
         }
-        if isinstance(message, SendParamSet) and fields["param_value"] is None:
+        if isinstance(message, messages.SendParamSet) and fields["param_value"] is None:
             return None
         return frame.get_type(), fields, packed
 
-    def _parse_message(self, frame: Frame) -> Message | None:
+    def _parse_message(self, frame: Frame) -> messages.Message | None:
         if frame.get_type() in _ORDERS:
             return self._parse_order(frame)
         if not _is_for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
             name = formatting.escape_controls(frame.param_id)
-            value = integers.from_wire(frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem()))
-            return filter_implausible(ParamValue(name, value, frame.param_type)) or ParamRefused(name, absent=False)
+            value = frame_layout.from_wire(
+                frame.param_value, frame.param_type, self.autopilots.get(frame.get_srcSystem())
+            )
+            return filter_implausible(messages.ParamValue(name, value, frame.param_type)) or messages.ParamRefused(
+                name, absent=False
+            )
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
             return None
         read = _READERS.get(frame.get_type())
         message = None if read is None else read(frame)
         return None if message is None else filter_implausible(message)
 
-    def _parse_order(self, frame: Frame) -> OrderSeen | None:
+    def _parse_order(self, frame: Frame) -> messages.OrderSeen | None:
         """Return what another station orders, if that changes a mode."""
         # Under our own number it may be a router's echo of ours.
         source, target = (frame.get_srcSystem(), frame.get_srcComponent()), frame.target_system
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
-        return None if ordered is None else OrderSeen(*ordered, None if source == GROUND_STATION else source[0], target)
+        return (
+            None
+            if ordered is None
+            else messages.OrderSeen(*ordered, None if source == messages.GROUND_STATION else source[0], target)
+        )
 
-    def _parse_acknowledged_order(self, ack: Frame) -> Iterator[OrderSeen]:
+    def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
         """Yield the order that an autopilot says it follows, if that changes a mode."""
         system, to, command = ack.get_srcSystem(), ack.target_system, message_readers.read_accepted_order(ack)
         if ack.get_srcComponent() != self._speakers.get(system, AutopilotComponent()).component or to == system:
             return  # of a gimbal, or to a computer on board
         if command is not None:
-            yield OrderSeen(command, None, None if _is_for_us(ack) else to, system)
+            yield messages.OrderSeen(command, None, None if _is_for_us(ack) else to, system)
 
-    def _parse_px4_event(self, unknown: Frame) -> Iterator[OwnFailsafe | ModeChange]:
+    def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
         """Yield what an event of PX4 is evidence of."""
         raw, system = bytes(unknown.get_msgbuf()), unknown.get_srcSystem()
-        if message_id_of(raw) != px4_events.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
+        if message_id_of(raw) != message_readers.EVENT or self.autopilots.get(system) != mav.MAV_AUTOPILOT_PX4:
             return
-        number, boot_ms, sequence, *_, arguments = px4_events.LAYOUT.unpack(payload_of(raw, px4_events.LAYOUT.size))
-        said = self._events.setdefault(system, px4_events.Px4EventDecoder()).decode(
+        number, boot_ms, sequence, *_, arguments = message_readers.EVENT_LAYOUT.unpack(
+            payload_of(raw, message_readers.EVENT_LAYOUT.size)
+        )
+        said = self._events.setdefault(system, message_readers.Px4EventDecoder()).decode(
             number, boot_ms, sequence, arguments
         )
         if said is not None:
             yield said
 
     def _is_accepted_radio(self, radio: Frame) -> bool:
-        named = self._radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self._radios
+        named = self.radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self.radios
         return named or self._signing is not None  # which has let it through
 
 
@@ -294,75 +399,80 @@ def _to_field(value: object) -> object:
 
 def _is_for_us(frame: Frame) -> bool:
     """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
-    ours = zip(("target_system", "target_component"), GROUND_STATION, strict=True)
+    ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
     return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
-def _read_heartbeat(frame: Frame) -> Heartbeat | StationHeard | CameraHeard | None:
+def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard | messages.CameraHeard | None:
     if frame.type == mav.MAV_TYPE_GCS:
-        return StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
+        return messages.StationHeard(frame.get_srcSystem(), frame.get_srcComponent())
     if frame.autopilot == mav.MAV_AUTOPILOT_INVALID:
         component = frame.get_srcComponent()
-        return CameraHeard(component) if frame.type == mav.MAV_TYPE_CAMERA and component >= FIRST_COMPONENT else None
+        return (
+            messages.CameraHeard(component)
+            if frame.type == mav.MAV_TYPE_CAMERA and component >= FIRST_COMPONENT
+            else None
+        )
     return message_readers.read_heartbeat(frame)
 
 
-def _make_mission_reader(build: Callable[[Any, MissionKind], Message], read_part: Callable[[Any], object]) -> Any:  # noqa: ANN401
-    def read(frame: Frame) -> Message | None:
+def _make_mission_reader(
+    build: Callable[[Any, MissionKind], messages.Message], read_part: Callable[[Any], object]
+) -> Any:  # noqa: ANN401
+    def read(frame: Frame) -> messages.Message | None:
         kind = _KINDS.get(frame.mission_type)
         return None if kind is None else build(read_part(frame), kind)
 
     return read
 
 
-def _read_version(frame: Frame) -> Version | None:
+def _read_version(frame: Frame) -> messages.Version | None:
     packed = frame.flight_sw_version
     if packed == 0:
         return None  # not filled in
-    return Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
+    return messages.Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
-    **camera_messages.READERS,
     "HEARTBEAT": _read_heartbeat,
-    "MISSION_REQUEST": _make_mission_reader(MissionRequest, attrgetter("seq")),
-    "MISSION_REQUEST_INT": _make_mission_reader(MissionRequest, attrgetter("seq")),
-    "MISSION_ACK": _make_mission_reader(MissionAck, attrgetter("type")),
-    "MISSION_COUNT": _make_mission_reader(MissionCount, attrgetter("count")),
-    "MISSION_ITEM_INT": _make_mission_reader(MissionItemReceived, message_readers.read_mission_item),
-    "PARAM_ERROR": lambda frame: ParamRefused(
+    "MISSION_REQUEST": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
+    "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
+    "MISSION_ACK": _make_mission_reader(messages.MissionAck, attrgetter("type")),
+    "MISSION_COUNT": _make_mission_reader(messages.MissionCount, attrgetter("count")),
+    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemReceived, message_readers.read_mission_item),
+    "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
     ),
-    "COMMAND_ACK": lambda frame: CommandAck(frame.command, frame.result),
+    "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
 }
 
 
-def _to_mavlink(message: Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
+def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
     match message:
-        case SendHeartbeat():
+        case messages.SendHeartbeat():
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
-        case SendMissionCount(count, kind):
+        case messages.SendMissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
-        case SendMissionItem(item, kind):
+        case messages.SendMissionItem(item, kind):
             return mav.MAVLink_mission_item_int_message(
                 sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
                 item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, kind,
             )  # fmt: skip
-        case SendMissionRequestList(kind):
+        case messages.SendMissionRequestList(kind):
             return mav.MAVLink_mission_request_list_message(sysid, compid, kind)
-        case SendMissionRequest(seq, kind):
+        case messages.SendMissionRequest(seq, kind):
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
-        case SendMissionAck(result, kind):
+        case messages.SendMissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
-        case SendCommand(command, params, confirmation):
+        case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component
             return mav.MAVLink_command_long_message(sysid, target, command, confirmation, *params)
-        case SendParamRequest(name):
+        case messages.SendParamRequest(name):
             return mav.MAVLink_param_request_read_message(sysid, compid, name.encode(), -1)
-        case SendParamSet(name, value, kind):
-            wire = integers.to_wire(value, kind, autopilot)
+        case messages.SendParamSet(name, value, kind):
+            wire = frame_layout.to_wire(value, kind, autopilot)
             return mav.MAVLink_param_set_message(sysid, compid, name.encode(), wire, kind)

@@ -1,4 +1,4 @@
-"""Endpoints: UDP, TCP and serial ports, each for all vehicles behind it.
+"""Endpoints, UDP, TCP and serial ports, each for all vehicles behind it, and the link to each of these vehicles.
 
 A byte stream that breaks is opened again for as long as the links are wanted. Meanwhile its vehicles are silent, which
 is what the link watchpoint is for; nothing here raises once the links are open.
@@ -9,19 +9,184 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
-from collections.abc import AsyncIterator, Collection, Iterable, Mapping
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
 
-from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec, Sender
-from executor.adapters.mavlink.frame_parser import FrameParser
-from executor.adapters.mavlink.link import VehicleLink, Write, discard_frame
-from executor.adapters.mavlink.signing import LinkSigning
+from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCodec, Sender
+from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
+from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.ports import Keyring, LinkRequest
+from executor.core.interface.ports import FrameLog, Keyring, LinkCounts, LinkRequest
+from executor.core.telemetry.autopilot_component import AUTOPILOT
 from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
+
+MOST_SOURCES = 8
+"""Addresses, or strange systems, that are remembered."""
+ENOUGH_FRAMES = 80
+"""Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
+LATE_FRAMES = 32
+"""A frame that is this far behind the newest may have been overtaken: links reorder within some tenths of a second."""
+KEPT_BEATS = 8
+"""HEARTBEATs of which a copy that comes late is known."""
+
+Write = Callable[[bytes], bool]
+"""Sends one frame without waiting; says whether it went anywhere."""
+
+
+def discard_frame(_: bytes) -> bool:
+    """Write to a vehicle that is not known yet, or not connected any more."""
+    return False
+
+
+class VehicleLink:
+    """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
+
+    def __init__(self, sysid: int, codec: MavlinkCodec, log: FrameLog | None = None) -> None:
+        """Make a link that leads nowhere yet."""
+        self.sysid = sysid
+        self.component = AUTOPILOT
+        self.counts = LinkCounts(missing=0)
+        self.write: Write = discard_frame
+        """Set by the endpoint when it knows where the vehicle is."""
+        self._codec = codec
+        self._log = log
+        self._listeners: list[Callable[[messages.Message], None]] = []
+        self._arrived = self._missing = 0
+        """Frames of the autopilot alone: every component numbers its own."""
+        self._told = (0, 0)
+        """Arrived and missing frames when they were handed on last."""
+        self._source = ""
+        self._beat_source = ""
+        self._sources: set[str] = set()
+        """Every address that its frames came from."""
+        self._told_places: tuple[str, ...] = ()
+        self._last_seq: int | None = None
+        self._beat_seq: int | None = None
+        """Of the newest HEARTBEAT."""
+        self._beats: deque[bytes] = deque(maxlen=KEPT_BEATS)
+        """The last HEARTBEATs as they came."""
+        self._absent: set[int] = set()
+        """Sequence numbers that were passed over, as long as they may still come."""
+
+    def listen(self, listener: Callable[[messages.Message], None]) -> Callable[[], None]:
+        """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def send(self, message: messages.Outgoing) -> None:
+        """Send one message; before the vehicle's address is known there is nowhere to send it."""
+        if self.write is discard_frame:
+            return
+        frame = self._codec.encode(message, self.sysid, self.component)
+        if self.write(frame) and self._log is not None:
+            self._log.write(frame)
+
+    def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
+        """Take a frame of this vehicle.
+
+        Args:
+            received: The frame.
+            source: The address that it came from, where there is one.
+            write: How to answer there; others that use the vehicle's sysid are not answered.
+        """
+        if received.own and write is not None:
+            self.write = write
+        if received.own and source and source != self._source:
+            self._note_source(source)
+        if self._log is not None:
+            self._log.write(received.frame)
+        told = None if self._is_outdated(received) else received.message
+        self._count(received)
+        if isinstance(told, messages.Heartbeat):
+            if received.own:
+                self._beat_source = source
+            self._report_traffic(received.compid)
+        for message in (told, *received.more):
+            if message is not None:
+                self._dispatch(message, received.compid)
+
+    def _report_traffic(self, component: int) -> None:
+        """Hand on what came and what did not, once it is enough to say something."""
+        received, missing = self._arrived - self._told[0], self._missing - self._told[1]
+        if received + missing >= ENOUGH_FRAMES:
+            self._told = (self._arrived, self._missing)
+            self._dispatch(messages.Traffic(received, max(0, missing)), component)
+
+    def count_refused(self, refusal: FrameRejection) -> None:
+        """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
+        self.counts.refused[refusal.value] = self.counts.refused.get(refusal.value, 0) + 1
+
+    def _note_source(self, source: str) -> None:
+        """Note another address; one that comes back to an earlier one is two vehicles, not one that moved."""
+        if source in self._sources:
+            places = tuple(sorted(self._sources))
+            if places != self._told_places:
+                self._told_places = places
+                self._dispatch(messages.DoubleHeard(self.sysid, places), self.component)
+        elif len(self._sources) < MOST_SOURCES:
+            self._sources.add(source)
+        self._source = source
+
+    def receive_foreign(self, received: DecodedFrame, source: str = "") -> None:
+        """Take a frame that came over this vehicle's connection, of a system that is nobody's vehicle."""
+        self.counts.foreign += 1
+        if len(self.counts.strangers) < MOST_SOURCES:
+            self.counts.strangers.setdefault(received.sysid, source)
+        # A SiK radio speaks as a system of its own (51), from where the vehicle behind it does.
+        if isinstance(received.message, messages.Radio) and source != self._beat_source:
+            return
+        told = received.message
+        ordered = isinstance(told, messages.OrderSeen) and told.to in {0, self.sysid}
+        if told is not None and (ordered or isinstance(told, messages.StationHeard | messages.Radio)):
+            self._dispatch(told, received.compid)
+
+    def _dispatch(self, message: messages.Message, component: int) -> None:
+        if isinstance(message, messages.Heartbeat):
+            self.component = component
+        for listener in tuple(self._listeners):
+            listener(message)
+
+    def _is_outdated(self, received: DecodedFrame) -> bool:
+        """Return whether a HEARTBEAT is older than one that came before it: its mode is one that was.
+
+        It was passed over, or it is a copy. Whatever else seems to be behind counts anew: after a silence of any number
+        of frames, or after a reboot.
+        """
+        if not received.own or not isinstance(received.message, messages.Heartbeat):
+            return False
+        last, newest, came = self._beat_seq, self._last_seq, received.frame in self._beats
+        if not came:
+            self._beats.append(received.frame)
+        if last is not None and newest is not None and (came or received.seq in self._absent):
+            older = 0 < (last - received.seq) % 256 < 128
+            if older and (newest - received.seq) % 256 <= LATE_FRAMES:
+                return True
+        self._beat_seq = received.seq
+        return False
+
+    def _count(self, received: DecodedFrame) -> None:
+        self.counts.received += 1
+        if not received.own:
+            return
+        self._arrived += 1
+        if self._last_seq is not None:
+            gap = (received.seq - self._last_seq) % 256
+            if gap == 0 or gap > 128:
+                # A duplicate, or a frame that was overtaken on the way: then it is not missing after all.
+                self._missing -= received.seq in self._absent
+                self._absent.discard(received.seq)
+                self.counts.missing = self._missing
+                return
+            self._missing += gap - 1
+            self._absent |= {(self._last_seq + step) % 256 for step in range(1, gap)}
+            self._absent.discard(received.seq)
+        self._last_seq = received.seq
+        self.counts.missing = self._missing
+
 
 MOST_PEERS = 1000
 """Addresses that are kept: anybody can send from any number of them."""
@@ -136,7 +301,7 @@ class _TcpPeer(asyncio.Protocol):
         self._peers.discard(self)
         self.lost.set()
 
-    def abort(self) -> None:
+    def close(self) -> None:
         if self._transport is not None:
             self._transport.abort()
 
@@ -246,11 +411,9 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
     """Open an endpoint, and keep it open until the stack is unwound."""
     loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
     match connection.scheme:
-        case Scheme.UDP_IN:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), local_addr=address)
-            stack.callback(transport.close)
-        case Scheme.UDP_OUT:
-            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), remote_addr=address)
+        case Scheme.UDP_IN | Scheme.UDP_OUT:
+            ends = (address, None) if connection.scheme is Scheme.UDP_IN else (None, address)
+            transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(router), *ends)
             stack.callback(transport.close)
         case Scheme.TCP_IN:
             peers: set[_TcpPeer] = set()
@@ -259,57 +422,37 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
         case Scheme.TCP_OUT:
             # Whether the vehicle is there yet does not matter, whether its name is known does.
             await loop.getaddrinfo(*address, type=socket.SOCK_STREAM)
-            await stack.enter_async_context(
-                run_beside(f"calling {connection}", partial(_keep_connecting, address, router))
-            )
+            peer = partial(_TcpPeer, router, set[_TcpPeer](), we_called=True)
+
+            async def call() -> _TcpPeer:
+                return (await loop.create_connection(peer, *address))[1]
+
+            await stack.enter_async_context(run_beside(f"calling {connection}", partial(_keep_open, call)))
         case Scheme.SERIAL:
-            plug = _SerialDevice(router, connection)
-            await stack.enter_async_context(run_beside(f"keeping {connection} open", plug.keep_open))
+            plugged = [_SerialPort(router, connection)]
+
+            async def plug() -> _SerialPort:
+                return plugged.pop() if plugged else _SerialPort(router, connection)
+
+            await stack.enter_async_context(run_beside(f"keeping {connection} open", partial(_keep_open, plug)))
 
 
 def _close_connections(server: asyncio.Server, peers: set[_TcpPeer]) -> None:
     server.close()
     for peer in tuple(peers):
-        peer.abort()
+        peer.close()
 
 
-async def _keep_connecting(address: tuple[str, int], router: Router) -> None:
-    """Connect, and connect again whenever the connection is lost."""
-    loop = asyncio.get_running_loop()
+async def _keep_open(opens: Callable[[], Awaitable[_TcpPeer | _SerialPort]]) -> None:
+    """Open a stream, and open it again whenever it is lost, or its device was unplugged."""
     while True:
-        with suppress(OSError):
-            _, peer = await loop.create_connection(lambda: _TcpPeer(router, set(), we_called=True), *address)
+        with suppress(OSError):  # pyserial's errors are
+            stream = await opens()
             try:
-                await peer.lost.wait()
+                await stream.lost.wait()
             finally:
-                peer.abort()
+                stream.close()
         await asyncio.sleep(AGAIN_S)
-
-
-class _SerialDevice:
-    """A serial device that may be unplugged."""
-
-    def __init__(self, router: Router, connection: Connection) -> None:
-        """Open it.
-
-        Raises:
-            OSError: it is not there.
-        """
-        self._router = router
-        self._connection = connection
-        self._port: _SerialPort | None = _SerialPort(router, connection)
-
-    async def keep_open(self) -> None:
-        """Wait until the device is unplugged, and open it again when it is back."""
-        while True:
-            with suppress(OSError):  # pyserial's errors are
-                port = self._port or _SerialPort(self._router, self._connection)
-                self._port = None
-                try:
-                    await port.lost.wait()
-                finally:
-                    port.close()
-            await asyncio.sleep(AGAIN_S)
 
 
 def _describe_error(error: Exception) -> str:

@@ -1,38 +1,32 @@
 """MAVLink's messages about a vehicle, field by field, to ours: the one table for the link and for telemetry logs.
 
 A reader takes anything with the message's fields by their MAVLink names: a frame of pymavlink, or the fields that
-`tlog_kinds` unpacks. Whatever a vehicle marks as unknown becomes None.
+`tlog_kinds` unpacks. Whatever a vehicle marks as unknown becomes None. EVENT of MAVLink's common messages, by which PX4
+says why a failsafe acts, is laid out here, as pymavlink's dialect does not have it.
+
+STATUSTEXT is put together: a long text comes in parts of 50 bytes, and parts come twice, late, or never. Its measure of
+time is how many frames came since. At the rates that a flight asks for (about ten frames a second) `PATIENCE_FRAMES`
+are a few seconds.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import struct
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
-from executor.adapters.mavlink.frame_layout import V2, payload_of
-from executor.core.interface.messages import (
-    Attitude,
-    Battery,
-    EstimatorStatus,
-    FenceStatus,
-    Gps,
-    Heartbeat,
-    HeightTarget,
-    Home,
-    LandedState,
-    MissionCurrent,
-    MissionReached,
-    Position,
-    Radio,
-    RcChannels,
-    SystemStatus,
-    Wind,
-)
+from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum, payload_of
+from executor.core import formatting
+from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
+from executor.core.telemetry.px4_event_meanings import parse_px4_event
 from missions import PX4, MissionItem
+from missions.cameras import PictureProof
 
 Frame = Any
 """A message's fields by their MAVLink names; pymavlink's classes are generated and untyped."""
@@ -49,30 +43,33 @@ _CHANNELS, _RAW_CHANNELS = (attrgetter(*(f"chan{number}_raw" for number in range
 DO_SET_MODE, SET_MODE = 176, 11
 """The command, and the number of the older message."""
 MOST_MODES = 128
+BREACHES = {0: messages.FenceStatus(False), 1: messages.FenceStatus(True)}
+LANDED = {1: True, 2: False, 3: False, 4: False}
+"""MAV_LANDED_STATE: whether it is on the ground."""
 ACCEPTED = frozenset({0, 5})
 """MAV_RESULT: accepted, in progress."""
 
 
-def read_heartbeat(frame: Frame) -> Heartbeat | None:
+def read_heartbeat(frame: Frame) -> messages.Heartbeat | None:
     """Read an autopilot's HEARTBEAT; None of a ground station, a camera or a gimbal."""
     if frame.type == GCS_TYPE or frame.autopilot == NO_AUTOPILOT:
         return None
     armed = bool(frame.base_mode & ARMED)
-    return Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
+    return messages.Heartbeat(frame.autopilot, frame.custom_mode, armed, frame.system_status, frame.type)
 
 
-def read_channels(frame: Frame) -> RcChannels:
+def read_channels(frame: Frame) -> messages.RcChannels:
     """Read RC_CHANNELS, or RC_CHANNELS_RAW, which has the first eight and is not listened to on a link."""
     values = _CHANNELS(frame)[: frame.chancount] if hasattr(frame, "chancount") else _RAW_CHANNELS(frame)
-    return RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
+    return messages.RcChannels(tuple(0 if value == NO_CHANNEL else value for value in values))
 
 
 def _to_percent(value: float) -> float | None:
     return value if 0 <= value <= 100 else None
 
 
-def _read_position(frame: Frame) -> Position:
-    return Position(
+def _read_position(frame: Frame) -> messages.Position:
+    return messages.Position(
         boot_s=frame.time_boot_ms / 1e3,
         lat_deg=frame.lat / 1e7,
         lon_deg=frame.lon / 1e7,
@@ -85,10 +82,10 @@ def _read_position(frame: Frame) -> Position:
     )
 
 
-def _read_battery(frame: Frame) -> Battery:
+def _read_battery(frame: Frame) -> messages.Battery:
     cells = [cell for cell in frame.voltages if cell != 65535]
     cells += [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
-    return Battery(
+    return messages.Battery(
         battery=frame.id,
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=sum(cells) / 1e3 if cells else None,
@@ -100,13 +97,9 @@ def _read_battery(frame: Frame) -> Battery:
     )
 
 
-def _read_attitude(frame: Frame) -> Attitude:
-    return Attitude(math.degrees(frame.roll), math.degrees(frame.pitch))
-
-
-def _read_gps(frame: Frame, receiver: int = 0) -> Gps:
+def _read_gps(frame: Frame, receiver: int = 0) -> messages.Gps:
     satellites, off_mm = frame.satellites_visible, getattr(frame, "h_acc", 0)
-    return Gps(
+    return messages.Gps(
         frame.fix_type,
         None if satellites == NO_SATELLITES else satellites,
         accuracy_m=off_mm / 1e3 or None,
@@ -115,29 +108,21 @@ def _read_gps(frame: Frame, receiver: int = 0) -> Gps:
     )
 
 
-def _read_estimator(frame: Frame) -> EstimatorStatus:
+def _read_estimator(frame: Frame) -> messages.EstimatorStatus:
     """Read flags that both autopilots number alike, as far as these two go."""
-    return EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
+    return messages.EstimatorStatus(frame.flags & (POS_HORIZ_ABS | CONST_POS_MODE) == POS_HORIZ_ABS)
 
 
-def _read_wind(frame: Frame) -> Wind:
-    return Wind(frame.speed, frame.direction % 360)
-
-
-def _read_wind_cov(frame: Frame) -> Wind:
+def _read_wind_cov(frame: Frame) -> messages.Wind:
     """Read where the air moves to, north and east, as where it comes from."""
     north_m_s, east_m_s = frame.wind_x, frame.wind_y
     from_deg = math.degrees(math.atan2(-east_m_s, -north_m_s)) % 360
-    return Wind(math.hypot(north_m_s, east_m_s), from_deg)
+    return messages.Wind(math.hypot(north_m_s, east_m_s), from_deg)
 
 
-def _read_fence_status(frame: Frame) -> FenceStatus | None:
-    return FenceStatus(bool(frame.breach_status)) if frame.breach_status in {0, 1} else None
-
-
-def _read_mission_current(frame: Frame) -> MissionCurrent:
+def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
     number = frame.mission_id if hasattr(frame, "mission_id") else _read_mission_id(frame.get_msgbuf())
-    return MissionCurrent(frame.seq, getattr(frame, "total", 0) or None, number or None)
+    return messages.MissionCurrent(frame.seq, getattr(frame, "total", 0) or None, number or None)
 
 
 def _read_mission_id(frame: bytes | None) -> int | None:
@@ -147,10 +132,10 @@ def _read_mission_id(frame: bytes | None) -> int | None:
     return int.from_bytes(payload_of(frame, 10)[6:], "little") or None
 
 
-def _read_system_status(frame: Frame) -> SystemStatus:
+def _read_system_status(frame: Frame) -> messages.SystemStatus:
     enabled, healthy = frame.onboard_control_sensors_enabled, frame.onboard_control_sensors_health
     present = bool(frame.onboard_control_sensors_present & PREARM_CHECK)
-    return SystemStatus(
+    return messages.SystemStatus(
         # PX4 reports 65535 V and -1 % without a battery, ArduPilot 0 V and -1 % in its first seconds.
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=None if frame.voltage_battery in {0, 65535} else frame.voltage_battery / 1e3,
@@ -160,10 +145,10 @@ def _read_system_status(frame: Frame) -> SystemStatus:
     )
 
 
-def _read_radio(frame: Frame) -> Radio:
+def _read_radio(frame: Frame) -> messages.Radio:
     values = (frame.rssi, frame.remrssi, frame.noise, frame.remnoise)
     rssi, remote, noise, remote_noise = (None if value == 255 else value for value in values)
-    return Radio(rssi, remote, noise, remote_noise, frame.txbuf if frame.txbuf <= 100 else None)
+    return messages.Radio(rssi, remote, noise, remote_noise, frame.txbuf if frame.txbuf <= 100 else None)
 
 
 def read_mode_order(frame: Frame, autopilot: int | None) -> tuple[int, int | None] | None:
@@ -196,25 +181,294 @@ def read_mission_item(frame: Frame) -> MissionItem:
     )  # fmt: skip
 
 
+FIRST_UNIX_S = 1e9
+"""A time before 2001 is one since the vehicle's start."""
+IN_EARTH, IN_VEHICLE, YAW_LOCK = 64, 32, 16
+"""GIMBAL_DEVICE_FLAGS: from where its yaw is counted; the third says it where neither of the first is set."""
+
+
+def angles_deg(q: Sequence[float]) -> tuple[float | None, float | None, float | None]:
+    """Return roll, pitch and yaw of an attitude w, x, y, z; None where it is not known: MAVLink sends zeros or NaN."""
+    w, x, y, z = q
+    if not all(map(math.isfinite, q)) or not 0.5 < w * w + x * x + y * y + z * z < 1.5:
+        return None, None, None
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw) % 360
+
+
+def _split_time(usec: int) -> tuple[float | None, float | None]:
+    """Return a time since the vehicle's start, and one since 1970: a field holds either."""
+    seconds = usec / 1e6
+    if not seconds:
+        return None, None
+    return (None, seconds) if seconds > FIRST_UNIX_S else (seconds, None)
+
+
+def _read_image_captured(frame: Frame) -> messages.PictureTaken:
+    roll, pitch, yaw = angles_deg(frame.q)
+    placed = (frame.lat, frame.lon) != (0, 0)
+    return messages.PictureTaken(
+        PictureProof.CAPTURED,
+        frame.get_srcComponent(),
+        frame.camera_id,
+        frame.image_index,
+        ok=frame.capture_result == 1,
+        boot_s=frame.time_boot_ms / 1e3 if frame.time_boot_ms else None,
+        unix_s=frame.time_utc / 1e6 if frame.time_utc / 1e6 > FIRST_UNIX_S else None,
+        lat_deg=frame.lat / 1e7 if placed else None,
+        lon_deg=frame.lon / 1e7 if placed else None,
+        alt_msl_m=frame.alt / 1e3 if placed else None,
+        alt_rel_m=frame.relative_alt / 1e3 if placed else None,
+        roll_deg=roll,
+        pitch_deg=pitch,
+        yaw_deg=yaw,
+        file=formatting.escape_controls(frame.file_url),
+    )
+
+
+def _read_camera_feedback(frame: Frame) -> messages.PictureTaken:
+    boot_s, unix_s = _split_time(frame.time_usec)
+    return messages.PictureTaken(
+        PictureProof.FEEDBACK,
+        frame.get_srcComponent(),
+        frame.cam_idx + 1,
+        frame.img_idx,
+        ok=True,
+        boot_s=boot_s,
+        unix_s=unix_s,
+        lat_deg=frame.lat / 1e7,
+        lon_deg=frame.lng / 1e7,
+        alt_msl_m=frame.alt_msl,
+        alt_rel_m=frame.alt_rel,
+        roll_deg=frame.roll,
+        pitch_deg=frame.pitch,
+        yaw_deg=frame.yaw,
+    )
+
+
+def _read_camera_trigger(frame: Frame) -> messages.PictureTaken:
+    boot_s, unix_s = _split_time(frame.time_usec)
+    return messages.PictureTaken(
+        PictureProof.TRIGGER, frame.get_srcComponent(), 0, frame.seq, ok=True, boot_s=boot_s, unix_s=unix_s
+    )
+
+
+def _read_capture_status(frame: Frame) -> messages.CameraStatus:
+    free_mib = frame.available_capacity if math.isfinite(frame.available_capacity) else None
+    return messages.CameraStatus(frame.get_srcComponent(), frame.video_status == 1, frame.image_count, free_mib)
+
+
+def _read_storage(frame: Frame) -> messages.CameraStatus:
+    ready = frame.status == 2  # STORAGE_STATUS_READY: only then its figures say something
+    return messages.CameraStatus(frame.get_srcComponent(), None, None, frame.available_capacity if ready else None)
+
+
+def _read_gimbal_attitude(frame: Frame) -> messages.GimbalAttitude | None:
+    _, pitch, yaw = angles_deg(frame.q)
+    if pitch is None or yaw is None:
+        return None
+    said = frame.flags & (IN_EARTH | IN_VEHICLE)
+    from_north = bool(said & IN_EARTH) if said else bool(frame.flags & YAW_LOCK)
+    return messages.GimbalAttitude(pitch, yaw, from_north, failed=frame.failure_flags != 0)
+
+
+def _read_mount_status(frame: Frame) -> messages.GimbalAttitude | None:
+    known = math.isfinite(frame.pitch) and math.isfinite(frame.yaw)
+    return messages.GimbalAttitude(frame.pitch, frame.yaw, from_north=False) if known else None
+
+
 READERS: Mapping[str, Any] = MappingProxyType({
     "RADIO_STATUS": _read_radio,
     "HEARTBEAT": read_heartbeat,
     "GLOBAL_POSITION_INT": _read_position,
     "BATTERY_STATUS": _read_battery,
     "SYS_STATUS": _read_system_status,
-    "EXTENDED_SYS_STATE": lambda frame: LandedState({1: True, 2: False, 3: False, 4: False}.get(frame.landed_state)),
-    "ATTITUDE": _read_attitude,
-    "NAV_CONTROLLER_OUTPUT": lambda frame: HeightTarget(frame.alt_error),
+    "EXTENDED_SYS_STATE": lambda frame: messages.LandedState(LANDED.get(frame.landed_state)),
+    "ATTITUDE": lambda frame: messages.Attitude(math.degrees(frame.roll), math.degrees(frame.pitch)),
+    "NAV_CONTROLLER_OUTPUT": lambda frame: messages.HeightTarget(frame.alt_error),
     "GPS_RAW_INT": _read_gps,
     "GPS2_RAW": lambda frame: _read_gps(frame, 1),
     "EKF_STATUS_REPORT": _read_estimator,
     "ESTIMATOR_STATUS": _read_estimator,
     "WIND_COV": _read_wind_cov,
-    "WIND": _read_wind,
-    "FENCE_STATUS": _read_fence_status,
-    "HOME_POSITION": lambda frame: Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
+    "WIND": lambda frame: messages.Wind(frame.speed, frame.direction % 360),
+    "FENCE_STATUS": lambda frame: BREACHES.get(frame.breach_status),
+    "HOME_POSITION": lambda frame: messages.Home(frame.latitude / 1e7, frame.longitude / 1e7, frame.altitude / 1e3),
     "MISSION_CURRENT": _read_mission_current,
-    "MISSION_ITEM_REACHED": lambda frame: MissionReached(frame.seq),
+    "MISSION_ITEM_REACHED": lambda frame: messages.MissionReached(frame.seq),
     "RC_CHANNELS": read_channels,
+    "CAMERA_IMAGE_CAPTURED": _read_image_captured,
+    "CAMERA_FEEDBACK": _read_camera_feedback,
+    "CAMERA_TRIGGER": _read_camera_trigger,
+    "CAMERA_CAPTURE_STATUS": _read_capture_status,
+    "STORAGE_INFORMATION": _read_storage,
+    "GIMBAL_DEVICE_ATTITUDE_STATUS": _read_gimbal_attitude,
+    "MOUNT_ORIENTATION": _read_mount_status,
 })  # fmt: skip
 """By MAVLink's name of the message."""
+
+EVENT = 410
+EVENT_NAME = "EVENT"
+EVENT_EXTRA = 160
+"""CRC_EXTRA: part of its checksum."""
+EVENT_LAYOUT = struct.Struct("<IIHBBB40s")
+"""Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
+_NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
+EVENT_FIELDS = (*_NUMBERS, "arguments")
+"""Of the layout, in its order."""
+REMEMBERED = 64
+"""Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
+
+
+def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> bytes | None:
+    """Return the frame of an event that another parser took apart; None if its fields do not fit."""
+    arguments = fields.get("arguments")
+    try:
+        payload = EVENT_LAYOUT.pack(
+            *(fields[name] for name in _NUMBERS), bytes(arguments if isinstance(arguments, list) else ())
+        )
+    except (KeyError, TypeError, ValueError, struct.error):
+        return None
+    frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *EVENT.to_bytes(3, "little"))) + payload
+    return frame + compute_checksum(frame[1:] + bytes((EVENT_EXTRA,))).to_bytes(CHECKSUM, "little")
+
+
+@dataclass(slots=True)
+class Px4EventDecoder:
+    """The events of one vehicle, each told once."""
+
+    _last: deque[tuple[int, int, int]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+
+    def decode(
+        self, number: int, boot_ms: int, sequence: int, arguments: bytes
+    ) -> messages.OwnFailsafe | messages.ModeChange | None:
+        """Return what an event says that is evidence, and was not said before."""
+        said = parse_px4_event(number, arguments)
+        if said is None or (number, boot_ms, sequence) in self._last:
+            return None
+        self._last.append((number, boot_ms, sequence))
+        return said
+
+
+PART_BYTES = 50
+"""Of the text field; a part that does not fill it is the last one (common.xml)."""
+PATIENCE_FRAMES = 40
+"""Frames after its newest part until a text is shown as far as it came."""
+MEMORY_FRAMES = 400
+"""Frames for which late and repeated parts of a text that was shown are recognised."""
+GAP = "[...]"
+"""Stands for parts that never came."""
+MOST_LETTERS = 300
+"""Of a text; its numbers have room for 12800 bytes, both autopilots' longest are below 256."""
+MOST_SPEAKERS = 64
+"""Who is remembered; of more, the one that was silent for longest is forgotten."""
+
+Source = tuple[int, int]
+"""System and component of who speaks."""
+
+
+@dataclass(slots=True)
+class _PartialText:
+    """One text under way, or shown already."""
+
+    severity: int
+    parts: dict[int, bytes] = field(default_factory=dict)
+    newest: int = 0
+    """The frame that brought the newest part."""
+    shown: bool = False
+
+    @property
+    def is_whole(self) -> bool:
+        last = max(self.parts)
+        return len(self.parts) == last + 1 and len(self.parts[last]) < PART_BYTES
+
+    def assemble(self) -> str:
+        """Return what came, with a mark for each gap; a full last part may have been the end or not."""
+        last = max(self.parts)
+        pieces: list[bytes] = []
+        for number in range(last + 1):
+            if number in self.parts:
+                pieces.append(self.parts[number])
+            elif number - 1 in self.parts or number == 0:
+                pieces.append(GAP.encode())
+        return clean_text(b"".join(pieces))
+
+
+def clean_text(raw: bytes) -> str:
+    r"""Return a text that may be shown anywhere, without the zeros that fill its field and without PX4's trailing tab.
+
+    >>> clean(b"Takeoff detected\t")
+    'Takeoff detected'
+    """
+    said = formatting.escape_controls(raw.decode("utf-8", errors="replace").strip("\x00 \t\r\n"))
+    return said if len(said) <= MOST_LETTERS else said[: MOST_LETTERS - len(GAP)] + GAP
+
+
+class StatusTextAssembler:
+    """The texts of everybody behind one endpoint."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._texts: dict[Source, dict[int, _PartialText]] = {}
+        self._frames: dict[Source, int] = {}
+
+    def count_frame(self, source: Source, frames: int = 1) -> list[messages.StatusText]:
+        """Count frames of any kind; returns their source's texts that were waited for in vain, as far as they came."""
+        frame = self._frames[source] = self._frames.pop(source, 0) + frames
+        if len(self._frames) > MOST_SPEAKERS:
+            silent = next(iter(self._frames))
+            del self._frames[silent]
+            self._texts.pop(silent, None)
+        texts = self._texts.get(source, {})
+        given_up = []
+        for number, text in list(texts.items()):
+            age = frame - text.newest
+            if text.shown and age > MEMORY_FRAMES:
+                del texts[number]
+            elif not text.shown and age > PATIENCE_FRAMES:
+                text.shown = True
+                given_up.append(messages.StatusText(text.severity, text.assemble()))
+        return given_up
+
+    def list_unfinished_texts(self) -> list[tuple[Source, messages.StatusText]]:
+        """Return whose texts are still waited for, as far as they came, once nothing more comes."""
+        return [
+            (source, messages.StatusText(text.severity, text.assemble()))
+            for source, texts in self._texts.items()
+            for text in texts.values()
+            if not text.shown
+        ]
+
+    def add_part(self, source: Source, severity: int, raw: bytes, number: int, part: int) -> list[messages.StatusText]:
+        """Take one part; returns the texts that it ends.
+
+        Args:
+            source: Who speaks.
+            severity: MAV_SEVERITY.
+            raw: The text field, filled up with zeros or not.
+            number: The id of the text; 0 is a text in one part.
+            part: The number of the part, from 0.
+        """
+        raw = raw.split(b"\x00", 1)[0]
+        if number == 0:
+            return [messages.StatusText(severity, clean_text(raw))]
+        found: list[messages.StatusText] = []
+        texts = self._texts.setdefault(source, {})
+        text = texts.get(number)
+        if text is not None and text.parts.get(part, raw) != raw:
+            # The same id with other words: the vehicle restarted, and counts its texts from the beginning again.
+            if not text.shown:
+                found.append(messages.StatusText(text.severity, text.assemble()))
+            text = None
+        if text is None:
+            text = texts[number] = _PartialText(severity)
+        text.newest = self._frames.get(source, 0)
+        if text.shown:
+            return found
+        text.parts[part] = raw
+        if text.is_whole:
+            text.shown = True
+            found.append(messages.StatusText(text.severity, text.assemble()))
+        return found

@@ -25,10 +25,21 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.chunks import read_in_chunks
-from executor.adapters.mavlink import integers, message_readers, px4_events
+from executor.adapters.mavlink import frame_layout, message_readers
 from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.adapters.mavlink.statustext import StatusTextAssembler
+from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
+from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
+from executor.adapters.mavlink.tlog_kinds import (
+    ITEMS,
+    KINDS,
+    ORDERS,
+    SLOW_USEC,
+    STAND_IN_USEC,
+    TOLD_BY_VEHICLES,
+    MessageKind,
+)
 from executor.core import formatting
 from executor.core.interface.messages import (
     Attitude,
@@ -278,7 +289,7 @@ class TelemetryFile(RecordedFile):
     _rc: dict[int, RcChangeFilter] = field(default_factory=dict)
     _tilts: dict[int, TiltFilter] = field(default_factory=dict)
     _autopilots: dict[int, int] = field(default_factory=dict)
-    _events: dict[int, px4_events.Px4EventDecoder] = field(default_factory=dict)
+    _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
     _downs_m: dict[int, float] = field(default_factory=dict)
     """How far below where its filter began each system is."""
 
@@ -503,13 +514,13 @@ class TelemetryFile(RecordedFile):
         if name == "COMMAND_ACK":
             command = message_readers.read_accepted_order(frame)
             return None if command is None else OrderSeen(command)
-        if name == px4_events.NAME:
-            told = self._events.setdefault(system, px4_events.Px4EventDecoder())
+        if name == message_readers.EVENT_NAME:
+            told = self._events.setdefault(system, message_readers.Px4EventDecoder())
             px4s = self._autopilots.get(system) == PX4.number
             return told.decode(frame.id, frame.event_time_boot_ms, frame.sequence, frame.arguments) if px4s else None
         if name == "PARAM_VALUE":
             setting = formatting.escape_controls(frame.param_id.split(b"\0", 1)[0].decode(errors="replace"))
-            value = integers.from_wire(frame.param_value, frame.param_type, self._autopilots.get(system))
+            value = frame_layout.from_wire(frame.param_value, frame.param_type, self._autopilots.get(system))
             return VehicleSetting(setting, value) if is_wanted_setting(setting) and math.isfinite(value) else None
         if name in {LOCAL_POSITION, "POSITION_TARGET_LOCAL_NED"}:
             return self._read_height_target(system, name, frame.z)

@@ -4,18 +4,23 @@ Whole messages come and go through its MavlinkDirect plugin, so every dialogue i
 what MAVSDK's mission transfer takes for the end: ArduPilot's INVALID_SEQUENCE in the midst of an upload. What this way
 does not have: sequence numbers, so nobody counts what was lost, and integer parameters of PX4 that are negative, whose
 bits are no number in MAVSDK's messages; those are neither read nor set.
+
+What MAVSDK does with threads is handled with care: it frees a callback of ours as soon as it is told to, even if one of
+its threads is in it, so callbacks stay for as long as those threads do.
 """
 
 from __future__ import annotations
 
 import asyncio
+import atexit
+import functools
 import json
 import socket
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from executor.adapters.mavsdk.library import add_mavsdk_connection, create_ground_station, load_mavsdk
+from executor.adapters.extras import Extra, require_extra
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.interface.ports import LinkCounts, LinkRequest
@@ -26,6 +31,57 @@ if TYPE_CHECKING:
     from mavsdk import Mavsdk
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
     from mavsdk.system import System
+
+WANTED_BY = 'backend = "mavsdk"'
+"""As the site file says it."""
+MOST_AT_ONCE = 16
+"""MAVSDKs in one process: with 24 it wrote beyond its memory, and the process died (measured). One holds any fleet."""
+
+
+def load_mavsdk() -> None:
+    """Load MAVSDK, and keep its log off standard output: results for scripts go there, and silence shows by itself.
+
+    Raises:
+        ExtraMissing: MAVSDK is not installed.
+        ConnectionFailed: it cannot be loaded.
+    """
+    require_extra(Extra.MAVSDK, WANTED_BY)
+    try:
+        import mavsdk  # noqa: F401 - whether it can be
+    except Exception as error:
+        # Without its native library it raises an error of its own, which cannot be imported then.
+        reason = str(error).partition("\n")[0]
+        raise ConnectionFailed(f"backend mavsdk: expected the package mavsdk 4 on this machine: {reason}") from error
+    _silence_mavsdk_log()
+
+
+@functools.cache
+def _silence_mavsdk_log() -> None:
+    from mavsdk import logging as chatter
+
+    chatter.log_subscribe(lambda *_: True)
+    atexit.register(chatter.log_unsubscribe)
+
+
+def create_ground_station() -> Mavsdk:
+    """Return a MAVSDK of its own threads; `destroy` ends them. Both block: not for the event loop."""
+    from mavsdk import Configuration, Mavsdk
+
+    # MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured).
+    return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
+
+
+def add_mavsdk_connection(mavsdk: Mavsdk, connection: str) -> None:
+    """Open a connection.
+
+    Raises:
+        ConnectionFailed: MAVSDK cannot open it.
+    """
+    result = mavsdk.add_any_connection(connection)
+    if result.value:
+        reason = result.name.lower().replace("_", " ")
+        raise ConnectionFailed(f"{connection}: cannot be opened by MAVSDK: {reason}")
+
 
 ENDS_S = 10.0
 """Real seconds that MAVSDK may take to end; a thread of it that hangs is left behind."""
@@ -44,11 +100,9 @@ class Translator(Protocol):
 
         What other components than the vehicle's autopilot say of themselves is not heard.
         """
-        ...
 
     def write_fields(self, message: Outgoing, sysid: int, compid: int) -> tuple[str, Fields, bytes] | None:
         """Return the MAVLink message's name and fields, and a frame for the log; None if JSON cannot say it."""
-        ...
 
 
 class MavsdkLink:

@@ -1,13 +1,25 @@
-"""Where a flight is published and what is taken from there, as its site says it; docs/mqtt.md has the same in words.
+"""Where a flight is published, and what comes in from there: an intent of the operator's, or a reason why it is none.
 
-No library is needed for this: a flight without a broker loads neither aiomqtt nor the payloads.
+docs/mqtt.md has the same in words. Who can publish on the topic can write anything there: sizes are bounded before
+anything is read, unknown keys are refused, and what was meant for another moment (kept by the broker, or written long
+ago) is not carried out now. Nothing of this needs aiomqtt.
 """
 
 from __future__ import annotations
 
+import hmac
 import ssl
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from executor.adapters.intent_body import IntentBody
+from executor.core.interface.commands import Level
+from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
+from missions import format_first_error
 
 MAJOR = "v1"
 
@@ -66,3 +78,191 @@ class IntakeRules:
     token: str | None = field(default=None, repr=False)
     closed: str = ""
     """Why none are taken at all; empty if they are."""
+
+
+MOST_BYTES = 4096
+MOST_A_SECOND = 5.0
+"""Intents that are taken in the long run; each is written to the event log."""
+BURST = 20
+MOST_REASON = 200
+"""Letters of a refusal."""
+SOURCE = "mqtt"
+ID = r"^[A-Za-z0-9._:-]{1,64}$"
+NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,31}$"
+TOLD_EVERY_S = 10.0
+"""Real seconds between two lines for the operator about messages that were refused."""
+
+
+class IntakeReason(StrEnum):
+    """Why a message is not taken for an intent."""
+
+    INVALID = "invalid"
+    """It is too long, no JSON, or a key is missing, unknown or of the wrong kind."""
+    CLOSED = "closed"
+    """This site takes no intents from its broker."""
+    UNAUTHORIZED = "unauthorized"
+    """The token is not the site's."""
+    RETAINED = "retained"
+    """The broker had kept it."""
+    TIMESTAMP = "timestamp"
+    """It is too old, or from the future."""
+    TOO_MANY = "too_many"
+    """Too many intents came at once."""
+
+
+class IntentMessage(IntentBody):
+    """What an operator wants; acknowledged on `intent/ack` under its `id`."""
+
+    headerId: Annotated[int, Field(ge=0, le=2**32 - 1)] | None = None  # noqa: N815 - VDA 5050's name
+    """Counted by the sender; not looked at."""
+    timestamp: AwareDatetime
+    """When it was written, ISO 8601 with its offset from UTC. An old one is refused."""
+    version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.5.0"
+    """Of these topics and payloads."""
+    vehicle: Annotated[str, Field(pattern=NAME)] | None = None
+    """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
+    token: Annotated[str, Field(max_length=256)] | None = None
+    """Needed where the site names one."""
+
+    @model_validator(mode="after")
+    def _check_addressee(self) -> IntentMessage:
+        everybody = Action(self.action) in FOR_ALL | FOR_BASE
+        if everybody and self.vehicle is not None:
+            raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
+        if bool(self.base) != (Action(self.action) in FOR_BASE):
+            raise ValueError("base: expected a name for close and open, and none for anything else")
+        if self.pack and self.action != "swap":
+            raise ValueError(f"pack: expected none, as {self.action} changes none")
+        if not everybody and self.vehicle is None:
+            raise ValueError(f"vehicle: expected a name, as {self.action} is for one of them")
+        return self
+
+
+class _Named(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+    id: Annotated[str, Field(pattern=ID)]
+
+
+@dataclass(frozen=True, slots=True)
+class RefusedMessage:
+    """A message that is not carried out."""
+
+    id: str | None
+    """The intent's, where it could be read."""
+    reason: str
+    code: IntakeReason
+
+
+def read_intent(payload: bytes, rules: IntakeRules, now_unix_s: float, *, retained: bool) -> Intent | RefusedMessage:
+    """Return what a message asks for, or why it is refused; never raises.
+
+    Args:
+        payload: The message as it came.
+        rules: What the site demands.
+        now_unix_s: Seconds since 1970, by this computer.
+        retained: Whether the broker had kept it for later subscribers.
+    """
+    if len(payload) > MOST_BYTES:
+        return RefusedMessage(None, f"expected at most {MOST_BYTES} bytes, got {len(payload)}", IntakeReason.INVALID)
+    try:
+        message = IntentMessage.model_validate_json(payload)
+    except ValidationError as error:
+        reason = format_first_error(error, page="docs/mqtt.md", shown=False)[:MOST_REASON]
+        return RefusedMessage(_id_of(payload), reason, IntakeReason.INVALID)
+    objection = _find_objection(message, rules, now_unix_s, retained=retained)
+    if objection is not None:
+        code, why = objection
+        return RefusedMessage(message.id, why, code)
+    return message.build_intent(SOURCE)
+
+
+def _find_objection(
+    message: IntentMessage, rules: IntakeRules, now_unix_s: float, *, retained: bool
+) -> tuple[IntakeReason, str] | None:
+    if rules.closed:
+        return IntakeReason.CLOSED, rules.closed
+    if rules.token is not None and not hmac.compare_digest((message.token or "").encode(), rules.token.encode()):
+        return IntakeReason.UNAUTHORIZED, "token: expected the one that the site names, got another or none"
+    if retained:
+        return IntakeReason.RETAINED, "retained: expected a message for now, got one that the broker had kept"
+    age_s = now_unix_s - message.timestamp.timestamp()
+    if abs(age_s) > rules.max_age_s:
+        when = f"{age_s:.0f} s old" if age_s > 0 else f"{-age_s:.0f} s ahead"
+        text = f"timestamp: expected at most {rules.max_age_s:g} s from this computer's clock, got one {when}"
+        return IntakeReason.TIMESTAMP, text
+    return None
+
+
+def _id_of(payload: bytes) -> str | None:
+    """Return the id of a message that is wrong elsewhere, so that its sender knows which one."""
+    try:
+        return _Named.model_validate_json(payload).id
+    except ValidationError:
+        return None
+
+
+@dataclass(slots=True)
+class RateLimiter:
+    """Lets so many intents through in a while and no more; begins with a whole burst."""
+
+    _at_s: float
+    _left: float = float(BURST)
+
+    def may_pass(self, now_s: float) -> bool:
+        """Return whether one more may pass at a time, in real seconds that never go back."""
+        self._left = min(BURST, self._left + MOST_A_SECOND * (now_s - self._at_s))
+        self._at_s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+@dataclass(eq=False, repr=False)
+class IntentIntake:
+    """Takes what comes in, as fast as an operator could mean it."""
+
+    _rules: IntakeRules
+    """What the site demands."""
+    _clock: Callable[[], float]
+    """Seconds since 1970."""
+    _monotonic_s: Callable[[], float]
+    """Real seconds that never go back."""
+    _accept: Callable[[Intent], None]
+    """Called with every intent."""
+    _refuse: Callable[[RefusedMessage], None]
+    """Called with what is refused, as long as it is not too much."""
+    _say: Callable[[Level, str], None]
+    """Called with what the operator should know."""
+    _accepting: RateLimiter = field(init=False)
+    _refusing: RateLimiter = field(init=False)
+    _told_s: float = float("-inf")
+    refused: int = 0
+    """Messages that were not carried out."""
+
+    def __post_init__(self) -> None:
+        """Begin with whole bursts."""
+        now_s = self._monotonic_s()
+        self._accepting, self._refusing = RateLimiter(now_s), RateLimiter(now_s)
+
+    def handle_message(self, payload: bytes, retained: bool) -> None:
+        """Take one message; an empty one only clears what the broker had kept."""
+        if not payload:
+            return
+        found = read_intent(payload, self._rules, self._clock(), retained=retained)
+        now_s = self._monotonic_s()
+        if isinstance(found, Intent) and not self._accepting.may_pass(now_s):
+            found = RefusedMessage(
+                found.id, f"expected at most {MOST_A_SECOND:g} intents a second", IntakeReason.TOO_MANY
+            )
+        if isinstance(found, Intent):
+            self._accept(found)
+            return
+        self.refused += 1
+        # An answer to each would push the answers that somebody waits for out of the row.
+        if self._refusing.may_pass(now_s):
+            self._refuse(found)
+        if now_s - self._told_s > TOLD_EVERY_S:
+            self._told_s = now_s
+            self._say(Level.WARNING, f"mqtt: an intent was refused, {self.refused} in all: {found.reason}")

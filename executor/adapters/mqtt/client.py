@@ -1,23 +1,127 @@
 """The connection to the broker: carries what waits in the outbox, and comes back however often the broker goes away.
 
-It is a task of its own. The flight puts messages into the outbox and goes on; whatever the broker does, slowly, wrongly
-or not at all, happens here.
+It is a task of its own. The flight puts messages into the outbox and goes on: cells, in which the newest message wins,
+and queues with a bound, as a broker may be away for the whole flight. Whatever the broker does, slowly, wrongly or not
+at all, happens here.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 import aiomqtt
 
 from executor.adapters.mqtt.broker import BrokerAddress
-from executor.adapters.mqtt.outbox import MqttMessage, Outbox, PendingMessage
 from executor.core.interface.commands import Level
+
+MOST_KEPT = 500
+"""Messages of a topic that wait at most, beside those under way; of more the oldest are dropped, and counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class MqttMessage:
+    """One message."""
+
+    topic: str
+    payload: bytes
+    retain: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PendingMessage:
+    """A message that is under way, and its place in the row; None for one out of a cell."""
+
+    letter: MqttMessage
+    number: int | None
+
+
+class Outbox:
+    """Messages for the broker, in the order in which they are to be sent."""
+
+    def __init__(self, most_kept: int = MOST_KEPT) -> None:
+        """Begin empty."""
+        self._most_kept = most_kept
+        self._cells: dict[str, MqttMessage] = {}
+        self._rows: dict[str, deque[tuple[int, MqttMessage]]] = {}
+        self._retained: dict[str, MqttMessage] = {}
+        self._number = 0
+        self._closed = False
+        self._ready = asyncio.Event()
+        self.dropped: dict[str, int] = {}
+        """How many messages of a topic were given up because too many waited."""
+
+    def __len__(self) -> int:
+        """Return how many messages wait."""
+        return len(self._cells) + sum(len(row) for row in self._rows.values())
+
+    def put_latest(self, letter: MqttMessage) -> None:
+        """Send a message instead of the one that still waits on its topic."""
+        if letter.retain:
+            self._retained[letter.topic] = letter
+        # A topic keeps its place in the row, so that one that changes often does not wait for ever.
+        self._cells[letter.topic] = letter
+        self._ready.set()
+
+    def enqueue(self, letter: MqttMessage) -> None:
+        """Send a message after those that wait already; of too many on one topic the oldest is dropped."""
+        self._number += 1
+        row = self._rows.setdefault(letter.topic, deque())
+        row.append((self._number, letter))
+        self._drop_oldest(letter.topic)
+        self._ready.set()
+
+    def take_batch(self, most: int) -> list[PendingMessage]:
+        """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
+        for_cells = min(len(self._cells), max(most // 2, most - (len(self) - len(self._cells))))
+        taken: list[PendingMessage] = []
+        while len(taken) < most - for_cells:
+            row = min((row for row in self._rows.values() if row), key=lambda row: row[0][0], default=None)
+            if row is None:
+                break
+            number, letter = row.popleft()
+            taken.append(PendingMessage(letter, number))
+        taken.extend(PendingMessage(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
+        if not len(self) and not self._closed:
+            self._ready.clear()
+        return taken
+
+    def return_unsent(self, unsent: Iterable[PendingMessage]) -> None:
+        """Let messages wait again that could not be sent; a newer one in their cell wins."""
+        for one in reversed(list(unsent)):
+            if one.number is None:
+                self._cells.setdefault(one.letter.topic, one.letter)
+            else:
+                self._rows.setdefault(one.letter.topic, deque()).appendleft((one.number, one.letter))
+                self._drop_oldest(one.letter.topic)
+            self._ready.set()
+
+    def resend_retained(self) -> None:
+        """Send everything again that a broker should hold: one that was restarted may have forgotten it."""
+        for letter in self._retained.values():
+            self._cells.setdefault(letter.topic, letter)
+            self._ready.set()
+
+    def close(self) -> None:
+        """Wait for nothing more: `ready` returns at once from now on."""
+        self._closed = True
+        self._ready.set()
+
+    async def wait_until_ready(self) -> None:
+        """Return when something waits, or when the outbox is closed."""
+        await self._ready.wait()
+
+    def _drop_oldest(self, topic: str) -> None:
+        row = self._rows[topic]
+        while len(row) > self._most_kept:
+            row.popleft()
+            self.dropped[topic] = self.dropped.get(topic, 0) + 1
+
 
 ANSWER_S = 5.0
 """A broker that sends no PUBACK for so long counts as disconnected."""
@@ -53,15 +157,6 @@ class Presence(Enum):
     """The broker says so itself: the connection ended without a word."""
 
 
-@dataclass(frozen=True, slots=True)
-class Subscriber:
-    """What is done with the messages that come in."""
-
-    topic: str
-    take: Callable[[bytes, bool], None]
-    """Called with every message and whether the broker had kept it; must not wait."""
-
-
 class _Inbox(asyncio.Queue[aiomqtt.Message]):
     """Leaves out what comes faster than it is taken, where aiomqtt would write a line for each."""
 
@@ -70,36 +165,27 @@ class _Inbox(asyncio.Queue[aiomqtt.Message]):
             super().put_nowait(item)
 
 
+@dataclass(eq=False, repr=False)
 class MqttClient:
     """Keeps one broker informed."""
 
-    def __init__(
-        self,
-        broker: BrokerAddress,
-        outbox: Outbox,
-        presence: Callable[[Presence], MqttMessage],
-        subscriber: Subscriber,
-        say: Callable[[Level, str], None],
-    ) -> None:
-        """Wire the parts; `run` connects.
-
-        Args:
-            broker: Where to.
-            outbox: What waits to be sent.
-            presence: Makes the message that says whether we are there.
-            subscriber: Who listens.
-            say: Called with what the operator should know of the connection.
-        """
-        self._broker = broker
-        self._outbox = outbox
-        self._presence = presence
-        self._subscriber = subscriber
-        self._say = say
-        self._closing = asyncio.Event()
-        self._was_there = False
-        self._complained = False
-        self._dropped_told = 0
-        self.connected = False
+    _broker: BrokerAddress
+    """Where to."""
+    _outbox: Outbox
+    """What waits to be sent."""
+    _presence: Callable[[Presence], MqttMessage]
+    """Makes the message that says whether we are there."""
+    _topic: str
+    """What is listened to."""
+    _take: Callable[[bytes, bool], None]
+    """Called with every message that comes in, and whether the broker had kept it; must not wait."""
+    _say: Callable[[Level, str], None]
+    """Called with what the operator should know of the connection."""
+    _closing: asyncio.Event = field(default_factory=asyncio.Event)
+    _was_there: bool = False
+    _complained: bool = False
+    _dropped_told: int = 0
+    connected: bool = False
 
     async def run(self) -> None:
         """Connect, and again whenever the connection ends, until `close`."""
@@ -148,7 +234,7 @@ class MqttClient:
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         try:
-            await client.subscribe(self._subscriber.topic, QOS)
+            await client.subscribe(self._topic, QOS)
             await _publish(client, self._presence(Presence.ONLINE))
             self._on_connected()
             async with asyncio.TaskGroup() as tasks:
@@ -164,7 +250,7 @@ class MqttClient:
     async def _read(self, client: aiomqtt.Client) -> None:
         async for message in client.messages:
             payload = message.payload
-            self._subscriber.take(payload if isinstance(payload, bytes) else b"", message.retain)
+            self._take(payload if isinstance(payload, bytes) else b"", message.retain)
 
     async def _write(self, client: aiomqtt.Client) -> None:
         while True:

@@ -31,10 +31,15 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from executor.adapters.intent_body import IntentBody
-from executor.adapters.web.connection_limits import ConnectionLimits, ConnectionRegistry, WebConnection
-from executor.adapters.web.guard import Guard
+from executor.adapters.web.guard import (
+    ConnectionLimits,
+    ConnectionRegistry,
+    EventStream,
+    Guard,
+    LatestValue,
+    WebConnection,
+)
 from executor.adapters.web.snapshot import Describe, Now, WebSnapshot
-from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
 from executor.core.interface.intents import Intent, IntentRecord, Outcome
@@ -86,18 +91,6 @@ class WebSettings:
     """The re-plan window of the first plan."""
 
 
-@dataclass(frozen=True, slots=True)
-class _CachedFile:
-    """A file that browsers may keep."""
-
-    content: bytes
-
-    @property
-    def etag(self) -> str:
-        """What it is told by."""
-        return f'"{sha256(self.content).hexdigest()[:20]}"'
-
-
 _uvicorn_log = logging.getLogger("uvicorn.error")
 # It would go to the crew's terminal, tracebacks and all; what matters of it goes to `Mistake`.
 _uvicorn_log.propagate = False
@@ -132,7 +125,8 @@ class WebServer:
         """Prepare a server; entering it makes it listen."""
         self._settings = settings
         self._present = WebSnapshot(context, now, settings.speedup, describe, settings.window)
-        self._ground = {name: _CachedFile(content) for name, content in settings.ground.items()}
+        self._etags = {name: f'"{sha256(one).hexdigest()[:20]}"' for name, one in settings.ground.items()}
+        """What browsers, which may keep these files, tell them by."""
         self._submit = submit
         self._mistake = mistake
         self._limits = limits or ConnectionLimits()
@@ -273,13 +267,14 @@ class WebServer:
     async def _serve_ground_file(self, request: Request) -> Response:
         """Answer with a file that is the same during the whole flight: a browser that has it is told so."""
         name = request.path_params["name"]
-        kept = self._ground.get(name)
-        if kept is None:
+        etag = self._etags.get(name)
+        if etag is None:
             return PlainTextResponse("nothing is known of the ground", 404)
-        headers = {"cache-control": "private, no-cache", "etag": kept.etag}
-        if kept.etag in request.headers.get("if-none-match", ""):
+        headers = {"cache-control": "private, no-cache", "etag": etag}
+        if etag in request.headers.get("if-none-match", ""):
             return Response(status_code=304, headers=headers)
-        return Response(kept.content, media_type=TYPES.get(PurePath(name).suffix), headers=headers)
+        kind = TYPES.get(PurePath(name).suffix)
+        return Response(self._settings.ground[name], media_type=kind, headers=headers)
 
     async def _serve_events(self, request: Request) -> ASGIApp:  # noqa: ARG002
         return EventStream(self._newest, self._limits)

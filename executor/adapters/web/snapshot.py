@@ -1,6 +1,7 @@
 """What a browser is told: the flight's present, and the map that changes seldom.
 
-The flight's states are immutable values, so they are read here, beside the flight, while it goes on.
+The flight's states are immutable values, so they are read here, beside the flight, while it goes on. Of the documents
+./scripts/reference makes documents.d.ts, which the page's JavaScript is checked by.
 """
 
 from __future__ import annotations
@@ -9,17 +10,8 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from typing import TypedDict
 
-from executor.adapters.web.documents import (
-    BesideFleet,
-    BesideVehicle,
-    PageArea,
-    PageAssets,
-    PageChart,
-    PageRoute,
-    PageVehicle,
-    Place,
-)
 from executor.core.context import Context
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.imaging.asset_status import AssetState, build_asset_views, list_asked_pictures
@@ -27,6 +19,88 @@ from executor.core.state.fleet_state import Coverage, FleetState
 from missions import Phase, Window
 from missions.areas import AreaKind
 from missions.files import json_text
+
+Place = tuple[float, float]
+"""East and north of the depot, in metres."""
+AssetRow = tuple[int, str, int, str | None]
+"""Segment, state, pictures and vehicle."""
+
+
+class BesideFleet(TypedDict):
+    """What the page gets in each state beside a fleet's view."""
+
+    speedup: float
+    """Seconds of the flight in a real one."""
+    decided_age_s: float | None
+    """How long ago the flight decided last."""
+    chart: list[int]
+    """Changes whenever a route does: then there is a new `PageChart`."""
+    inferred: list[int]
+    """Segments that count as inspected by evidence alone."""
+    assets: int
+    """Changes whenever `PageAssets` may have."""
+
+
+class BesideVehicle(TypedDict):
+    """What the page gets of each vehicle beside its view."""
+
+    place_m: Place | None
+    waypoint: int
+    """Of its route: the one that it flies to."""
+
+
+class PageRoute(TypedDict):
+    """A route on board."""
+
+    revision: int
+    places_m: list[Place]
+    inspect: list[bool]
+    """Of each waypoint: whether the way to it is an inspection."""
+    segments: list[int]
+
+
+class PageVehicle(TypedDict):
+    """A vehicle on the map."""
+
+    name: str
+    pad_m: Place
+    route: PageRoute | None
+    track_m: list[Place]
+    """Where it has flown so far."""
+
+
+class PageArea(TypedDict):
+    """What flights keep out of."""
+
+    name: str
+    limit: bool
+    """Whether it is a height limit."""
+    outlines_m: list[list[Place]]
+
+
+class PageChart(TypedDict):
+    """`/chart`: what changes seldom."""
+
+    chart: list[int]
+    window: Window | None
+    """The re-plan window of the first plan."""
+    pictures: bool
+    """Whether segments are inspected by pictures."""
+    assets: list[tuple[int, int]]
+    """Segments, and how many pictures each asks for."""
+    names: list[str]
+    """Of each segment."""
+    areas: list[PageArea]
+    segments_m: list[tuple[Place, Place]]
+    vehicles: list[PageVehicle]
+
+
+class PageAssets(TypedDict):
+    """`/assets`: all but open ones without a picture."""
+
+    assets: int
+    rows: list[AssetRow]
+
 
 Describe = Callable[[Context, FleetState, float], FleetView]
 Now = Callable[[], tuple[FleetState, float]]
@@ -54,35 +128,29 @@ class _Track:
             self.step_m *= 2
 
 
+@dataclass(eq=False, repr=False)
 class WebSnapshot:
     """Reads the flight for everybody who looks; used by one thread."""
 
-    def __init__(
-        self,
-        context: Context,
-        now: Now,
-        speedup: float = 1.0,
-        describe: Describe = build_fleet_view,
-        window: Window | None = None,
-    ) -> None:
-        """Look at a flight.
+    _context: Context
+    """The flight's."""
+    _now: Now
+    """Returns its newest state."""
+    _speedup: float = 1.0
+    """Seconds of the flight in a real one."""
+    describe: Describe = build_fleet_view
+    """Makes the description that is sent; tests show what a flight seldom comes to."""
+    _window: Window | None = None
+    """The re-plan window of the first plan."""
+    _tracks: dict[str, _Track] = field(init=False)
+    _asked: Mapping[int, Mapping[str, int]] = field(init=False)
+    _covered: tuple[Coverage, int] | None = None
+    _assets_changed: int = 0
 
-        Args:
-            context: The flight's.
-            now: Returns its newest state.
-            speedup: Seconds of the flight in a real one.
-            describe: Makes the description that is sent; tests show what a flight seldom comes to.
-            window: The re-plan window of the first plan.
-        """
-        self._context = context
-        self._now = now
-        self._speedup = speedup
-        self._describe = describe
-        self._window = window
-        self._tracks = {name: _Track() for name in context.vehicles}
-        self._asked = list_asked_pictures(context)
-        self._covered: tuple[Coverage, int] | None = None
-        self._assets_changed = 0
+    def __post_init__(self) -> None:
+        """Look at a flight."""
+        self._tracks = {name: _Track() for name in self._context.vehicles}
+        self._asked = list_asked_pictures(self._context)
 
     def encode_clock(self) -> bytes:
         """Return the time on the flight's clock alone, as JSON: a browser holds it against what it shows."""
@@ -92,7 +160,7 @@ class WebSnapshot:
     def encode_state(self) -> bytes:
         """Return the present as JSON, and remember where everybody is."""
         state, now_s = self._now()
-        content = asdict(self._describe(self._context, state, now_s))
+        content = asdict(self.describe(self._context, state, now_s))
         for shown in content["vehicles"]:
             vehicle = state.vehicles[shown["name"]]
             place = None if vehicle.motion.fix is None else _round_place(vehicle.motion.fix.place_m)

@@ -123,14 +123,14 @@ def test_a_thread_that_hangs_does_not_keep_the_program_from_ending_with_its_exit
 
 HANGING_WORK = """
 import asyncio, os, time
-from executor.runtime import fair_event_loop
-fair_event_loop.THREADS_END_S = 0.5
+from executor.adapters import clock
+clock.THREADS_END_S = 0.5
 
 async def fly():
     asyncio.get_running_loop().run_in_executor(None, time.sleep, 3600)
     return 7
 
-os._exit(fair_event_loop.run_on_fair_loop(fly()))
+os._exit(clock.run_on_fair_loop(fly()))
 """
 
 

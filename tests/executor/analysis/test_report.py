@@ -13,7 +13,7 @@ from executor.core.interface.messages import Heartbeat, Position, StationHeard, 
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from executor.core.state.vehicle_position import is_over_pad
-from executor.flight.board_record import build_parameter_rows
+from executor.flight.restore_vehicles import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way
 
 POSITION = Position(60.0, 49.6, 15.6, 450.0, 0.0, 0.0, 0.0, 0.0, None)

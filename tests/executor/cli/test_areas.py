@@ -13,8 +13,8 @@ import pytest
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.flight_record import build_launch_revision
 from executor.analysis.pictures.map_figures import draw_plan_figure
-from executor.flight.flight_request import FlightRequest, write_run_start
 from executor.flight.next_flight import plan_next_flight
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from missions import PlanFileError, read_plan, write_plan

@@ -11,7 +11,7 @@ import pytest
 from executor.analysis.documents import SortieRow
 from executor.cli import flights
 from executor.cli.main import main
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from tests.executor.flights import short_report
 
 VEHICLES = "".join(

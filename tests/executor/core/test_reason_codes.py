@@ -19,10 +19,9 @@ from executor.core.interface.messages import CommandAck
 from executor.core.operator.intent_refusals import find_refusal
 from executor.core.state.fleet_state import Briefing, FleetState, Question
 from executor.core.state.vehicle_state import FaultCode, Stage
-from executor.protocols import upload
-from executor.protocols.command import CommandDialogue
+from executor.protocols import mission_transfer
 from executor.protocols.machine import Rejected
-from executor.protocols.vehicle_commands import arm
+from executor.protocols.vehicle_commands import CommandDialogue, arm
 from scripts.pages.reference import DOMAINS
 from tests.executor.core.operator.test_intent_refusals import ROWS, grounded, state_of
 from tests.executor.core.steps import plan_of
@@ -96,12 +95,15 @@ def test_a_command_that_is_refused_has_the_code_of_its_result(result: int, code:
 
 
 def test_a_mission_that_is_refused_has_the_code_of_its_result() -> None:
-    codes = {result: upload.build_rejection("mission", result).code for result in (*upload.RESULT_NAMES, 99)}
+    codes = {
+        result: mission_transfer.build_rejection("mission", result).code
+        for result in (*mission_transfer.RESULT_NAMES, 99)
+    }
     assert [codes[result] for result in (1, 4, 13, 14, 15, 99)] == [
         Ending.ERROR, Ending.NO_SPACE, Ending.INVALID_SEQUENCE, Ending.OTHER_STATION, Ending.CANCELLED,
         Ending.UNKNOWN_RESULT,
     ]  # fmt: skip
-    assert Ending.UNKNOWN_RESULT not in [codes[result] for result in upload.RESULT_NAMES]
+    assert Ending.UNKNOWN_RESULT not in [codes[result] for result in mission_transfer.RESULT_NAMES]
 
 
 def test_each_watchpoint_has_a_code_of_its_own() -> None:

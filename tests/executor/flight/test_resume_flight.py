@@ -15,9 +15,12 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common
 
+from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_json, write_site
+from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_site
+from executor.analysis.learned_document import build_learned_document, learn_from_flight, read_learned
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context
@@ -30,12 +33,13 @@ from executor.core.state.vehicle_state import Stage
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.errors import LogError
 from executor.flight import resume_flight
-from executor.flight.run_start import read_run_start
+from executor.flight.run_start import FlightRequest, read_run_start
 from executor.replay.run_replay import replay_run
 from executor.site import site_model
 from executor.site.learned_files import build_learned_document, learn_from_flight, read_learned, read_packs
 from executor.site.site_file import read_site
 from missions import SolverRecord, make_plan_file, write_plan
+from missions.files import write_document
 from planner import Cost, Plan, Route
 from tests.e2e.flights import site_file
 from tests.fakes.flight import Story
@@ -57,7 +61,7 @@ def prepared(folder: Path) -> Path:
     )  # fmt: skip
     write_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
     write_plan(run / "plan-000.json", plan)
-    write_json(run / "vehicles.json", {"vehicles": []})
+    write_document(run / "vehicles.json", {"vehicles": []})
     return run
 
 
@@ -97,9 +101,9 @@ def launched(run: Path) -> tuple[Story, Diary]:
 
 
 def left(run: Path) -> resume_flight.InterruptedRun:
-    found = resume_flight.read_interrupted_run(run)
-    assert isinstance(found, resume_flight.InterruptedRun)
-    return found
+    known = resume_flight.read_resume_plan(run)
+    assert isinstance(known, resume_flight.ResumePlan)
+    return resume_flight.replay_interrupted_run(run, known)
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -213,8 +217,8 @@ def test_a_flight_that_was_never_launched_begins_from_its_beginning(tmp_path: Pa
         EventLog(run / "events.jsonl", began_unix_s=0.0, speedup=SPEEDUP).close()
     elif content is not None:
         (run / "events.jsonl").write_bytes(content)
-    found = resume_flight.read_interrupted_run(run)
-    assert isinstance(found, resume_flight.UnlaunchedRun)
+    found = resume_flight.read_resume_plan(run)
+    assert isinstance(found, FlightRequest)
     assert found.ground.names == ("uav1", "uav2")
 
 
@@ -331,7 +335,7 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
         finally:
             ended.set()
 
-    monkeypatch.setattr(resume_flight, "read_events", slow)
+    monkeypatch.setattr(eventlog, "read_events", slow)
     ports = [int(table.connection.rpartition(":")[2]) for table in read_site(run / "site.toml").vehicle]
     async with AsyncExitStack() as stack:
         peers = [await stack.enter_async_context(peer(port, sysid)) for sysid, port in enumerate(ports, start=1)]

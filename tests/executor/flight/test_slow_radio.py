@@ -20,9 +20,14 @@ from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
-from executor.flight.flight_request import FlightRequest
-from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
+from executor.flight.preparation import (
+    apply_changes,
+    build_context_and_checklist,
+    interview_vehicles,
+    read_changes,
+    upload_first_missions,
+)
+from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
 from missions import dialect_for

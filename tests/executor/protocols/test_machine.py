@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 
 import pytest
 
-from executor.protocols import upload, vehicle_commands
-from executor.protocols.command import CommandDialogue
-from executor.protocols.download import FIRST_TRIP, DownloadDialogue
+from executor.protocols import mission_transfer, vehicle_commands
+from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from missions import ARDUPILOT, MissionKind, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
@@ -19,7 +19,7 @@ from tests.executor.core.vehicles import flying
 BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
-UPLOAD = upload.UploadDialogue(ITEMS, 8.0, frozenset({13}))
+UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}))
 ARM = vehicle_commands.arm()
 COMMAND = CommandDialogue(ARM, "arm")
 
@@ -47,7 +47,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "answered": -1,
                 "answered_s": -math.inf,
                 "first_s": -math.inf,
-                "round_trip": upload.FIRST_TRIP,
+                "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,
                 "refusal": None,
             },
@@ -59,7 +59,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "items": (),
                 "tries": 0,
                 "refusal": None,
-                "round_trip": FIRST_TRIP,
+                "round_trip": FIRST_READ_TRIP,
                 "asked_s": 0.0,
                 "heard_s": 0.0,
                 "begun": 0,

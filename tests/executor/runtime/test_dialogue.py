@@ -14,9 +14,9 @@ from executor.core.interface.messages import (
     SendMissionAck,
     SendMissionCount,
 )
-from executor.protocols.command import CommandDialogue
 from executor.protocols.machine import Accepted, TimedOut
-from executor.protocols.upload import UploadDialogue
+from executor.protocols.mission_transfer import UploadDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime.dialogue import INBOX, run_dialogue
 from missions import PX4, MissionItem
 from tests.fakes.clock import LoopClock

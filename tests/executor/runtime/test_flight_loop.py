@@ -277,7 +277,7 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
     async with flying(fleet_of()) as (sky, _):
         with supervised.watch_mistakes(said.append, None):
             await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
-            monkeypatch.setattr(procedures, "order_hold", mistaken)
+            monkeypatch.setattr(procedures, "give_order", mistaken)
             sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
             await sky.until(lambda: sky.state.crew.intents["w1"].outcome is Outcome.FAILED)
     assert said == ["internal error in an order to uav2: KeyError: 'speed'"]

@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 
+from executor.core.interface.commands import SendHome
 from executor.core.interface.endings import Ending
 from executor.core.interface.messages import ParamValue, StatusText
 from executor.protocols import vehicle_commands
@@ -39,7 +40,7 @@ class Pad:
         return done
 
     async def send_home(self) -> ProcedureResult:
-        done = await procedures.order_rtl(self.link, self.clock, self.dialect)
+        done = await procedures.give_order(self.link, self.clock, self.dialect, SendHome("uav1"))
         self.link.close()
         return done
 
@@ -195,7 +196,7 @@ async def test_parameters_are_read_and_set() -> None:
     assert await procedures.set_parameter(pad.link, pad.clock, "RTL_ALT", 2500.0, 4) == ProcedureResult(accepted=True)
     assert pad.vehicle.parameters["RTL_ALT"] == 2500.0
     unknown = await procedures.set_parameter(pad.link, pad.clock, "NO_SUCH", 1.0, 4)
-    assert unknown == ProcedureResult(accepted=False, reason="NO_SUCH: no answer")
+    assert unknown == ProcedureResult(accepted=False, reason="NO_SUCH: no answer", lost=True)
     pad.link.close()
 
 

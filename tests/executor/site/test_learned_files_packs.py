@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from executor.errors import LogError, SiteError
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model
 from executor.site.learned_files import load_site_packs, read_packs
 from executor.site.site_file import Site, check_site, read_site

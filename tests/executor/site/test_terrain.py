@@ -15,7 +15,7 @@ from executor.analysis.pictures.chart_figures import build_profiles
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
-from executor.flight.flight_request import FlightRequest, write_run_start
+from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model
 from executor.site.plan_summary import compute_planned_heights
 from executor.site.site_file import read_site

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.statustext import GAP, MOST_LETTERS, MOST_SPEAKERS, StatusTextAssembler
+from executor.adapters.mavlink.message_readers import GAP, MOST_LETTERS, MOST_SPEAKERS, StatusTextAssembler
 from executor.core.interface.messages import (
     Attitude,
     Battery,

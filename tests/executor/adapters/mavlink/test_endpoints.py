@@ -15,15 +15,14 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, _Datagrams, open_mavlink_links
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, VehicleLink, _Datagrams, open_mavlink_links
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Heartbeat, Message, MissionAck, SendHeartbeat
 from executor.core.interface.ports import LinkRequest
 from executor.errors import ConnectionFailed
 from executor.supervised import watch_mistakes
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
-from tests.executor.adapters.mavlink.test_link import Frames
+from tests.executor.adapters.mavlink.test_endpoints_link import Frames
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 

@@ -36,7 +36,7 @@ from executor.errors import ConnectionFailed, ExtraMissing
 from missions import MissionItem
 from tests.executor.adapters.mavlink.test_codec import PX4, Vehicle, bits
 from tests.executor.adapters.mavlink.test_endpoints import socket_on_loopback
-from tests.executor.adapters.mavlink.test_link import Frames
+from tests.executor.adapters.mavlink.test_endpoints_link import Frames
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 

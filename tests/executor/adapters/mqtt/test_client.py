@@ -13,8 +13,7 @@ import pytest
 
 from executor.adapters.mqtt import client as connection
 from executor.adapters.mqtt.broker import BrokerAddress
-from executor.adapters.mqtt.client import MqttClient, Presence, Subscriber
-from executor.adapters.mqtt.outbox import MqttMessage, Outbox
+from executor.adapters.mqtt.client import MqttClient, MqttMessage, Outbox, Presence
 from executor.core.interface.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
@@ -41,7 +40,7 @@ class Station:
         def presence(state: Presence) -> MqttMessage:
             return MqttMessage(THERE, state.value.encode(), retain=True)
 
-        self.client = MqttClient(broker, self.outbox, presence, Subscriber("t/orders", take), self._say)
+        self.client = MqttClient(broker, self.outbox, presence, "t/orders", take, self._say)
 
     def _say(self, level: Level, text: str) -> None:
         self.said.append(text)

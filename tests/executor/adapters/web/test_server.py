@@ -19,11 +19,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.adapters.web import WebServer, WebSettings
-from executor.adapters.web.connection_limits import ConnectionLimits
-from executor.adapters.web.guard import cookie_name_for
+from executor.adapters.web.guard import ConnectionLimits, EventStream, LatestValue, cookie_name_for
 from executor.adapters.web.server import STATIC, TYPES
 from executor.adapters.web.snapshot import Describe
-from executor.adapters.web.stream import EventStream, LatestValue
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.interface.events import IntentReceived
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome

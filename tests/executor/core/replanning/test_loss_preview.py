@@ -12,7 +12,7 @@ from executor.core.interface.commands import Solve
 from executor.core.interface.events import LossJudged
 from executor.core.interface.intents import Action
 from executor.core.replanning import loss_preview
-from executor.runtime.loss_judging import keep_judging
+from executor.runtime.flight_loop import keep_judging
 from missions import Pricing
 from tests.executor.builders import THREE, with_facts
 from tests.executor.core.stories import under_way

@@ -8,8 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router
-from executor.adapters.mavlink.link import VehicleLink
+from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.core.interface.commands import Command, Hold, LandNow, Level, Resume, SendHome, Start, Upload
 from executor.core.interface.events import Heard, ReturnAllOrdered, ReturnEnded
 from executor.core.interface.intents import Action, Outcome

@@ -1,0 +1,41 @@
+"""Processes that work for a program end with it, however it dies."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.patience import PATIENCE_S
+
+ROOT = Path(__file__).parents[3]
+PROGRAM = """
+import os, signal, sys, time
+from executor.adapters.interrupts import start_worker_pool
+
+def begun(path):
+    with open(path, "a") as file:
+        file.write("working\\n")
+    time.sleep(3600.0)
+
+if __name__ == "__main__":
+    pool = start_worker_pool(2)
+    for number in range(2):
+        pool.submit(begun, f"{sys.argv[1]}-{number}")
+    while not all(os.path.exists(f"{sys.argv[1]}-{number}") for number in range(2)):
+        time.sleep(0.05)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM, encoding="utf-8")
+    # The workers have its output too: it is at its end once the last of them has gone.
+    done = subprocess.run(
+        [sys.executable, path, tmp_path / "begun"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, check=False, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode < 0
+    assert (tmp_path / "begun-1").read_text() == "working\n"

@@ -1,0 +1,106 @@
+"""When an upload asks again, how often, and when it gives up: second by second."""
+
+from __future__ import annotations
+
+import pytest
+
+from executor.core.interface.messages import (
+    MissionAck,
+    MissionRequest,
+    SendMissionItem,
+)
+from executor.protocols.machine import Accepted, Rejected, TimedOut
+from executor.protocols.mission_transfer import UploadDialogue
+from missions import MissionItem
+from tests.executor.protocols.silences import unanswered
+
+ITEMS = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(3))
+SILENCE_S = 5.0
+
+
+def uploading() -> UploadDialogue:
+    return UploadDialogue(ITEMS, SILENCE_S, frozenset({13}))
+
+
+def test_a_mission_is_announced_five_times() -> None:
+    spoken_s, ended = unanswered(uploading())
+    assert spoken_s == [100.0, 101.5, 103.0, 104.5, 106.0]
+    assert ended.outcome == TimedOut("the vehicle did not ask for the first item")
+
+
+def test_a_request_that_is_repeated_within_a_round_trip_crossed_our_answer() -> None:
+    """The count was answered after 0.5 s; that the next answer takes half as long again surprises nobody."""
+    state, _ = uploading().begin(100.0)
+    state, sent = state.on_message(MissionRequest(0), 100.5)
+    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
+    assert state.on_message(MissionRequest(0), 100.59)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.24)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.26)[1] == (SendMissionItem(ITEMS[0]),)
+    assert state.on_message(MissionRequest(1), 100.51)[1] == (SendMissionItem(ITEMS[1]),)
+    assert state.on_message(MissionRequest(3), 100.51) == (state, ())
+    assert state.on_message(MissionRequest(-1), 100.51) == (state, ())
+
+
+def test_on_a_fast_link_a_request_is_answered_again_after_a_tenth_of_a_second() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.001)
+    assert state.on_message(MissionRequest(0), 100.1)[1] == ()
+    assert state.on_message(MissionRequest(0), 100.11)[1] == (SendMissionItem(ITEMS[0]),)
+
+
+def test_of_an_item_that_was_sent_twice_the_copy_that_can_have_arrived_is_the_measure() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.4)
+    twice, sent = state.on_message(MissionRequest(0), 101.2)
+    assert sent == (SendMissionItem(ITEMS[0]),)
+    second, _ = twice.on_message(MissionRequest(1), 101.6)
+    assert second.round_trip.mean_s == pytest.approx(0.4), "the second: the first had got lost"
+    first, _ = twice.on_message(MissionRequest(1), 101.25)
+    assert first.round_trip.mean_s == pytest.approx(0.4 + (0.85 - 0.4) / 8), "the first: it only took longer"
+
+
+def test_a_request_of_before_is_late_unless_it_goes_on() -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.2)
+    state, _ = state.on_message(MissionRequest(1), 100.4)
+    assert state.on_message(MissionRequest(0), 100.5)[1] == ()
+    assert state.on_message(MissionRequest(0), 101.4)[1] == (SendMissionItem(ITEMS[0]),), "it has begun anew"
+
+
+@pytest.mark.parametrize(("asked", "repeats"), [(0, False), (1, False), (2, True)])
+def test_only_the_last_item_is_repeated_until_the_silence_is_too_long(asked: int, *, repeats: bool) -> None:
+    state, _ = uploading().begin(100.0)
+    state, _ = state.on_message(MissionRequest(asked), 100.0)
+    for second in range(1, 5):
+        state, sent = state.on_deadline(100.0 + second)
+        assert sent == ((SendMissionItem(ITEMS[2]),) if repeats else ())
+        assert state.deadline_s == 101.0 + second
+    state, _ = state.on_deadline(105.0)
+    assert state.outcome == TimedOut(f"no answer after item {asked} of 3")
+
+
+def test_a_vehicle_that_waits_less_than_a_second_is_given_up_sooner() -> None:
+    state, _ = UploadDialogue(ITEMS, 0.4, frozenset()).begin(100.0)
+    state, _ = state.on_message(MissionRequest(0), 100.0)
+    assert state.deadline_s == 100.4
+    assert state.on_deadline(100.4)[0].outcome is not None
+
+
+def test_which_acknowledgement_ends_an_upload() -> None:
+    begun, _ = uploading().begin(100.0)
+    assert begun.on_message(MissionAck(0), 100.1)[0].outcome is None, "nothing was asked for yet"
+    assert begun.on_message(MissionAck(15), 100.1)[0].outcome is None, "of an earlier transfer"
+    first, _ = begun.on_message(MissionRequest(0), 100.2)
+    assert first.on_message(MissionAck(0), 100.3)[0].outcome is None
+    assert first.on_message(MissionAck(13), 100.3)[0].outcome is None, "this autopilot goes on after it"
+    assert first.on_message(MissionAck(15), 100.3)[0].outcome == Rejected("mission refused: cancelled by the vehicle")
+    assert first.on_message(MissionAck(4), 100.3)[0].outcome == Rejected("mission refused: no space")
+    doubted, _ = first.on_message(MissionAck(1), 100.3)
+    assert doubted.outcome is None
+    assert doubted.on_deadline(105.2)[0].outcome == Rejected("mission refused: error, or busy with another transfer")
+    assert doubted.on_message(MissionRequest(1), 100.4)[0].on_deadline(105.4)[0].outcome == TimedOut(
+        "no answer after item 1 of 3"
+    )
+    last, _ = first.on_message(MissionRequest(2), 100.4)
+    assert last.on_message(MissionAck(0), 100.5)[0].outcome == Accepted()
+    assert last.on_message(MissionAck(1), 100.5)[0].outcome is not None

@@ -1,0 +1,109 @@
+"""After the ground station was away: who is asked what, and how long the others wait for it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+
+import pytest
+
+from executor.core import fleet_step
+from executor.core.interface.commands import Solve
+from executor.core.interface.events import Found
+from executor.core.interface.messages import (
+    Heartbeat,
+    Message,
+    MissionCount,
+    MissionItemReceived,
+    Outgoing,
+    SendMissionRequest,
+    SendMissionRequestList,
+)
+from executor.core.state.fleet_state import FleetState, NewMission, Replan
+from executor.core.state.vehicle_state import Stage
+from executor.runtime import vehicle_preflight
+from missions import MissionItem, encode
+from tests.executor.builders import fleet_of, with_facts
+from tests.fakes.clock import LoopClock
+from tests.fakes.link import CLEAN, Air, FakeLink
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
+
+BAD = Air(loss=0.4)
+READY = fleet_of({"uav1": (0, 2)})
+BOARD = READY.boards["uav1"]
+assert BOARD is not None
+ITEMS = encode(BOARD.path, READY.context.vehicles["uav1"].dialect).items
+MOST_S = (
+    vehicle_preflight.READ_REAL_S
+    + vehicle_preflight.READ_WAYPOINT_REAL_S * len(ITEMS)
+    + vehicle_preflight.STREAMS_REAL_S
+    + 1.5
+)
+
+
+class Speaker:
+    """A vehicle that sends its HEARTBEAT and answers with the mission on board; nothing else."""
+
+    def __init__(self, items: Sequence[MissionItem]) -> None:
+        self.wake_s: float | None = 0.5
+        self._items = items
+
+    def hear(self, message: Outgoing, now_s: float) -> Sequence[Message]:
+        match message:
+            case SendMissionRequestList():
+                return [MissionCount(len(self._items))]
+            case SendMissionRequest(seq):
+                return [MissionItemReceived(self._items[seq])]
+            case _:
+                return ()
+
+    def tick(self, now_s: float) -> Sequence[Message]:
+        self.wake_s = now_s + 1.0
+        return [Heartbeat(autopilot=3, custom_mode=3, armed=True, system_status=4)]
+
+
+def known(stage: Stage) -> FleetState:
+    state = fleet_step.build_initial_state(READY.boards)
+    return state.put(with_facts(state.vehicles["uav1"], stage=stage))
+
+
+async def asked(state: FleetState, air: Air) -> tuple[Found, float, FakeLink]:
+    """Ask the one vehicle; returns what was found, how long it took, and the link."""
+    clock = LoopClock()
+    link = FakeLink(Speaker(ITEMS), clock, air, seed=5)
+    [found] = (
+        await vehicle_preflight.reconnect_vehicles(READY.context, lambda: state, {"uav1": link}, clock, 10.0)
+    ).found
+    link.close()
+    return found, asyncio.get_running_loop().time(), link
+
+
+@pytest.mark.parametrize("stage", [Stage.PILOT, Stage.RETURNING, Stage.LANDED])
+async def test_what_somebody_carries_who_does_not_fly_by_it_is_not_read(stage: Stage) -> None:
+    found, _, link = await asked(known(stage), CLEAN)
+    assert (found.heard, found.items) == (True, None)
+    assert link.of_kind(SendMissionRequestList) == []
+
+
+async def test_what_somebody_carries_who_flies_by_it_is_read() -> None:
+    found, took_s, _ = await asked(known(Stage.FLYING), CLEAN)
+    assert found.items == len(ITEMS)
+    assert [match.whole for match in found.matches] == [True]
+    assert took_s < MOST_S
+
+
+async def test_one_over_a_bad_link_keeps_the_others_waiting_only_so_long() -> None:
+    found, took_s, _ = await asked(known(Stage.FLYING), BAD)
+    assert (found.heard, found.items) == (True, None)
+    assert took_s < MOST_S
+
+
+async def test_half_a_new_mission_is_read_to_its_end_over_a_bad_link() -> None:
+    assert BOARD is not None
+    state = known(Stage.FLYING)
+    new = NewMission(BOARD.path, (0, 2), fresh=False)
+    plan = Replan(Solve(1, (), (), ""), 0.0, missions={"uav1": new}, pending=frozenset({"uav1"}))
+    found, took_s, _ = await asked(with_facts(state, replan=plan), BAD)
+    assert found.items == len(ITEMS)
+    assert took_s > MOST_S
