@@ -37,11 +37,8 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
-from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.runtime import fair_event_loop
-from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.flight.run_start import FlightRequest, write_run_start
-from executor.simulated.demo_site import run_simulated_fleet
+from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import Site, check_site
 from executor.site.site_planning import DEFAULT, plan_site

@@ -29,13 +29,9 @@ from executor.adapters.eventlog import count_lines_after, read_events, read_last
 from executor.adapters.run_directory import RunDirectory
 from executor.core.interface.events import Heard
 from executor.flight import resume_flight
-from executor.flight.checkpoint_files import Checkpoint, encode_checkpoint, find_newest_checkpoint
-from executor.flight.checkpointer import EVERY_S
-from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.flight.flight_recorder import EVERY_S, Checkpoint, encode_checkpoint, find_newest_checkpoint
 from executor.flight.run_start import FlightRequest, write_run_start
-from executor.simulated.demo_site import run_simulated_fleet
+from executor.simulated.simulated_fleet import run_simulated_fleet
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_planning import DEFAULT, plan_site

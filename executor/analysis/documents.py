@@ -11,9 +11,6 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from executor.adapters.document import Document, Hundredths, Number, Tenths, Thousandths, Whole, YesNo
-from executor.adapters.run_directory import RunDirectory
-from executor.core.formatting import format_count
 from executor.adapters.run_directory import (
     Document,
     Hundredths,
@@ -24,6 +21,7 @@ from executor.adapters.run_directory import (
     Whole,
     YesNo,
 )
+from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
 from executor.core.preflight.vehicle_checks import Severity
 from executor.core.state.vehicle_state import FaultCode, FaultKind

@@ -11,7 +11,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from executor.adapters import clock as fair_event_loop
+from executor.adapters import clock
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.interrupts import discard_output
 from executor.adapters.run_directory import RunDirectory, create_run_directory
@@ -26,25 +26,17 @@ from executor.core.preflight.board_changes import KeptList, KeptParameter
 from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
-from executor.flight.board_record import build_parameter_rows, read_kept_lists, read_kept_parameters
-from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.flight.mqtt_settings import read_mqtt_settings
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
-from executor.flight.restore_vehicles import check_run, find_open_parameters
-from executor.runtime import fair_event_loop
-from executor.simulated import simulated_fleet
-from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
-from executor.simulated.demo_site import (
-    OTHER_LOSS,
-    USUAL_LOSS,
-    USUAL_RADIUS_M,
-    USUAL_VEHICLES,
-    build_demo_site,
-    check_faults,
-    is_default_demo,
-    run_simulated_fleet,
+from executor.flight.restore_vehicles import (
+    build_parameter_rows,
+    check_run,
+    find_open_parameters,
+    read_kept_lists,
+    read_kept_parameters,
 )
+from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
+from executor.simulated import simulated_fleet
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
@@ -100,7 +92,7 @@ def demo(
     order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(order)
     with simulated_fleet.run_simulated_fleet(directory, faults, seed):
-        flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
+        flown = clock.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -231,7 +223,7 @@ class _PreparedSite:
 def _fly_and_finish(order: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
     check_run(order.run, order.site)
     write_run_start(order)
-    flown = fair_event_loop.run_on_fair_loop(flying.run_flight(order, console))
+    flown = clock.run_on_fair_loop(flying.run_flight(order, console))
     _finish_flight(order, flown, as_json=as_json)
 
 
@@ -272,7 +264,7 @@ def preflight(
     ground = plan_inputs.load_site_with_learned(content, site.parent, learned, console)
     day, routes = plan_inputs.select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
     order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
-    found = fair_event_loop.run_on_fair_loop(run_checklist_only(order, console))
+    found = clock.run_on_fair_loop(run_checklist_only(order, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
@@ -294,7 +286,7 @@ def resume(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     known = resuming.read_resume_plan(directory)
     if not isinstance(known, resuming.ResumePlan):
-        flown = fair_event_loop.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
+        flown = clock.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
         _finish_flight(known, flown, as_json=as_json)
         return
     left = resuming.read_finished_run(directory)
@@ -308,7 +300,7 @@ def resume(
             raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
         _finish_flight(
             known.order,
-            fair_event_loop.run_on_fair_loop(resuming.resume_flight(directory, console, told)),
+            clock.run_on_fair_loop(resuming.resume_flight(directory, console, told)),
             as_json=as_json,
         )
         return
@@ -424,7 +416,7 @@ def restore(
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
         raise typer.Exit(1)
-    kept, fences = fair_event_loop.run_on_fair_loop(restoring.restore_from_run(directory, console))
+    kept, fences = clock.run_on_fair_loop(restoring.restore_from_run(directory, console))
     _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
 

@@ -45,15 +45,12 @@ from executor.flight.restore_vehicles import (
 )
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
-from executor.site import day_flight, site_model
+from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
-from executor.site.site_areas import build_places
-from executor.site.site_bases import base_places_m
 from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
+from executor.site.site_parts import base_places_m, build_places
 from executor.site.site_tables import VehicleTable
-from missions import FlightSetup, dialect_for, encode
-from executor.site.tables.aircraft import VehicleTable
 from missions import FlightSetup, MissionKind, dialect_for, encode
 from missions.fences import Fence
 
@@ -200,7 +197,7 @@ def build_checklist(
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
-    later = frozenset[int]() if order.day is None else day_flight.find_later_segments(order.day)
+    later = frozenset[int]() if order.day is None else day_plans.find_later_segments(order.day)
     return found + build_plan_checks(plan, len(context.setup.network.segments), later)
 
 

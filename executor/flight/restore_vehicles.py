@@ -33,7 +33,7 @@ from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to
 from executor.runtime.vehicle_preflight import read_parameters
 from executor.site.site_file import Site, read_signing_key, read_site
-from executor.site.tables.aircraft import AutopilotKey
+from executor.site.site_tables import AutopilotKey
 from missions import Dialect, MissionItem, MissionKind, dialect_for
 from missions.fences import number_items
 

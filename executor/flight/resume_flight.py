@@ -7,9 +7,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack, suppress
-from dataclasses import dataclass, replace
-from functools import partial
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from executor import supervised
@@ -19,8 +18,6 @@ from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import AskedVehicles, FlightReport, read_report, read_vehicle_answers
 from executor.analysis.report import NOTHING_SAID, build_report
-from executor.analysis.documents import FlightReport, read_report, read_vehicle_answers
-from executor.analysis.report import NOTHING_SAID, PreflightRecord, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
 from executor.core.interface.events import Reopened, SolveEnded
@@ -37,11 +34,6 @@ from executor.flight.flight_recorder import (
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
 from executor.simulated.injected_faults import read_injected_faults
-from executor.site.learned_files import read_learned_before
-from executor.site.site_file import read_site
-from executor.site.site_model import SiteModel, load_site_model
-from executor.site.site_planning import check_plan_belongs
-from missions import PlanFile, read_plan
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 
@@ -300,7 +292,9 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
-                seat = run_flight.FlightSession(left.begun.context, left.state, links, clock, log, solver, said, left.legacy)
+                seat = run_flight.FlightSession(
+                    left.begun.context, left.state, links, clock, log, solver, said, left.legacy
+                )
                 return await run_flight.supervise(order, console, seat, reopened)
             finally:
                 await starting

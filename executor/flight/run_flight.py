@@ -42,12 +42,9 @@ from executor.flight.publication import Publication, check_web, serve_page
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
 from executor.images.index_files import build_image_index, write_index
-from executor.runtime.flight_loop import Flight
-from executor.runtime.loss_judging import keep_judging
+from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_plans
 from executor.site.learned_files import build_flown_packs, learn_from_flight
-from executor.runtime.flight_loop import Flight, keep_judging
-from executor.site import day_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
 from missions.fences import Fence

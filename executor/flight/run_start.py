@@ -10,14 +10,11 @@ from pathlib import Path
 from secrets import token_hex
 from typing import Protocol
 
-from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import AskedVehicle, read_vehicle_answers
 from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_answers
-from executor.analysis.learned_document import build_learned_document, read_learned_before
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -28,17 +25,13 @@ from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
-from executor.site import day_plans, site_model
-from executor.site.learned_files import read_learned_before
-from executor.site.site_file import read_site
-from executor.site.site_model import SiteModel
 from executor.errors import SiteError
-from executor.site import day_flight, site_model
-from executor.site.ground_files import write_ground
-from executor.site.ground_view import GroundView, view_for
+from executor.site import day_plans, site_model
+from executor.site.flight_tables import MqttTable
+from executor.site.ground_view import GroundView, view_for, write_ground
+from executor.site.learned_files import build_learned_document, read_learned_before
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
-from executor.site.tables.links import MqttTable
 from missions import (
     DayPlanFile,
     FlightSetup,
@@ -50,7 +43,7 @@ from missions import (
     read_plan,
     write_plan,
 )
-from missions.readers.kept_elevation import write_kept_ground
+from missions.readers.elevation_rasters import write_kept_ground
 
 
 class MessageSink(Protocol):

@@ -23,8 +23,6 @@ from executor.core.payload.camera_state import Picture
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from missions.cameras import Trigger
-from missions.files import write_whole
-from executor.images.index_rows import AssetRow, ImageRow, build_asset_rows, build_image_rows
 from missions.files import write_document, write_whole
 
 EXPECTED = "the index of a flight with cameras, which is written when it ends"

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from executor.adapters.run_directory import RunDirectory
-from executor.images import exif
+from executor.images import matching
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import Network, default_network_path, dialect_for, read_network
@@ -67,16 +67,16 @@ class SimulatedCards:
             draw.line([tuple(end) for end in ends.tolist()], fill=WIRE, width=2)
         draw.text((4, 4), f"{vehicle} {shot.number}", fill=WIRE)
         tags = image.getexif()
-        for tag, value in ((exif.MAKE, "faultline"), (exif.MODEL, shot.camera)):
+        for tag, value in ((matching.MAKE, "faultline"), (matching.MODEL, shot.camera)):
             tags[tag] = value
         taken = datetime.fromtimestamp(self.unix_s + shot.t_s + self.ahead_s.get(vehicle, 0.0), UTC)
         details = {
-            exif.ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", exif.SUBSECOND: f"{taken.microsecond // 1000:03d}",
-            exif.EXPOSURE: EXPOSURE_S, exif.SERIAL: "0001",
+            matching.ORIGINAL: f"{taken:%Y:%m:%d %H:%M:%S}", matching.SUBSECOND: f"{taken.microsecond // 1000:03d}",
+            matching.EXPOSURE: EXPOSURE_S, matching.SERIAL: "0001",
         }  # fmt: skip
-        tags.get_ifd(exif.DETAILS).update(details)
+        tags.get_ifd(matching.DETAILS).update(details)
         if self.places:
-            tags.get_ifd(exif.GPS).update(exif.build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
+            tags.get_ifd(matching.GPS).update(matching.build_gps_tags(shot.lat_deg, shot.lon_deg, shot.alt_msl_m))
         path = folder / format_picture_name(shot.number)
         image.save(path, "JPEG", quality=60, exif=tags)
         return path

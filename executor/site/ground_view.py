@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from executor.adapters.document import Document
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
+from executor.adapters.run_directory import Document
 from executor.errors import LogError
 from executor.site.site_model import SiteModel
 from executor.site.site_tables import MapTable

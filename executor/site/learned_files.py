@@ -11,9 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from executor.adapters.document import Document, Number, Whole
-from executor.adapters.run_directory import RunDirectory
-from executor.adapters.run_directory import Document, RunDirectory, Whole
+from executor.adapters.run_directory import Document, Number, RunDirectory, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history

@@ -11,10 +11,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from executor.adapters.mqtt import intake, payloads
-from executor.analysis import documents
 from executor.adapters.mqtt import broker, publisher
-from executor.analysis import documents, learned_document
+from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state

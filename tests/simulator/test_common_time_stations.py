@@ -24,8 +24,6 @@ from simulator.common_time import (
     parse_greeting,
 )
 from simulator.config import AutopilotKind, SimFleet
-from tests.executor.adapters.test_fleet_time import NOBODY, Real, Wire
-from simulator.time_stations import Station, Stations
 from tests.executor.adapters.test_clock_fleet_time import NOBODY, Real, Wire
 from tests.ports import free_port
 from tests.simulator.flying import flying

@@ -15,10 +15,6 @@ from pymavlink.dialects.v20 import common as mav
 from executor.adapters.clock import SystemClock
 from executor.core.preflight.vehicle_checks import Severity
 from executor.flight import open_links
-from executor.flight.flight_request import FlightRequest
-from executor.flight.parameter_changes import apply_changes, read_changes
-from executor.flight.preparation import build_context_and_checklist, interview_vehicles, upload_first_missions
-from executor.simulated.simulated_fleet import build_demo_site
 from executor.flight.preparation import (
     apply_changes,
     build_context_and_checklist,
@@ -27,7 +23,7 @@ from executor.flight.preparation import (
     upload_first_missions,
 )
 from executor.flight.run_start import FlightRequest
-from executor.simulated.demo_site import build_demo_site
+from executor.simulated.simulated_fleet import build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel

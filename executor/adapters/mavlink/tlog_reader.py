@@ -27,19 +27,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import frame_layout, message_readers
 from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
-from executor.adapters.mavlink.message_readers import Frame
-from executor.adapters.mavlink.statustext import StatusTextAssembler
 from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
-from executor.adapters.mavlink.own_clocks import AHEAD_USEC, BACK_USEC, LOOKS_USEC, BootTime, was_set_by_usec
-from executor.adapters.mavlink.tlog_kinds import (
-    ITEMS,
-    KINDS,
-    ORDERS,
-    SLOW_USEC,
-    STAND_IN_USEC,
-    TOLD_BY_VEHICLES,
-    MessageKind,
-)
 from executor.core import formatting
 from executor.core.interface.messages import (
     Attitude,
@@ -215,10 +203,10 @@ _SPECIAL = {
 }
 """What is not simply that."""
 _EVENT = MessageKind(
-    px4_events.NAME,
-    px4_events.EXTRA,
-    px4_events.LAYOUT,
-    _named_tuple(px4_events.NAME, px4_events.FIELDS)._make,
+    message_readers.EVENT_NAME,
+    message_readers.EVENT_EXTRA,
+    message_readers.EVENT_LAYOUT,
+    _named_tuple(message_readers.EVENT_NAME, message_readers.EVENT_FIELDS)._make,
     _ignore_message,
     every_usec=0,
     special=True,
@@ -226,11 +214,11 @@ _EVENT = MessageKind(
 KINDS: Mapping[int, MessageKind] = (
     {_DEFINED[name].id: _make_kind(name, every_usec, special=False) for name, every_usec in _PLAIN.items()}
     | {_DEFINED[name].id: _make_kind(name, every_usec, special=True) for name, every_usec in _SPECIAL.items()}
-    | {px4_events.EVENT: _EVENT}
+    | {message_readers.EVENT: _EVENT}
 )
 """By message id: what is read; RADIO_STATUS is also what SiK radios send."""
 TOLD_BY_VEHICLES = frozenset({
-    px4_events.NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
+    message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
     "POSITION_TARGET_LOCAL_NED",
 })  # fmt: skip
 

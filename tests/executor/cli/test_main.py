@@ -19,9 +19,8 @@ from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
-from executor.flight.board_record import write_kept_parameters
-from executor.site.learned_files import build_learned_document
 from executor.flight.restore_vehicles import write_kept_parameters
+from executor.site.learned_files import build_learned_document
 from missions import Pace, read_plan
 from planner import PRESETS
 from tests.executor.flights import short_report

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.adapters import clock as fair_event_loop
+from executor.adapters import clock
 from executor.adapters.clock import SystemClock, steady_s
 from executor.adapters.mavlink.endpoints import open_mavlink_links
 from executor.core.interface.commands import Level
@@ -119,7 +119,7 @@ def test_a_stall_of_either_is_no_time_of_the_flight(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(open_links, "WINDOW_S", 0.3)
     site, lines = site_at(SPEEDUP), Lines()
     with simulated(site) as pauses:
-        seen = fair_event_loop.run_on_fair_loop(stalled(site, lines, pauses))
+        seen = clock.run_on_fair_loop(stalled(site, lines, pauses))
     assert max(seen.passed_s) < 1.0, "of eight seconds each"
     assert max(seen.silences_s) < 2.0, "a HEARTBEAT a second"
     assert len(lines.lines) == 1
@@ -142,7 +142,7 @@ def test_real_time_is_the_computers() -> None:
             assert found.steady_s() == pytest.approx(steady_s(), abs=0.5)
             assert found.date_unix_s() is None
 
-    fair_event_loop.run_on_fair_loop(look())
+    clock.run_on_fair_loop(look())
 
 
 def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
@@ -156,7 +156,7 @@ def test_without_a_fleet_of_ours_the_time_is_the_computers() -> None:
             assert before_s <= least_s <= most_s <= after_s
             assert found.date_unix_s() is None
 
-    fair_event_loop.run_on_fair_loop(look())
+    clock.run_on_fair_loop(look())
 
 
 def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +173,7 @@ def test_a_fleet_that_comes_later_and_ends_is_found_and_left(monkeypatch: pytest
                     assert found.steady_s() > before_s
                 await until(lambda: found.date_unix_s() is None)
 
-    fair_event_loop.run_on_fair_loop(look())
+    clock.run_on_fair_loop(look())
 
 
 async def until(so: Callable[[], bool]) -> None:

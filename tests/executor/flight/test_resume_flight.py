@@ -18,9 +18,7 @@ from pymavlink.dialects.v20 import common
 from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
-from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_json, write_site
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_site
-from executor.analysis.learned_document import build_learned_document, learn_from_flight, read_learned
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context

@@ -25,9 +25,13 @@ from executor.cli import exports
 from executor.cli.options import FormatName
 from executor.core.context import Context
 from executor.errors import ExecutorError
-from executor.flight.flight_request import FlightRequest, write_run_start
-from executor.flight.mqtt_settings import read_mqtt_settings
-from executor.flight.run_start import build_context_and_boards, read_run_start
+from executor.flight.run_start import (
+    FlightRequest,
+    build_context_and_boards,
+    read_mqtt_settings,
+    read_run_start,
+    write_run_start,
+)
 from executor.site import day_plans, site_model, site_planning
 from executor.site.day_plans import build_day_problem, list_spares, solve_day
 from executor.site.flight_tables import DayTable
