@@ -248,7 +248,8 @@ def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
         highest.insert(0, (f"the mission of {heights[1].vehicle} goes", heights[1], ceiling_m, "ceiling_m"))
     return [
         f"{words} {one.height_m:.0f} m over the ground{f' near {one.near}' if one.near else ''}, above {most_m:g}: "
-        f"fewer vehicles, a smaller layer_m or less of the network make it lower; a higher inspection.{key} needs a permit"
+        "fewer vehicles, a smaller layer_m or less of the network make it lower; "
+        f"a higher inspection.{key} needs a permit"
         for words, one, most_m, key in highest
         if one.height_m > most_m
     ]
