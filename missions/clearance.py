@@ -241,25 +241,18 @@ def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
 
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
-    ceiling_m = setup.inspection.ceiling_m
-    return_ceiling_m = setup.inspection.return_ceiling_m or ceiling_m
-    found = []
-    heights = find_height_extremes(setup, paths)
-    remedies = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
-    if heights is not None and heights[1].height_m > ceiling_m:
-        high = heights[1]
-        found.append(
-            f"the mission of {high.vehicle} goes {high.height_m:.0f} m over the ground near {high.near}, above "
-            f"{ceiling_m:g}: {remedies} inspection.ceiling_m needs a permit"
-        )
-    own = find_max_return_height(setup)
-    if own.height_m > return_ceiling_m:
-        where = f" near {own.near}" if own.near else ""
-        found.append(
-            f"the RTL of {own.vehicle} is level, {own.height_m:.0f} m over the ground{where}, above "
-            f"{return_ceiling_m:g}: {remedies} inspection.return_ceiling_m needs a permit"
-        )
-    return found
+    ceiling_m, return_ceiling_m = setup.inspection.ceiling_m, setup.inspection.return_ceiling_m
+    own, heights = find_max_return_height(setup), find_height_extremes(setup, paths)
+    highest = [(f"the RTL of {own.vehicle} is level,", own, return_ceiling_m or ceiling_m, "return_ceiling_m")]
+    if heights is not None:
+        highest.insert(0, (f"the mission of {heights[1].vehicle} goes", heights[1], ceiling_m, "ceiling_m"))
+    return [
+        f"{words} {one.height_m:.0f} m over the ground{f' near {one.near}' if one.near else ''}, above {most_m:g}: "
+        "fewer vehicles, a smaller layer_m or less of the network make it lower; "
+        f"a higher inspection.{key} needs a permit"
+        for words, one, most_m, key in highest
+        if one.height_m > most_m
+    ]
 
 
 def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceShortfall | None:
