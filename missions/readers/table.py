@@ -244,8 +244,8 @@ def _build_raw_network(
         member = _build_member(row, cells, drawing, horizontal, mark, choice)
         if member is not None:
             members.setdefault(line, []).append(member)
-    for line, own in members.items():
-        _add_line(drawing, line, own, system, mark)
+    for line, mine in members.items():
+        _add_line(drawing, line, mine, system, mark)
     return drawing
 
 
