@@ -23,9 +23,8 @@ from planner.evaluate import (
     Result,
     budget_excess_pct,
     completion_times_s,
-    energy_use_pct,
+    compute_legs,
     evaluate,
-    route_duration_s,
     route_energy_pct,
 )
 from planner.model import (
@@ -177,20 +176,18 @@ def _find_completed_visits(instance: Instance, route: Route, at_s: float) -> tup
 
 
 def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:
-    budget = instance.vehicles[route.vehicle].budget_pct
-    completed = _find_completed_visits(instance, route, at_s)
-    done = len(completed)
+    ends_s, spent_pct = (np.cumsum(figures).tolist() for figures in compute_legs(instance, route))
+    done = sum(end_s <= at_s + SAME_TIME_S for end_s in ends_s[:-1])
+    left_pct = max(0.0, instance.vehicles[route.vehicle].budget_pct - spent_pct[done])
     if done < len(route.visits):
-        spent = energy_use_pct(instance, route, done + 1)
-        free_s = completion_times_s(instance, route)[done]
         return FreeVehicle(
-            route.vehicle, completed, route.visits[done], route.visits[done + 1 :], free_s, spent,
-            max(0.0, budget - spent),
+            route.vehicle, route.visits[:done], route.visits[done], route.visits[done + 1 :], ends_s[done],
+            spent_pct[done], left_pct,
         )  # fmt: skip
-    spent = route_energy_pct(instance, route)
-    free_s = max(at_s, route_duration_s(instance, route))
-    left = max(0.0, budget - spent) if fly_again else 0.0
-    return FreeVehicle(route.vehicle, completed, None, (), free_s, spent, left)
+    free_s = max(at_s, ends_s[-1])
+    return FreeVehicle(
+        route.vehicle, route.visits, None, (), free_s, spent_pct[done], left_pct if fly_again else 0.0
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
