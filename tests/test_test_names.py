@@ -164,10 +164,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/pictures/profile_figure.py",
         "executor/analysis/height_profile.py",
     ),
-    "tests/stories/test_pictures.py": (
-        "executor/core/payload/camera_state.py",
-        "simulator/camera.py",
-    ),
+    "tests/test_lines.py": ("executor/core/interface/commands.py",),
+    "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
@@ -207,22 +205,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/plans.py",
     ),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
-    "tests/executor/core/battery/test_pack_condition.py": (
-        "executor/core/battery/resting_voltage.py",
-        "executor/core/battery/voltage_sag.py",
-    ),
-    "tests/executor/core/inflight/custody/test_mode_causes_distinguished.py": (
-        "executor/core/inflight/custody/mode_attribution.py",
-    ),
-    "tests/executor/core/inflight/faults/test_watchpoints.py": (
-        "executor/core/inflight/faults/battery_watchpoints.py",
-        "executor/core/inflight/faults/watchpoint_types.py",
-    ),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
     "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
-    "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
     "tests/executor/core/operator/test_intent_handling_back_in_the_plan.py": (
         "executor/core/ground/return_to_service.py",

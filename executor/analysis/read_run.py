@@ -25,13 +25,13 @@ from executor.analysis.flight_record import (
     route_join_time_s,
     take_off_time_s,
 )
-from executor.core.battery.pack_history import PackHistory
+from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
 from executor.core.state.inspection_run import PositionSample, Track
-from executor.core.state.positioning import update_positioning
 from executor.core.state.vehicle_parts import PositionFix, Positioning
+from executor.core.state.vehicle_position import update_positioning
 from executor.errors import LogError
 from executor.site import site_model
 from executor.site.site_file import Site, read_site

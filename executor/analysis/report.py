@@ -36,7 +36,7 @@ from executor.core.preflight.vehicle_checks import Check, VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
-from executor.core.telemetry import firmware
+from executor.core.telemetry import vehicle_identity
 from executor.images.index_rows import build_asset_rows
 
 
@@ -106,8 +106,8 @@ def _describe_firmware(facts: VehicleFacts | None) -> dict[str, str | None]:
     if facts is None:
         return {}
     return {
-        "type": firmware.describe_vehicle_type(facts.heartbeat.vehicle_type),
-        "autopilot": firmware.describe_autopilot(facts.heartbeat.autopilot),
+        "type": vehicle_identity.describe_vehicle_type(facts.heartbeat.vehicle_type),
+        "autopilot": vehicle_identity.describe_autopilot(facts.heartbeat.autopilot),
         "firmware": None if facts.version is None else str(facts.version),
     }
 

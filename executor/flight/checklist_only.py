@@ -6,7 +6,7 @@ import asyncio
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.commands import Level
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight import vehicle_checks

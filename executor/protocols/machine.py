@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Self
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.messages import Message, Outgoing
 
 SAME_S = 1e-6

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from executor.core.battery import resting_voltage
+from executor.core.battery import voltage
 from executor.core.battery.pack_condition import RestReading
-from executor.core.battery.resting_voltage import Chemistry, PackFacts
+from executor.core.battery.voltage import Chemistry, PackFacts
 from executor.core.state.vehicle_state import VehicleState
 
 LEAST_USED_PCT = 15.0
@@ -136,9 +136,7 @@ def capacity_ah(flight: PackFlight, chemistry: Chemistry | None) -> tuple[float,
         return None
     found = []
     for one in (chemistry,) if chemistry is not None else Chemistry:
-        used_pct = resting_voltage.rest_charge_pct(flight.began_cell_v, one) - resting_voltage.rest_charge_pct(
-            flight.ended_cell_v, one
-        )
+        used_pct = voltage.rest_charge_pct(flight.began_cell_v, one) - voltage.rest_charge_pct(flight.ended_cell_v, one)
         if used_pct < LEAST_USED_PCT:
             return None
         found.append(100.0 * flight.counted_ah / used_pct)

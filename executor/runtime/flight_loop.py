@@ -14,8 +14,8 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface import commands, events
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat

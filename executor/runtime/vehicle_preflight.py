@@ -22,9 +22,8 @@ from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, prearm
 from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
-from executor.core.telemetry.firmware import parse_banner_version
-from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
+from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
+from executor.core.telemetry.vehicle_identity import ForeignSystem, add_foreign_system, parse_banner_version
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
 from executor.protocols.command import CommandDialogue

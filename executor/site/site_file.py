@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import SiteError
 from executor.site.tables.aircraft import EnergyTable, VehicleTable
 from executor.site.tables.area_tables import AreaTable, PlaceTable

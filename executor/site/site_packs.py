@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from executor.adapters.document import Document, Number, Whole
-from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history
+from executor.core.battery.pack_condition import PackFlightRecord, PackHistory, build_pack_history
 from executor.site.site_file import Site
 
 FORMAT: Literal["faultline-packs/1"] = "faultline-packs/1"

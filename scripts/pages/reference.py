@@ -22,8 +22,7 @@ from typer.core import TyperCommand, TyperGroup
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.cli import commandline
 from executor.cli.commandline import load_command
-from executor.core.interface.check_codes import CheckCode
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import CheckCode, Ending
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file

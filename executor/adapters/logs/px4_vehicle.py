@@ -42,7 +42,7 @@ from executor.core.interface.messages import (
     StatusText,
 )
 from executor.core.interface.recorded_log import MODE_COMMANDS, RcChangeFilter, TiltFilter
-from executor.core.telemetry.px4_event_meanings import ARGUMENT_BYTES, parse_px4_event
+from executor.core.telemetry.mode_evidence import ARGUMENT_BYTES, parse_px4_event
 from missions import PX4
 
 QUADROTOR = 2

@@ -50,12 +50,12 @@ from executor.core.interface.messages import (
     StationHeard,
     Version,
 )
-from executor.core.telemetry.autopilot_component import (
+from executor.core.telemetry.plausibility import filter_implausible
+from executor.core.telemetry.vehicle_identity import (
     AutopilotComponent,
     select_component_message,
     update_autopilot_component,
 )
-from executor.core.telemetry.plausibility import filter_implausible
 from missions import MissionKind
 from missions.cameras import FIRST_COMPONENT
 

@@ -18,7 +18,7 @@ from executor.core.interface.messages import (
     Traffic,
 )
 from executor.core.interface.ports import FrameLog, LinkCounts
-from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.core.telemetry.vehicle_identity import AUTOPILOT
 
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum
 from executor.core.interface.messages import ModeChange, OwnFailsafe
-from executor.core.telemetry.px4_event_meanings import parse_px4_event
+from executor.core.telemetry.mode_evidence import parse_px4_event
 
 EVENT = 410
 NAME = "EVENT"

@@ -19,7 +19,7 @@ from executor.adapters.mavsdk.library import add_mavsdk_connection, create_groun
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.interface.ports import LinkCounts, LinkRequest
-from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:

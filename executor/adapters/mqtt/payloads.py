@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from executor.adapters.mqtt.reasons import IntakeReason
 from executor.core.fleet_view import OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetView
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.intents import IntentReason
 from executor.core.state.fleet_state import CheckLine, Question
 from executor.core.state.vehicle_state import FaultCode

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.intents import Action, Intent
 from executor.core.interface.messages import FlightMessage
 

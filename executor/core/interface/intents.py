@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Literal
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 
 
 class Action(Enum):

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from executor.core.context import Context
 from executor.core.interface.commands import Survivor
 from executor.core.replanning import survivors
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions.inspection_height import visit_distances_m
@@ -89,4 +89,4 @@ def turn_back_energy_pct(vehicle: VehicleState, offer: Survivor) -> float:
     if board is None or not offer.airborne or offer.kept > vehicle.assignment.waypoint:
         return 0.0
     whole_pct = offer.pace.factor_of(board.path.waypoints[offer.kept].phase) * board.legs[offer.kept].energy_pct
-    return offer.consumption * max(0.0, whole_pct - landing_projection.energy_to_reach_pct(vehicle, offer.kept))
+    return offer.consumption * max(0.0, whole_pct - legs.energy_to_reach_pct(vehicle, offer.kept))

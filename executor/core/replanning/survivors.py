@@ -8,11 +8,10 @@ from executor.core.battery import account
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
-from executor.core.state import landing_projection
-from executor.core.state.current_setup import current_setup_of
+from executor.core.state import legs
 from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from missions.pace import AS_MODELLED
@@ -57,7 +56,7 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
     if kept > state.assignment.waypoint:
         place, spent = (
             state.assignment.board.places_m[kept - 1],
-            landing_projection.energy_to_reach_pct(state, kept - 1),
+            legs.energy_to_reach_pct(state, kept - 1),
         )
         alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
     else:
@@ -141,7 +140,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
         if waypoints[kept].phase is Phase.LAND:
             return None
         homeward = waypoints[kept].phase is Phase.RETURN
-        if landing_projection.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
+        if legs.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
             return kept
         if homeward:
             return None

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
 from executor.core.state.inspection_run import SegmentPass
-from executor.core.state.part_updates import PartUpdate
-from executor.core.state.vehicle_state import Fault, Stage, VehicleState
+from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
 from planner import segment_of

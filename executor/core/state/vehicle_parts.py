@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
-from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.account import BatteryState, PercentRounding
 from executor.core.battery.pack_condition import PackState
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.messages import (
     Attitude,
     DoubleHeard,
@@ -21,9 +20,8 @@ from executor.core.interface.messages import (
     StationHeard,
     Wind,
 )
-from executor.core.state.duplicate_ids import DuplicateIdWatch
 from executor.core.state.inspection_run import InspectionRun, Track
-from executor.core.state.link_quality import LinkQuality
+from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.vehicle_learning import LearnedFactors
 from missions import FlightPath, LegEstimate, Phase

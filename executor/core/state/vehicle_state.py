@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum
+from typing import Generic, ParamSpec, TypeVar
 
 from executor.core.battery import account
-from executor.core.context import Context
+from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
 from executor.core.state.inspection_run import Track
 from executor.core.state.mission_ownership import MissionOwnership
-from executor.core.state.part_updates import PartUpdate
 from executor.core.state.vehicle_parts import (
     Assignment,
     Custody,
@@ -31,6 +32,33 @@ from executor.core.state.vehicle_parts import (
 )
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
+
+Whole = TypeVar("Whole")
+Fields = ParamSpec("Fields")
+
+
+class PartUpdate(Generic[Fields]):
+    """A method of a dataclass that replaces fields of one of its parts, as `replace` twice.
+
+    `with_orders = PartUpdate(Orders)` makes `vehicle.with_orders(held_s=None)`; every field of the part has a default.
+    """
+
+    def __init__(self, part: Callable[Fields, object]) -> None:
+        """Take the dataclass that the part is: its fields are the arguments, and type checkers hold callers to them."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name of the part from the name of the method."""
+        self.part = name.removeprefix("with_")
+
+    def __get__(self, whole: Whole, owner: type | None = None) -> Callable[Fields, Whole]:
+        """Return the method of one object."""
+
+        def update(*_: Fields.args, **fields: Fields.kwargs) -> Whole:
+            part = replace(getattr(whole, self.part), **fields)
+            changed: Whole = replace(whole, **{self.part: part})  # type: ignore[type-var]
+            return changed
+
+        return update
 
 
 class Stage(Enum):
@@ -338,3 +366,14 @@ def build_onboard_mission(
     encoded = encode(path, context.vehicles[name].dialect)
     legs = estimate(path, context.pricing.models[name]).legs
     return OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
+
+
+def current_setup_of(context: Scene, vehicle: VehicleState) -> VehicleSetup:
+    """Return the setup of a vehicle; what its percentage says too much is a part of the reserve in it."""
+    setup, turn = context.vehicles[vehicle.name], vehicle.turn
+    if turn.swaps == 0:
+        return setup
+    setup = setup.with_pack(turn.label)
+    if turn.overstated_pct > 0.0:
+        return replace(setup, reserve_pct=setup.reserve_pct + turn.overstated_pct)
+    return setup

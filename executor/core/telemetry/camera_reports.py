@@ -14,12 +14,11 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.interface.messages import CameraHeard, CameraStatus, GimbalAttitude, PayloadMessage, PictureTaken
-from executor.core.payload.camera_state import CameraRecord, Picture, WantedPicture
-from executor.core.payload.look_angles import angle_between_deg, bearing_deg
+from executor.core.payload.camera_state import CameraRecord, Picture, WantedPicture, angle_between_deg, bearing_deg
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.inspection_run import END_TOLERANCE_M, SPEED_FACTOR, Track
-from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_position import is_dead_reckoning
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase, Waypoint
 from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, choose_picture_proof

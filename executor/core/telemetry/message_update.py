@@ -36,15 +36,15 @@ from executor.core.interface.messages import (
     VehicleSetting,
     Wind,
 )
-from executor.core.state import link_quality, mission_height, mission_ownership, positioning
-from executor.core.state.duplicate_ids import ReportedPosition, add_reported_position
+from executor.core.state import link_quality, mission_height, mission_ownership, vehicle_position
 from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state.link_quality import ReportedPosition, add_reported_position
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
 from executor.core.telemetry import mode_evidence
 from executor.core.telemetry.battery_reports import apply_battery_status, apply_pack_setting, apply_system_status
-from executor.core.telemetry.failsafe_texts import is_alarm, may_explain_disarming, may_stop_motors
-from executor.core.telemetry.foreign_systems import add_foreign_system
+from executor.core.telemetry.mode_evidence import is_alarm, may_explain_disarming, may_stop_motors
+from executor.core.telemetry.vehicle_identity import add_foreign_system
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
@@ -86,7 +86,7 @@ def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
 ) -> MessageEffect:
     """Take one message into the state."""
     if isinstance(message, PayloadMessage):
-        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
+        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `camera_reports`
     if isinstance(message, _ABOUT):
         return MessageEffect(_apply_link_report(context, state, message, now_s))
     if isinstance(message, _EVIDENT):
@@ -253,7 +253,9 @@ def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float |
 def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemStatus, now_s: float) -> Positioning:
     beat = state.telemetry.heartbeat
     stands = beat is not None and not beat.armed and not state.sortie.took_off
-    return positioning.update_positioning(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
+    return vehicle_position.update_positioning(
+        state.sensors.positioning, message, state.motion.fix, now_s, stands=stands
+    )
 
 
 def _apply_link_report(
@@ -349,7 +351,7 @@ def _apply_position(
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
-    jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
+    jump = None if vehicle_position.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
     jump = jump or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
@@ -367,7 +369,7 @@ def _apply_position(
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
     sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
-        without_s = positioning.time_without_fix_s(known, fix)
+        without_s = vehicle_position.time_without_fix_s(known, fix)
         assignment, inspected, flown = _break_unproven_run(context, state, without_s)
     else:
         before_gap = _keep_state_before_gap(state, elapsed_s)

@@ -1,12 +1,26 @@
-"""What may say who changed a mode, and what has failed, into what is known of a vehicle."""
+"""What may say who changed a mode, and what has failed: texts, PX4's events, orders, switches.
+
+Texts are those of ArduPilot 3.3 to 4.7 and of PX4 1.11 to 1.17. ArduPilot: events.cpp, ekf_check.cpp, crash_check.cpp,
+failsafe.cpp, fence.cpp of Copter, AP_BattMonitor, AP_Vehicle. PX4: state_machine_helper.cpp and Commander.cpp up to
+1.13, the health checks and failsafe/framework.cpp since.
+
+Since 1.14 PX4 sends "Failsafe activated" as a text, and why only as an event: a number with arguments. An event is
+known by its name, of which its number is a hash, whichever version sends it; arguments that a version does not have are
+zeros. Health checks are among them: those that a vehicle in the air has only when something fails, of the others none.
+"""
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
+from types import MappingProxyType
 
 from executor.core.interface.messages import (
     CRITICAL,
+    Actor,
     Heartbeat,
     ModeChange,
     OrderSeen,
@@ -16,7 +30,228 @@ from executor.core.interface.messages import (
     VehicleSetting,
 )
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeEvidence, Orders, SwitchMove
-from executor.core.telemetry.failsafe_texts import parse_failure_text
+
+_NO_NEWS = re.compile(
+    r"^\W*(pre-?arm|arm|arming|preflight)\b|preflight fail|cleared|regained|restored|recovered|disabled|not? fail",
+    re.IGNORECASE,
+)
+"""What is said of arming is said on the ground; what is over has not failed."""
+FENCE_BREACH = (
+    r"fence breach|\bbreached\b|geo-?fence (violation\b(?! for)|violated|exceed|breach)|"
+    r"geofence: (approaching|exceeding)"
+)
+"""ArduPilot names the kind, "Polygon fence breached"; PX4 1.17 says "Geofence: exceeding maximum altitude above Home",
+up to 1.13 "Geofence violation". "Geofence violation for waypoint 2", "Geofence invalid, doesn't contain Home position"
+and "Fence Indexed OK" are about what was uploaded (measured)."""
+_KINDS: Mapping[str, str] = MappingProxyType(
+    {
+        # "Crash: Disarming: AngErr=40>30, Accel=0.0<3.0"
+        "crash": r"\bcrash(:| detected)|parachute:? released",
+        # "Battery 1 is low 10.22V used 1476 mAh", "Battery Failsafe"; "CRITICAL BATTERY, RETURNING TO LAND", "Emergency
+        # battery level", "Battery 1 disconnected", "Failsafe activated due to critical battery, triggering Return"
+        "battery": r"battery.* failsafe|(critical|emergency|dangerous(ly low)?) battery|due to .*battery|"
+        r"battery (level )?(\d+ )?(is )?(critical|emergency|missing|disconnected|unhealthy|fail)|battery \d* ?is low|"
+        r"remaining flight time low",
+        # "EKF Failsafe: changed to Land Mode"; "Critical navigation failure! Check sensor calibration"
+        "ekf": r"ekf failsafe|critical navigation fail|no (valid )?(local|global) position|position estimate lost|"
+        r"failsafe enabled: no (local|global) pos|invalid .*position estimate",
+        "gps": r"gps failsafe|dead ?reckon\w* failsafe|lost gps|failsafe enabled: no gps",
+        "compass": r"compass failsafe|compass .*(failed|failure)",
+        # "Potential Thrust Loss (3)"; "Motor failure detected", "Attitude failure (roll)"
+        "motor": r"potential thrust loss|(motor|esc)\w* fail|failure detect|critical failure|attitude failure",
+        "vibration": r"vibration failsafe|vibration compensation on",
+        "fence": FENCE_BREACH,
+        "rc": r"(radio|rc|throttle) failsafe|(manual control|rc signal|rc link|manual control signal) lost|"
+        r"failsafe enabled: no rc|due to .*(manual control|rc )",
+        "ground station": r"gcs failsafe|(data ?link|gcs connection|connection to ground (control )?station) lost|"
+        r"failsafe enabled: no data ?link|due to .*(data ?link|gcs)",
+        "terrain": r"failsafe: terrain|terrain failsafe",
+        "other": r"terminat(ed|ion)|internal error|cpu failsafe|^failsafe (mode )?(activated|enabled)",
+    }
+)
+"""By kind, the most important first."""
+_PATTERNS = tuple((kind, re.compile(pattern, re.IGNORECASE)) for kind, pattern in _KINDS.items())
+_LOW = re.compile(r"^low battery!?$", re.IGNORECASE)
+"""ArduPilot up to 3.5 says no more than this of its battery failsafe; PX4's means that it is time to come home."""
+_WARNS = re.compile(
+    r"glitch|variance|compass|terrain data$|late frames|barometer|internal error|compensation|thrust loss|avoids",
+    re.IGNORECASE,
+)
+"""Worth a word; what its autopilot does about it, if anything, is said by another text."""
+_GOES_ON = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
+"""It says that it does nothing about it."""
+
+
+_ALARM = re.compile(
+    rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
+    r"low battery|"
+    r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
+    re.IGNORECASE,
+)
+"""What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
+_CHANGES_MODE = re.compile(
+    rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
+    r"no valid mission)",
+    re.IGNORECASE,
+)
+"""Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
+_STOPS = re.compile(r"emergency stop|kill", re.IGNORECASE)
+_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+
+
+def is_alarm(text: str) -> bool:
+    """Return whether a text may say why a mission ends."""
+    return bool(_ALARM.search(text))
+
+
+def may_change_mode(text: str) -> bool:
+    """Return whether an autopilot changes its mode after a text."""
+    return bool(_CHANGES_MODE.search(text))
+
+
+def may_stop_motors(text: str) -> bool:
+    """Return whether a text may say that somebody stops the motors."""
+    return bool(_STOPS.search(text))
+
+
+def may_explain_disarming(text: str) -> bool:
+    """Return whether a text may say why a vehicle disarms in the air."""
+    return bool(_DISARMS.search(text))
+
+
+@lru_cache(maxsize=256)
+def parse_failure_text(text: str, *, low_acts: bool) -> OwnFailsafe | None:
+    """Return what a text says has failed, None if it says nothing of that.
+
+    Args:
+        text: Of the autopilot.
+        low_acts: Whether "Low battery" is said by what acts on it: ArduPilot's.
+    """
+    text = text.strip()
+    if _NO_NEWS.search(text):
+        return None
+    if low_acts and _LOW.match(text):
+        return OwnFailsafe("battery", active=True, words=text)
+    found = next((kind for kind, pattern in _PATTERNS if pattern.search(text)), None)
+    return None if found is None else OwnFailsafe(found, active=True, words=text)
+
+
+def has_failsafe_action(failed: OwnFailsafe) -> bool:
+    """Return whether an autopilot does something about what failed, as far as its words tell."""
+    return failed.active and not _GOES_ON.search(failed.words) and not _WARNS.search(failed.words)
+
+
+ARGUMENT_BYTES = 25
+"""Of uORB's event; MAVLink's has room for 40."""
+AUTOPILOT_EVENTS = 1 << 24
+"""The component that the names belong to, in the number's upper byte."""
+_BASIS, _PRIME, _WORD, _LOW_BITS = 0x811C9DC5, 0x01000193, 0xFFFFFFFF, 0xFFFFFF
+"""FNV-1a of 32 bits, of which 24 are kept."""
+_ACTIONS: Mapping[int, str] = MappingProxyType({
+    2: "Position", 3: "Altitude", 4: "Stabilized", 5: "Hold", 6: "RTL", 7: "Land", 8: "Descend", 9: "disarm",
+    10: "termination",
+})  # fmt: skip
+"""failsafe_action_t; 0 is none, and 1 only a warning."""
+WARNS = 1
+_CAUSES: Mapping[int, tuple[str, str]] = MappingProxyType({
+    1: ("rc", "manual control lost"), 2: ("ground station", "ground station lost"),
+    3: ("battery", "low battery level"), 4: ("battery", "critical battery level"),
+    5: ("battery", "emergency battery level"), 6: ("battery", "remaining flight time low"),
+})  # fmt: skip
+"""failsafe_cause_t; 0 is any other."""
+UNNAMED = ("other", "")
+
+EventMeaning = OwnFailsafe | ModeChange | None
+
+
+def compute_event_id(name: str) -> int:
+    """Return the number of one of PX4's events.
+
+    >>> compute_event_id("commander_failsafe_enter") & 0xFFFFFF
+    9751178
+    """
+    value = _BASIS
+    for letter in name.encode():
+        value = (value ^ letter) * _PRIME & _WORD
+    return value & _LOW_BITS | AUTOPILOT_EVENTS
+
+
+def parse_px4_event(number: int, arguments: bytes) -> EventMeaning:
+    """Return what an event says of a failsafe, or of who changed the mode; None if it says nothing of that.
+
+    Args:
+        number: Of the event.
+        arguments: Packed, little-endian; what is missing is zero.
+    """
+    read = _BY_NUMBER.get(number)
+    return None if read is None else read(arguments.ljust(ARGUMENT_BYTES, b"\0"))
+
+
+def _build_failsafe_reader(
+    action_at: int, cause_at: int | None = None, delay_at: int | None = None
+) -> Callable[[bytes], EventMeaning]:
+    """Return how to read a failsafe that acts, or will: behind the mode that was wanted come these."""
+
+    def read(arguments: bytes) -> EventMeaning:
+        if arguments[action_at] == WARNS:
+            return None
+        kind, why = UNNAMED if cause_at is None else _CAUSES.get(arguments[cause_at], UNNAMED)
+        mode = _ACTIONS.get(arguments[action_at], "")
+        delay_s = 0 if delay_at is None else int.from_bytes(arguments[delay_at : delay_at + 2], "little")
+        then = f"switching to {mode}" + (f" in {delay_s} s" if delay_s else "") if mode else ""
+        words = ", ".join(part for part in (why, then) if part)
+        return OwnFailsafe(kind, active=True, words=f"failsafe: {words}" if words else "failsafe activated")
+
+    return read
+
+
+def _build_failure_reader(kind: str, words: str) -> Callable[[bytes], EventMeaning]:
+    return lambda _: OwnFailsafe(kind, active=True, words=words)
+
+
+def _build_mode_change_reader(by: Actor) -> Callable[[bytes], EventMeaning]:
+    return lambda _: ModeChange(None, by)
+
+
+DISARMED_BY: Mapping[int, tuple[str, str]] = MappingProxyType({
+    10: ("attitude", "disarmed by its failure detector"), 14: ("other", "disarmed by a failsafe"),
+})  # fmt: skip
+"""arm_disarm_reason_t, of those that are neither a person's nor a landing's."""
+
+
+def _read_disarm_reason(arguments: bytes) -> EventMeaning:
+    known = DISARMED_BY.get(arguments[0])
+    return None if known is None else OwnFailsafe(known[0], active=True, words=known[1])
+
+
+EVENTS: Mapping[str, Callable[[bytes], EventMeaning]] = MappingProxyType({
+    "commander_failsafe_enter": _build_failsafe_reader(4, cause_at=5),
+    "commander_failsafe_enter_hold": _build_failsafe_reader(4, cause_at=7, delay_at=5),
+    "commander_failsafe_enter_generic": _build_failsafe_reader(4),
+    "commander_failsafe_enter_generic_hold": _build_failsafe_reader(4, delay_at=5),
+    "commander_failsafe_enter_autopilot_disengaged": _build_failsafe_reader(4),
+    "check_battery_critical": _build_failure_reader("battery", "critical battery"),
+    "check_battery_emergency": _build_failure_reader("battery", "emergency battery level"),
+    "commander_low_bat_shutdown": _build_failure_reader("battery", "dangerously low battery, shutting down"),
+    "check_gf_violation_max_hor_dist": _build_failure_reader("fence", "geofence violation: maximum distance to home"),
+    "check_gf_violation_max_alt": _build_failure_reader("fence", "geofence violation: maximum height above home"),
+    "check_gf_violation_custom_gf": _build_failure_reader("fence", "geofence violation"),
+    "check_failure_detector_roll": _build_failure_reader("attitude", "failure detector: roll"),
+    "check_failure_detector_pitch": _build_failure_reader("attitude", "failure detector: pitch"),
+    "check_failure_detector_alt": _build_failure_reader("attitude", "failure detector: height"),
+    "check_failure_detector_ext": _build_failure_reader("other", "failure detector: external system"),
+    "check_failure_detector_motor": _build_failure_reader("motor", "failure detector: motor"),
+    "check_failure_detector_imbalanced_prop": _build_failure_reader("motor", "failure detector: imbalanced propeller"),
+    "check_system_flight_term_active": _build_failure_reader("other", "flight termination active"),
+    "commander_disarmed_by": _read_disarm_reason,
+    "commander_rc_override": _build_mode_change_reader(Actor.PILOT),
+    "failsafe_rc_override": _build_mode_change_reader(Actor.PILOT),
+    "mission_finished": _build_mode_change_reader(Actor.MISSION),
+    "mission_finished_loiter": _build_mode_change_reader(Actor.MISSION),
+})  # fmt: skip
+"""By their names in PX4 1.13 to 1.17."""
+_BY_NUMBER = MappingProxyType({compute_event_id(name): read for name, read in EVENTS.items()})
+
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
 """ArduPilot's, its rovers' and PX4's name of it."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executor.core.inflight.faults import battery_watchpoints, stream_watch
-from executor.core.inflight.faults.battery_watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
-from executor.core.inflight.faults.watchpoint_types import WatchView
-from executor.core.state import landing_projection
+from executor.core.inflight.faults import watch_view, watchpoints
+from executor.core.inflight.faults.watch_view import WatchView
+from executor.core.inflight.faults.watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
+from executor.core.state import legs
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.mission_height import find_mission_height
 from executor.core.state.vehicle_position import describe_position, last_fix
@@ -41,7 +41,7 @@ def describe_silence(view: WatchView) -> str:
 
 def describe_missing_items(view: WatchView) -> str:
     """It speaks, and not of where it flies to."""
-    return stream_watch.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
+    return watch_view.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
@@ -83,9 +83,9 @@ def describe_second_battery_fault(view: WatchView) -> str:
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
     looks = (
-        battery_watchpoints.check_battery_failsafe,
-        battery_watchpoints.check_battery_status,
-        battery_watchpoints.check_cells,
+        watchpoints.check_battery_failsafe,
+        watchpoints.check_battery_status,
+        watchpoints.check_cells,
     )
     return next((f"besides, {found}" for look in looks if (found := look(view))), "")
 
@@ -95,7 +95,7 @@ def describe_reserve_risk(view: WatchView) -> str:
     leg = view.state.leg
     if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
         return ""  # it lands: nothing more can be done about it
-    chance = landing_projection.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
+    chance = legs.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
     if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
     return f"below its reserve at landing with {100 * chance:.0f} % probability"
@@ -147,13 +147,13 @@ CLIMBS_M_S = 0.1
 
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
-    WarningRule("heartbeat", FaultKind.LINK, stream_watch.HEARTBEAT.describe_missing),
+    WarningRule("heartbeat", FaultKind.LINK, watch_view.HEARTBEAT.describe_missing),
     WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
-    WarningRule("positions", FaultKind.INTERRUPTION, stream_watch.POSITION.describe_missing),
+    WarningRule("positions", FaultKind.INTERRUPTION, watch_view.POSITION.describe_missing),
     WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
     WarningRule("loss", FaultKind.LINK, describe_frame_loss),
     WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
-    WarningRule("battery-silent", FaultKind.BATTERY, stream_watch.BATTERY.describe_missing),
+    WarningRule("battery-silent", FaultKind.BATTERY, watch_view.BATTERY.describe_missing),
     WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
     WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),
@@ -168,7 +168,7 @@ TABLE: tuple[WarningRule, ...] = (
 def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[ReportedWarnings, tuple[str, ...]]:
     """Return what is not well and was not said yet, for the operator of a live flight.
 
-    A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
+    A silence is told by `link_loss`; what comes back within `AGAIN_S` is the same.
     """
     now = [(row.name, words) for row, words in find_warnings(view) if row.look is not describe_silence]
     if not now and not before.at_s:

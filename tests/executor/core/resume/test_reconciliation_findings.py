@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Found, Match, Reopened, StartEnded
 from executor.core.resume import reconciliation

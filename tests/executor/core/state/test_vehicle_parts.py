@@ -7,18 +7,18 @@ from collections.abc import Callable
 
 import pytest
 
+from executor.core.battery.account import PercentRounding
 from executor.core.battery.charge_counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import Prior
-from executor.core.battery.load_voltage import VoltageState
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.ports import LinkCounts
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.fleet_state import Briefing, GroundStationAbsence, ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import HomingOrder, Takeover, TextWindow, WatchpointMemory
-from executor.core.telemetry.autopilot_component import AutopilotComponent
+from executor.core.telemetry.vehicle_identity import AutopilotComponent
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.inflight.faults.warning_rules import TABLE, find_new_warnings, find_warnings
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Heartbeat, Radio, Traffic
 from executor.core.state import link_quality
 from executor.core.state.fleet_state import ReportedWarnings

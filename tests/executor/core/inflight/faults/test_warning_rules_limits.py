@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.inflight.faults import warning_rules
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Radio
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
