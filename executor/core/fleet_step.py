@@ -79,7 +79,6 @@ from executor.core.state.fleet_state import (
     LossOutlook,
     OperatorLine,
     Question,
-    ReportedWarnings,
     Stepped,
 )
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
@@ -199,7 +198,7 @@ def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -
 def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
     if isinstance(event.message, ComponentText):
-        return status_texts.show_component_text(state, before, event.message, now_s)
+        return status_texts.show_text(state, before, event.message, now_s)
     if isinstance(event.message, PayloadMessage):
         return apply_payload_message(context, state, before, event.message, now_s), ()
     folded = apply_message(context, before, event.message, now_s)
@@ -213,7 +212,7 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
     state = state.put(folded.state)
     commands = _announce_link_findings(before, folded.state, now_s)
     if folded.text is not None:
-        state, more = status_texts.show_status_text(state, folded.state, folded.text, now_s)
+        state, more = status_texts.show_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
         state, more = kill_switch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
@@ -315,7 +314,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     vehicle = mode_causes.review_mode_cause(context, state.listening.absences, state.vehicles[name], now_s)
     setup = current_setup_of(context, vehicle)
     view = WatchView(context, setup, vehicle, False, now_s)
-    told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
+    told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ()))
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)

@@ -13,7 +13,7 @@ from executor.core.preflight import fence_checks
 from executor.core.preflight.board_changes import ChangeStage, KeptList, build_board_record
 from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.vehicle_checks import Check, VehicleFacts
-from executor.core.state.onboard_fence import build_rally_list, encode_fence
+from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.board_record import open_list_record, read_kept_lists, write_kept_lists
 from executor.flight.concurrency import run_for_each
@@ -21,7 +21,7 @@ from executor.flight.flight_request import Console
 from executor.flight.restore_vehicles import Links
 from executor.runtime import vehicle_preflight
 from missions import MissionKind
-from missions.fences import Fence
+from missions.fences import Fence, build_fence_items
 
 
 async def read_fences(context: Context, links: Links, clock: Clock) -> dict[str, OnboardLists]:
@@ -69,7 +69,7 @@ def check_fences_on_board(
 def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, OnboardLists]:
     """Return what is put on board, by vehicle; nothing where the site wants none."""
     return {
-        name: OnboardLists(encode_fence(context, fence), build_rally_list(context, name))
+        name: OnboardLists(build_fence_items(fence, context.frame), build_rally_list(context, name))
         for name, fence in first.items()
     }
 
@@ -137,7 +137,7 @@ def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
     """
     if command.fence is None:
         return
-    items = encode_fence(context, command.fence)
+    items = build_fence_items(command.fence, context.frame)
     kept = [
         replace(one, new=items, earlier=(*one.earlier, one.new), stage=ChangeStage.PLANNED)
         if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in (*one.earlier, one.new)

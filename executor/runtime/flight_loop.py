@@ -22,12 +22,13 @@ from executor.core.interface.messages import FlightMessage, Message, SendHeartbe
 from executor.core.interface.ports import Clock, EventSink, Link, Solver
 from executor.core.replanning import new_missions
 from executor.core.resume.reconciliation import compare_onboard_mission
-from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.onboard_fence import height_over_fence_m
 from executor.protocols import vehicle_commands
 from executor.runtime import procedures, reconnect, stream_requests, turnaround_check
 from executor.runtime.awake import Lateness, awake
 from missions import EncodeError, encode, flag_current
+from missions.fences import build_fence_items
 
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
@@ -369,11 +370,11 @@ class Flight:
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         ended = partial(events.UploadEnded, name, command.revision)
-        if over_m := onboard_fence.height_over_fence_m(self.context, name, command.path):
+        if over_m := height_over_fence_m(self.context, name, command.path):
             return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
         fenced = command.fence is not None
         if command.fence is not None:
-            items = onboard_fence.encode_fence(self.context, command.fence)
+            items = build_fence_items(command.fence, self.context.frame)
             fence = await procedures.upload_and_verify_fence(
                 link, self._clock, dialect, items, partial(self._may_change_fence, name)
             )

@@ -443,6 +443,11 @@ PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
 
+LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
+"""What others say about a vehicle, which does not mean that it was heard."""
+EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
+"""What is about a vehicle and says nothing of where it is or what it does."""
+
 FlightMessage = (
     Heartbeat
     | Position
@@ -459,21 +464,11 @@ FlightMessage = (
     | MissionReached
     | StatusText
     | ComponentText
-    | Traffic
-    | Radio
-    | OrderSeen
-    | StationHeard
-    | DoubleHeard
-    | ModeChange
-    | RcChannels
-    | VehicleSetting
     | ListedItem
     | HeightTarget
-    | OwnFailsafe
-    | PictureTaken
-    | CameraStatus
-    | CameraHeard
-    | GimbalAttitude
+    | LinkMessage
+    | EvidenceMessage
+    | PayloadMessage
 )
 """What the core follows in flight; it is logged and replayed."""
 

@@ -170,12 +170,8 @@ class Briefing:
 KEPT_LINES = 200
 
 
-@dataclass(frozen=True, slots=True)
-class ReportedWarnings:
-    """What an operator was told of a vehicle."""
-
-    at_s: tuple[tuple[str, float], ...] = ()
-    """By the name of the row: when it was last not well."""
+ReportedWarnings = tuple[tuple[str, float], ...]
+"""What an operator was told of a vehicle: each warning by its name, and when it held last."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,8 @@ from executor.core.state.vehicle_parts import (
 )
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
-from missions import LegEstimate, Phase
+from missions import LegEstimate, Pace, Phase
+from missions.pace import AS_MODELLED
 from planner import CLIMB_SHARE_PER_M_S, segment_of
 
 FAR, PLENTY_PCT = 3.0, 10.0
@@ -38,7 +39,14 @@ UPRIGHT_M = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
-    return _sum_at_own_pace(state, [leg.duration_s for leg in _select_legs_until(state, waypoint)])
+    pace = _own_pace(state)
+    return sum(
+        (
+            pace.factor_of(phase) * (share * leg.duration_s)
+            for phase, leg, share in _iterate_legs_ahead(state, waypoint)
+        ),
+        0.0,
+    )
 
 
 def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
@@ -47,12 +55,30 @@ def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
     power, learned by velocities, and comes on top.
     """
-    return _sum_at_own_pace(state, [leg.energy_pct for leg in _select_legs_until(state, waypoint)])
+    pace = _own_pace(state)
+    return sum(
+        (
+            pace.factor_of(phase) * (share * leg.energy_pct)
+            for phase, leg, share in _iterate_legs_ahead(state, waypoint)
+        ),
+        0.0,
+    )
 
 
-def _select_legs_until(state: VehicleState, waypoint: int) -> tuple[LegEstimate, ...]:
-    board = state.assignment.board
-    return () if board is None else board.legs[state.assignment.waypoint : waypoint + 1]
+def _own_pace(state: VehicleState) -> Pace:
+    learned = state.assignment.learned
+    return AS_MODELLED if learned is None else learned.pace
+
+
+def _iterate_legs_ahead(state: VehicleState, waypoint: int) -> Iterator[tuple[Phase, LegEstimate, float]]:
+    """Yield the legs until the end of a waypoint's, each with its phase and the share of it that is left."""
+    board, first, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
+    if board is None:
+        return
+    share = 1.0 if fix is None or first == 0 else remaining_leg_share(board, first, fix)
+    for point, leg in zip(board.path.waypoints[first : waypoint + 1], board.legs[first : waypoint + 1], strict=False):
+        yield point.phase, leg, share
+        share = 1.0
 
 
 def energy_to_finish_pct(state: VehicleState) -> float:
@@ -125,48 +151,19 @@ def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetu
     return climb_pct + level_pct + land_s * hover_pct_s
 
 
-def _sum_at_own_pace(state: VehicleState, legs: list[float]) -> float:
-    """Return the sum of figures of the leg under way, as far as it is left, and of those after it, at its own pace."""
-    board, learned = state.assignment.board, state.assignment.learned
-    if board is None or not legs:
-        return 0.0
-    legs[0] *= _remaining_leg_share(state)
-    if learned is None:
-        return sum(legs)
-    pace = learned.pace
-    return sum(
-        pace.factor_of(phase) * leg
-        for phase, leg in zip(_iterate_phases(board, state.assignment.waypoint), legs, strict=False)
-    )
-
-
 def _pace_uncertainty_pct(state: VehicleState, setup: VehicleSetup, waypoint: int) -> float:
     """Return how far off the energy until the end of a waypoint's leg may be, as it is not known how long legs take.
 
     One standard deviation; what is not known of inspections and of transits is learned from legs of their own.
     """
-    board, first = state.assignment.board, state.assignment.waypoint
-    if board is None or waypoint < first:
-        return 0.0
     learned = state.assignment.learned or setup.start
     inspect_pct = transit_pct = 0.0
-    share = _remaining_leg_share(state)
-    for phase, leg in zip(_iterate_phases(board, first), board.legs[first : waypoint + 1], strict=False):
+    for phase, leg, share in _iterate_legs_ahead(state, waypoint):
         if phase is Phase.INSPECT:
             inspect_pct += share * leg.energy_pct
         elif phase in (Phase.TRANSIT, Phase.RETURN):
             transit_pct += share * leg.energy_pct
-        share = 1.0
     return math.hypot(learned.inspect.sd * inspect_pct, learned.transit.sd * transit_pct)
-
-
-def _iterate_phases(board: OnboardMission, first: int) -> Iterator[Phase]:
-    return (point.phase for point in board.path.waypoints[first:])
-
-
-def _remaining_leg_share(state: VehicleState) -> float:
-    board, waypoint, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
-    return 1.0 if board is None or fix is None or waypoint == 0 else remaining_leg_share(board, waypoint, fix)
 
 
 def remaining_leg_share(board: OnboardMission, waypoint: int, fix: PositionFix) -> float:

@@ -12,7 +12,7 @@ from executor.core.context import Context
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import VehicleState
 from missions import FlightPath
-from missions.fences import Fence, build_fence, build_fence_items, build_rally_items, flown_places
+from missions.fences import Fence, build_fence, build_rally_items, flown_places
 from missions.items import MissionItem
 
 
@@ -71,11 +71,6 @@ def describe_fence_departure(vehicle: VehicleState, now_s: float, stale_s: float
     if max(out_m, over_m) <= OFF_FENCE_M:
         return ""
     return f"{out_m:.0f} m outside" if out_m >= over_m else f"{over_m:.0f} m above it"
-
-
-def encode_fence(context: Context, fence: Fence) -> tuple[MissionItem, ...]:
-    """Return a fence as it goes on board."""
-    return build_fence_items(fence, context.frame)
 
 
 def build_rally_list(context: Context, name: str) -> tuple[MissionItem, ...] | None:

@@ -68,13 +68,6 @@ class HomingOrder:
 
 
 @dataclass(frozen=True, slots=True)
-class WatchpointMemory:
-    """One watchpoint's memory: since when it fails, if it does."""
-
-    failing_since_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class PositionFix:
     """A position in the local frame."""
 
@@ -228,14 +221,6 @@ class LinkState:
     """Other ground stations on its link, and other vehicles with its number."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     """Whether its positions are those of one vehicle."""
-
-    def with_contact(self, now_s: float, *, silent: bool) -> LinkState:
-        """Return it after the vehicle said something, whatever it was: every message comes here."""
-        regained_s = now_s if silent else self.regained_s
-        return LinkState(
-            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers,
-            self.twins,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

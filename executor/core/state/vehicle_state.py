@@ -28,7 +28,6 @@ from executor.core.state.vehicle_parts import (
     SortieProgress,
     Telemetry,
     Turnaround,
-    WatchpointMemory,
 )
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
@@ -216,7 +215,8 @@ class VehicleState:
     name: str
     stage: Stage = Stage.GROUND
     fault: Fault | None = None
-    watches: tuple[tuple[str, WatchpointMemory], ...] = ()
+    watches: tuple[tuple[str, float], ...] = ()
+    """Watchpoints that fail, and since when."""
     link: LinkState = field(default_factory=LinkState)
     telemetry: Telemetry = field(default_factory=Telemetry)
     sensors: Sensors = field(default_factory=Sensors)
@@ -266,18 +266,6 @@ class VehicleState:
         """The waypoint that it flies to."""
         board, waypoint = self.assignment.board, self.assignment.waypoint
         return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
-
-    def with_parts(
-        self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
-        motion: MotionState | None = None, power: PowerState | None = None, assignment: Assignment | None = None,
-        sortie: SortieProgress | None = None, custody: Custody | None = None,
-    ) -> VehicleState:  # fmt: skip
-        """Return it after a message: as `replace`, in half its time, as every message comes here."""
-        return VehicleState(
-            self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
-            motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn, self.own,
-        )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:
         """Visits of its mission that it is not known to have passed, the one under way included."""

@@ -13,14 +13,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 
 from executor.core.interface.messages import (
     CRITICAL,
     Actor,
+    EvidenceMessage,
     Heartbeat,
     ModeChange,
     OrderSeen,
@@ -82,41 +83,23 @@ _GOES_ON = re.compile(r"continuing|warning triggered|advised", re.IGNORECASE)
 """It says that it does nothing about it."""
 
 
-_ALARM = re.compile(
+ALARM = re.compile(
     rf"failsafe|{FENCE_BREACH}|\bkill|\bcrash|terminat|parachute|emergency|thrust loss|motor fail|critical battery|"
     r"low battery|"
     r"battery .*(low|critical|missing|unhealthy|fail)|no valid mission",
     re.IGNORECASE,
 )
 """What both autopilots say when a mission ends: "Battery Failsafe", "Crash: Disarming", "Battery 1 is low"."""
-_CHANGES_MODE = re.compile(
+CHANGES_MODE = re.compile(
     rf"^(?!.*cleared).*(failsafe|{FENCE_BREACH}|critical|emergency|terminat|crash|parachute|motor|thrust|"
     r"no valid mission)",
     re.IGNORECASE,
 )
 """Texts after which an autopilot changes its mode; "Low battery" alone only warns."""
-_STOPS = re.compile(r"emergency stop|kill", re.IGNORECASE)
-_DISARMS = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
-
-
-def is_alarm(text: str) -> bool:
-    """Return whether a text may say why a mission ends."""
-    return bool(_ALARM.search(text))
-
-
-def may_change_mode(text: str) -> bool:
-    """Return whether an autopilot changes its mode after a text."""
-    return bool(_CHANGES_MODE.search(text))
-
-
-def may_stop_motors(text: str) -> bool:
-    """Return whether a text may say that somebody stops the motors."""
-    return bool(_STOPS.search(text))
-
-
-def may_explain_disarming(text: str) -> bool:
-    """Return whether a text may say why a vehicle disarms in the air."""
-    return bool(_DISARMS.search(text))
+STOPS_MOTORS = re.compile(r"emergency stop|kill", re.IGNORECASE)
+"""Somebody may stop the motors."""
+EXPLAINS_DISARMING = re.compile(r"disarm|crash|kill|emergency stop|terminat", re.IGNORECASE)
+"""It may say why a vehicle disarms in the air."""
 
 
 @lru_cache(maxsize=256)
@@ -152,7 +135,7 @@ _ACTIONS: Mapping[int, str] = MappingProxyType({
     10: "termination",
 })  # fmt: skip
 """failsafe_action_t; 0 is none, and 1 only a warning."""
-WARNS = 1
+ACTION_AT, WARNS = 4, 1
 _CAUSES: Mapping[int, tuple[str, str]] = MappingProxyType({
     1: ("rc", "manual control lost"), 2: ("ground station", "ground station lost"),
     3: ("battery", "low battery level"), 4: ("battery", "critical battery level"),
@@ -160,8 +143,6 @@ _CAUSES: Mapping[int, tuple[str, str]] = MappingProxyType({
 })  # fmt: skip
 """failsafe_cause_t; 0 is any other."""
 UNNAMED = ("other", "")
-
-EventMeaning = OwnFailsafe | ModeChange | None
 
 
 def compute_event_id(name: str) -> int:
@@ -176,81 +157,73 @@ def compute_event_id(name: str) -> int:
     return value & _LOW_BITS | AUTOPILOT_EVENTS
 
 
-def parse_px4_event(number: int, arguments: bytes) -> EventMeaning:
+def parse_px4_event(number: int, arguments: bytes) -> OwnFailsafe | ModeChange | None:
     """Return what an event says of a failsafe, or of who changed the mode; None if it says nothing of that.
 
     Args:
         number: Of the event.
         arguments: Packed, little-endian; what is missing is zero.
     """
-    read = _BY_NUMBER.get(number)
-    return None if read is None else read(arguments.ljust(ARGUMENT_BYTES, b"\0"))
+    said, arguments = _BY_NUMBER.get(number), arguments.ljust(ARGUMENT_BYTES, b"\0")
+    if isinstance(said, ActingFailsafe):
+        return said.read(arguments)
+    return said.get(arguments[0]) if isinstance(said, Mapping) else said
 
 
-def _build_failsafe_reader(
-    action_at: int, cause_at: int | None = None, delay_at: int | None = None
-) -> Callable[[bytes], EventMeaning]:
-    """Return how to read a failsafe that acts, or will: behind the mode that was wanted come these."""
+@dataclass(frozen=True, slots=True)
+class ActingFailsafe:
+    """Where an event of a failsafe that acts, or will, says what: its action comes behind the mode that was wanted."""
 
-    def read(arguments: bytes) -> EventMeaning:
-        if arguments[action_at] == WARNS:
+    cause_at: int | None = None
+    delay_at: int | None = None
+
+    def read(self, arguments: bytes) -> OwnFailsafe | None:
+        """Return what it says; None of a failsafe that only warns."""
+        action = arguments[ACTION_AT]
+        if action == WARNS:
             return None
-        kind, why = UNNAMED if cause_at is None else _CAUSES.get(arguments[cause_at], UNNAMED)
-        mode = _ACTIONS.get(arguments[action_at], "")
-        delay_s = 0 if delay_at is None else int.from_bytes(arguments[delay_at : delay_at + 2], "little")
+        kind, why = UNNAMED if self.cause_at is None else _CAUSES.get(arguments[self.cause_at], UNNAMED)
+        mode = _ACTIONS.get(action, "")
+        delay_s = 0 if self.delay_at is None else int.from_bytes(arguments[self.delay_at : self.delay_at + 2], "little")
         then = f"switching to {mode}" + (f" in {delay_s} s" if delay_s else "") if mode else ""
         words = ", ".join(part for part in (why, then) if part)
         return OwnFailsafe(kind, active=True, words=f"failsafe: {words}" if words else "failsafe activated")
 
-    return read
 
-
-def _build_failure_reader(kind: str, words: str) -> Callable[[bytes], EventMeaning]:
-    return lambda _: OwnFailsafe(kind, active=True, words=words)
-
-
-def _build_mode_change_reader(by: Actor) -> Callable[[bytes], EventMeaning]:
-    return lambda _: ModeChange(None, by)
-
-
-DISARMED_BY: Mapping[int, tuple[str, str]] = MappingProxyType({
-    10: ("attitude", "disarmed by its failure detector"), 14: ("other", "disarmed by a failsafe"),
+DISARMED_BY: Mapping[int, OwnFailsafe] = MappingProxyType({
+    10: OwnFailsafe("attitude", True, "disarmed by its failure detector"),
+    14: OwnFailsafe("other", True, "disarmed by a failsafe"),
 })  # fmt: skip
 """arm_disarm_reason_t, of those that are neither a person's nor a landing's."""
 
 
-def _read_disarm_reason(arguments: bytes) -> EventMeaning:
-    known = DISARMED_BY.get(arguments[0])
-    return None if known is None else OwnFailsafe(known[0], active=True, words=known[1])
-
-
-EVENTS: Mapping[str, Callable[[bytes], EventMeaning]] = MappingProxyType({
-    "commander_failsafe_enter": _build_failsafe_reader(4, cause_at=5),
-    "commander_failsafe_enter_hold": _build_failsafe_reader(4, cause_at=7, delay_at=5),
-    "commander_failsafe_enter_generic": _build_failsafe_reader(4),
-    "commander_failsafe_enter_generic_hold": _build_failsafe_reader(4, delay_at=5),
-    "commander_failsafe_enter_autopilot_disengaged": _build_failsafe_reader(4),
-    "check_battery_critical": _build_failure_reader("battery", "critical battery"),
-    "check_battery_emergency": _build_failure_reader("battery", "emergency battery level"),
-    "commander_low_bat_shutdown": _build_failure_reader("battery", "dangerously low battery, shutting down"),
-    "check_gf_violation_max_hor_dist": _build_failure_reader("fence", "geofence violation: maximum distance to home"),
-    "check_gf_violation_max_alt": _build_failure_reader("fence", "geofence violation: maximum height above home"),
-    "check_gf_violation_custom_gf": _build_failure_reader("fence", "geofence violation"),
-    "check_failure_detector_roll": _build_failure_reader("attitude", "failure detector: roll"),
-    "check_failure_detector_pitch": _build_failure_reader("attitude", "failure detector: pitch"),
-    "check_failure_detector_alt": _build_failure_reader("attitude", "failure detector: height"),
-    "check_failure_detector_ext": _build_failure_reader("other", "failure detector: external system"),
-    "check_failure_detector_motor": _build_failure_reader("motor", "failure detector: motor"),
-    "check_failure_detector_imbalanced_prop": _build_failure_reader("motor", "failure detector: imbalanced propeller"),
-    "check_system_flight_term_active": _build_failure_reader("other", "flight termination active"),
-    "commander_disarmed_by": _read_disarm_reason,
-    "commander_rc_override": _build_mode_change_reader(Actor.PILOT),
-    "failsafe_rc_override": _build_mode_change_reader(Actor.PILOT),
-    "mission_finished": _build_mode_change_reader(Actor.MISSION),
-    "mission_finished_loiter": _build_mode_change_reader(Actor.MISSION),
+EVENTS: Mapping[str, ActingFailsafe | OwnFailsafe | ModeChange | Mapping[int, OwnFailsafe]] = MappingProxyType({
+    "commander_failsafe_enter": ActingFailsafe(cause_at=5),
+    "commander_failsafe_enter_hold": ActingFailsafe(cause_at=7, delay_at=5),
+    "commander_failsafe_enter_generic": ActingFailsafe(),
+    "commander_failsafe_enter_generic_hold": ActingFailsafe(delay_at=5),
+    "commander_failsafe_enter_autopilot_disengaged": ActingFailsafe(),
+    "check_battery_critical": OwnFailsafe("battery", True, "critical battery"),
+    "check_battery_emergency": OwnFailsafe("battery", True, "emergency battery level"),
+    "commander_low_bat_shutdown": OwnFailsafe("battery", True, "dangerously low battery, shutting down"),
+    "check_gf_violation_max_hor_dist": OwnFailsafe("fence", True, "geofence violation: maximum distance to home"),
+    "check_gf_violation_max_alt": OwnFailsafe("fence", True, "geofence violation: maximum height above home"),
+    "check_gf_violation_custom_gf": OwnFailsafe("fence", True, "geofence violation"),
+    "check_failure_detector_roll": OwnFailsafe("attitude", True, "failure detector: roll"),
+    "check_failure_detector_pitch": OwnFailsafe("attitude", True, "failure detector: pitch"),
+    "check_failure_detector_alt": OwnFailsafe("attitude", True, "failure detector: height"),
+    "check_failure_detector_ext": OwnFailsafe("other", True, "failure detector: external system"),
+    "check_failure_detector_motor": OwnFailsafe("motor", True, "failure detector: motor"),
+    "check_failure_detector_imbalanced_prop": OwnFailsafe("motor", True, "failure detector: imbalanced propeller"),
+    "check_system_flight_term_active": OwnFailsafe("other", True, "flight termination active"),
+    "commander_disarmed_by": DISARMED_BY,
+    "commander_rc_override": ModeChange(None, Actor.PILOT),
+    "failsafe_rc_override": ModeChange(None, Actor.PILOT),
+    "mission_finished": ModeChange(None, Actor.MISSION),
+    "mission_finished_loiter": ModeChange(None, Actor.MISSION),
 })  # fmt: skip
 """By their names in PX4 1.13 to 1.17."""
-_BY_NUMBER = MappingProxyType({compute_event_id(name): read for name, read in EVENTS.items()})
+_BY_NUMBER = MappingProxyType({compute_event_id(name): said for name, said in EVENTS.items()})
 
 
 MODE_CHANNEL_SETTINGS = frozenset({"FLTMODE_CH", "MODE_CH", "RC_MAP_FLTMODE"})
@@ -272,9 +245,6 @@ REPEATED_S = 0.8
 MOST_ORDERS, MOST_SWITCHES = 24, 4
 LATE_ORDER_S = 20.0
 """An older order explains nothing any more."""
-
-EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
-"""What is about a vehicle and says nothing of where it is or what it does."""
 
 
 def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float) -> ModeEvidence:

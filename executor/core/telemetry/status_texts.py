@@ -39,22 +39,16 @@ MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
 """In a window, of each rank by itself: what matters less takes no room from what matters more."""
 
 
-def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
-    """Take a text of a vehicle's autopilot."""
-    alarmed = vehicle.telemetry.alarm[1] == now_s
+def show_text(state: FleetState, vehicle: VehicleState, text: StatusText | ComponentText, now_s: float) -> Stepped:
+    """Take a text of a vehicle's autopilot, or of something else on board, which is shown and nothing more."""
+    alarmed = isinstance(text, StatusText) and vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
         return state, ()
+    if isinstance(text, ComponentText):
+        line = f"{vehicle.name}, its component {text.component} says: {text.text}"
+        return _show_line(state, vehicle, TextRank.ABOARD, line, now_s)
     rank = TextRank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else TextRank.WARNING
     return _show_line(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
-
-
-def show_component_text(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> Stepped:
-    """Take a text of something else on board: shown, and nothing more."""
-    if text.severity > WARNING_SEVERITY:
-        return state, ()
-    return _show_line(
-        state, vehicle, TextRank.ABOARD, f"{vehicle.name}, its component {text.component} says: {text.text}", now_s
-    )
 
 
 def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001

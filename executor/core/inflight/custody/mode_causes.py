@@ -22,7 +22,7 @@ from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause, ModeEvidence
 from executor.core.state.vehicle_position import is_home_by_own_estimate
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.core.telemetry.mode_evidence import has_failsafe_action, may_change_mode
+from executor.core.telemetry.mode_evidence import CHANGES_MODE, has_failsafe_action
 from missions import Dialect, Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, is_mission_mode
 
@@ -309,7 +309,7 @@ def _must_be_person(context: Scene, before: VehicleState, vehicle: VehicleState)
     if before.custody.cause is ModeCause.PERSON:
         # Who has it changes its mode again, unless it says anew what it does by itself.
         text, said_s = vehicle.telemetry.alarm
-        return not (may_change_mode(text) and said_s >= before.telemetry.mode_since_s)
+        return not (CHANGES_MODE.search(text) and said_s >= before.telemetry.mode_since_s)
     if not _is_holding(context, vehicle) or not is_home_mode(dialect, before.mode):
         return False
     # A failsafe holds before it returns, and never after; on a return that was ordered only one that holds first.
@@ -396,7 +396,7 @@ def _is_explained_by_failsafe(
         return False
     text, said_s = vehicle.telemetry.alarm
     return (
-        (may_change_mode(text) and abs(vehicle.telemetry.mode_since_s - said_s) <= context.limits.alarm_s)
+        (bool(CHANGES_MODE.search(text)) and abs(vehicle.telemetry.mode_since_s - said_s) <= context.limits.alarm_s)
         or _is_newly_critical(vehicle, context.limits.alarm_s)
         or is_fence_breached_near(vehicle, vehicle.telemetry.mode_since_s)
         or bool(describe_fence_departure(vehicle, now_s, context.limits.link_stale_s))
@@ -455,7 +455,7 @@ def is_failsafe_in_hold(context: Scene, vehicle: VehicleState) -> bool:
     if context.vehicles[vehicle.name].dialect.ground_station_failsafe.pause is None:
         return False
     text, said_s = told.alarm
-    began_s = max(told.critical_since_s or -math.inf, said_s if may_change_mode(text) else -math.inf)
+    began_s = max(told.critical_since_s or -math.inf, said_s if CHANGES_MODE.search(text) else -math.inf)
     holds = _is_holding(context, vehicle) and began_s > told.mode_since_s
     return holds and (vehicle.link.heartbeat_s or 0.0) - began_s < max_failsafe_hold_s(context, vehicle.name)
 

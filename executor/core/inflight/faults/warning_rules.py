@@ -171,11 +171,11 @@ def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[Report
     A silence is told by `link_loss`; what comes back within `AGAIN_S` is the same.
     """
     now = [(row.name, words) for row, words in find_warnings(view) if row.look is not describe_silence]
-    if not now and not before.at_s:
+    if not now and not before:
         return before, ()
-    known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
+    known = {name: at_s for name, at_s in before if view.now_s - at_s < AGAIN_S}
     new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
-    return ReportedWarnings(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
+    return tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items()), new
 
 
 def find_warnings(view: WatchView) -> tuple[tuple[WarningRule, str], ...]:

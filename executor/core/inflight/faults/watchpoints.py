@@ -41,7 +41,7 @@ from executor.core.limits import Limits
 from executor.core.state import legs
 from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of
 from executor.core.state.onboard_fence import describe_fence_departure
-from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
+from executor.core.state.vehicle_parts import ModeCause
 from executor.core.state.vehicle_position import (
     describe_down_place,
     has_fallen,
@@ -555,12 +555,12 @@ def judge_watchpoints(
     The most important comes first, each with its evidence.
     """
     old = dict(state.watches)
-    watches: list[tuple[str, WatchpointMemory]] = []
+    watches: list[tuple[str, float]] = []
     raised: list[tuple[Watchpoint, str]] = []
     fine = WatchView(context, setup, state, False, now_s)
     failing = replace(fine, failing=True) if old else fine
     for point in _BY_STAGE[state.stage]:
-        since = old[point.name].failing_since_s if point.name in old else None
+        since = old.get(point.name)
         finding = point.judge(fine if since is None else failing)
         if finding:
             since = now_s if since is None else since
@@ -569,5 +569,5 @@ def judge_watchpoints(
         elif finding == OK:
             since = None
         if since is not None:
-            watches.append((point.name, WatchpointMemory(since)))
+            watches.append((point.name, since))
     return state if tuple(watches) == state.watches else replace(state, watches=tuple(watches)), raised
