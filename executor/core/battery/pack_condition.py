@@ -14,6 +14,7 @@ from statistics import median, stdev
 
 from executor.core.battery import voltage
 from executor.core.battery.voltage import AT_REST_A, NO_FACTS, Chemistry, PackFacts, SagEstimate, update_sag
+from executor.core.lines import battery
 
 SURE_SD_V = 0.03
 """Of a cell: a resting voltage in flight that is less sure says nothing; 10 mV are a percent, or more."""
@@ -77,12 +78,12 @@ class PackCondition:
     @property
     def words(self) -> str:
         """As the crew reads it."""
-        what = f"rests at {self.cell_v:.2f} V a cell, about {self.held_pct:.0f} %, and reports {self.claimed_pct:.0f} %"
+        what = battery.PACK_AT_REST.format(cell_v=self.cell_v, held_pct=self.held_pct, claimed_pct=self.claimed_pct)
         if self.times is None or self.times < TIMES_WARNED:
             return what
         times, likely = f"{self.times:.1f}", f"{max(self.times, self.likely_times or 0.0):.1f}"
-        much = times if likely == times else f"{times} to {likely}"
-        return f"{what}: since it took off it has given {much} times what is counted"
+        much = times if likely == times else battery.FROM_TO.format(least=times, most=likely)
+        return battery.PACK_GIVES_MORE.format(condition=what, times=much)
 
     @property
     def doubtful(self) -> bool:

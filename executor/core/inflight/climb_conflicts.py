@@ -18,7 +18,8 @@ import numpy as np
 from executor.core.context import Context
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import SINKS_M_S, is_coming_home, is_on_mission
-from executor.core.interface.commands import ChangeSpeed, Command, Level, Say
+from executor.core.interface.commands import ChangeSpeed, Command
+from executor.core.lines import speed
 from executor.core.state.fleet_state import ClosestApproach, FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, OnboardMission, YieldState
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position
@@ -129,17 +130,19 @@ def _update_yielding(
     if waits is None or waits.over_s is not None:
         if found is None or not _must_brake(vehicle, found[1]):
             return (vehicle, ()) if waits is None else _restore_speed(vehicle, waits, now_s)
-        does = "is climbing in RTL" if found[0].seen else "has no link and may climb in failsafe RTL"
-        said = Say(Level.INFO, f"{vehicle.name}: slowing: {found[0].vehicle} ahead {does}")
+        line = speed.SLOWS if found[0].seen else speed.SLOWS_FOR_SILENT
+        said = line.say(vehicle=vehicle.name, other=found[0].vehicle)
         return _set_yielding(vehicle, YieldState(now_s, now_s), now_s), (said, ChangeSpeed(vehicle.name, SLOW_M_S))
     if found is not None and now_s - waits.since_s < MOST_S:
         return _keep_slow(vehicle, waits, now_s)
     if _is_at_leg_end(vehicle):
         return vehicle, ()
     speed_m_s = _leg_speed_m_s(vehicle)
-    text = f"{vehicle.name}: flies on at {speed_m_s:.0f} m/s"
     after = _set_yielding(vehicle, replace(waits, over_s=now_s, told_s=now_s, leg=vehicle.assignment.waypoint), now_s)
-    return after, (Say(Level.INFO, text), ChangeSpeed(vehicle.name, speed_m_s))
+    return after, (
+        speed.FLIES_ON.say(vehicle=vehicle.name, speed_m_s=speed_m_s),
+        ChangeSpeed(vehicle.name, speed_m_s),
+    )
 
 
 def _keep_slow(vehicle: VehicleState, waits: YieldState, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:

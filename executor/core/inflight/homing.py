@@ -22,8 +22,9 @@ from executor.core.inflight.custody.mode_causes import (
     is_long_hold,
     is_under_foreign_control,
 )
-from executor.core.interface.commands import Command, LandNow, Level, Say, SendHome
+from executor.core.interface.commands import Command, LandNow, Level, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
+from executor.core.lines import custody, landing
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause
@@ -109,19 +110,18 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
     """Return what to do about a vehicle that should not fly its mission any more."""
     errand = vehicle.orders.errand or HomingOrder(now_s)
     if is_under_foreign_control(vehicle):  # confirmed or not: an order that takes it from its pilot says so of its mode
-        return HomingAdvice(HomingAction.LEAVE, "with its pilot, not commanded")
+        return HomingAdvice(HomingAction.LEAVE, custody.WITH_PILOT)
     text, said_s = vehicle.telemetry.alarm
     if is_kill_switch_text(text) and now_s - said_s < STOPPED_S and not errand.force:
-        return HomingAdvice(HomingAction.WAIT, "reports its kill switch on, not commanded")
+        return HomingAdvice(HomingAction.WAIT, custody.KILL_SWITCH)
     if errand.land:
         return HomingAdvice(HomingAction.LAND)
     if is_coming_home(context, vehicle) and not errand.force:
-        return HomingAdvice(HomingAction.LEAVE, "returning or landing by itself, not commanded")
+        return HomingAdvice(HomingAction.LEAVE, custody.COMING_HOME)
     if not errand.force and (failsafe := _await_failsafe(context, vehicle)) is not None:
         return failsafe
     if _cannot_climb(context, vehicle, now_s) and not errand.force:
-        words = "cannot hold height and RTL begins with a climb, not commanded: its pilot may land it"
-        return HomingAdvice(HomingAction.LEAVE, words)
+        return HomingAdvice(HomingAction.LEAVE, custody.CANNOT_CLIMB)
     fix = vehicle.motion.fix
     if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
         if now_s - errand.since_s < FRESH_FIX_S:
@@ -129,22 +129,22 @@ def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> Homi
         return HomingAdvice(HomingAction.RETURN)  # only its autopilot knows where it is
     if _is_over_pad(context, vehicle):
         if is_on_mission(context, vehicle) and _is_landing(vehicle) and vehicle.motion.stood_s < HANGS_S:
-            return HomingAdvice(HomingAction.LEAVE, "landing on its pad, not commanded")
+            return HomingAdvice(HomingAction.LEAVE, custody.LANDING_ON_PAD)
         return HomingAdvice(HomingAction.LAND)
     if is_on_mission(context, vehicle) and vehicle.leg is not None and vehicle.leg.phase is Phase.LAND:
-        return HomingAdvice(HomingAction.LEAVE, "landing, not commanded")
+        return HomingAdvice(HomingAction.LEAVE, custody.LANDING)
     return HomingAdvice(HomingAction.RETURN)
 
 
 def _await_failsafe(context: Context, vehicle: VehicleState) -> HomingAdvice | None:
     """Return that a failsafe is waited for that holds before it acts; None if none acts."""
-    waited_for = HomingAdvice(HomingAction.WAIT, "holding in its own failsafe; waiting for it to act")
+    waited_for = HomingAdvice(HomingAction.WAIT, custody.HOLDS_FIRST)
     if vehicle.custody.cause is ModeCause.OURS and is_failsafe_in_hold(context, vehicle):
         return waited_for
     if vehicle.custody.cause is not ModeCause.FAILSAFE or vehicle.mode is None:
         return None
     if vehicle.mode != context.vehicles[vehicle.name].dialect.modes.hold.custom_mode:
-        return HomingAdvice(HomingAction.LEAVE, "left to its own failsafe")
+        return HomingAdvice(HomingAction.LEAVE, custody.OWN_FAILSAFE)
     return None if is_long_hold(context, vehicle) else waited_for
 
 
@@ -172,8 +172,8 @@ HANGS_S = 10.0
 
 def _is_landing(vehicle: VehicleState) -> bool:
     fix, leg = vehicle.motion.fix, vehicle.leg
-    landing = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
-    return landing or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
+    lands = leg is not None and leg.phase in {Phase.LAND, Phase.RETURN}
+    return lands or (fix is not None and fix.velocity_m_s[2] < -SINKS_M_S)
 
 
 def bring_home(
@@ -214,8 +214,8 @@ def _warn_of_areas(context: Context, vehicle: VehicleState) -> tuple[Command, ..
         return ()
     if not (names := find_areas_on_return(context.setup, vehicle.name, fix.place_m)):
         return ()
-    text = f"{vehicle.name}: RTL will cross no-fly area {join_first_names([repr(name) for name in names], MOST_NAMED)}"
-    return (Say(Level.WARNING, text),)
+    areas = join_first_names([repr(name) for name in names], MOST_NAMED)
+    return (custody.CROSSES_AREA.say(vehicle=vehicle.name, areas=areas),)
 
 
 def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_s: float) -> Stepped:
@@ -234,8 +234,7 @@ def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_
     done = state.put(vehicle.with_orders(errand=None))
     if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
         return done, ()  # nobody knows what it does
-    text = f"{vehicle.name}: acknowledged the order but does not follow it; not commanded again"
-    return done, (Say(Level.WARNING, text),)
+    return done, (custody.DOES_NOT_FOLLOW.say(vehicle=vehicle.name),)
 
 
 SEEN_AFTER_S = 0.5
@@ -285,10 +284,10 @@ def apply_touchdown(
         return state, ()
     if came_down:
         leans = f"; {lean}" if (lean := describe_lean(vehicle)) else ""
-        text = f"{vehicle.name}: came down outside a landing{leans}; {describe_last_position(context, vehicle, now_s)}"
+        position = describe_last_position(context, vehicle, now_s)
         lies = change_stage(vehicle, Stage.DOWN).with_assignment(run=None).with_orders(errand=None)
         lies = lies.with_motion(anchor=vehicle.motion.fix).with_sortie(place_told=False)
-        return state.put(lies), (Say(Level.FAULT, text),)
+        return state.put(lies), (landing.CAME_DOWN.say(vehicle=vehicle.name, leans=leans, position=position),)
     vehicle = legs.end_sortie(
         context, legs.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
     )
@@ -298,21 +297,20 @@ def apply_touchdown(
         # It was on its way down when the last re-plan was made: what was left then may be for it.
         state = state.with_replanning(considered=state.replanning.considered | {vehicle.name})
         if context.fly_again is RelaunchPolicy.AUTO and state.coverage.given_up and spare:
-            trigger = f"{vehicle.name}: landed with battery to spare"
+            trigger = landing.SPARE.format(vehicle=vehicle.name)
             state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
             state = state.with_coverage(given_up=frozenset())
     if not vehicle.sortie.took_off:
-        return state, (Say(Level.INFO, f"{vehicle.name}: disarmed; its take-off was not observed"),)
+        return state, (landing.NOT_SEEN_ALOFT.say(vehicle=vehicle.name),)
     left = _describe_remaining_charge(context, vehicle, now_s)
     if vehicle.sortie.rebooted_s is not None and is_over_pad(context, vehicle):
-        text = f"{vehicle.name}: is disarmed on its pad{left}; its autopilot has rebooted"
-        return state, (Say(Level.INFO, text),)
-    place = "" if is_over_pad(context, vehicle) else f", {describe_down_place(context, vehicle)}"
-    if place:
-        place = f"{' without GPS' if is_dead_reckoning(vehicle) else ' away from its pad'}{place}"
-    hand = _describe_manual_mode(context, vehicle)
-    level = Level.FAULT if place else Level.WARNING if hand else Level.INFO
-    return state, (Say(level, f"{vehicle.name}: landed{left}{place}{hand}"),)
+        return state, (landing.REBOOTED_ON_PAD.say(vehicle=vehicle.name, left=left),)
+    place, stays = "", _describe_manual_mode(context, vehicle)
+    if not is_over_pad(context, vehicle):
+        where = landing.WITHOUT_GPS if is_dead_reckoning(vehicle) else landing.OFF_PAD
+        place = where.format(place=describe_down_place(context, vehicle))
+    landed = landing.LANDED.with_level(Level.FAULT if place else Level.WARNING if stays else Level.INFO)
+    return state, (landed.say(vehicle=vehicle.name, left=left, place=place, stays=stays),)
 
 
 def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
@@ -320,7 +318,7 @@ def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
     mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
     if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
         return ""
-    return f"; mode {mode_name(context.vehicles[vehicle.name].dialect, mode)}: stays on the ground until included"
+    return landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
 
 
 def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:
@@ -331,10 +329,10 @@ def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: f
     last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
     blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
     if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
-        return f" with {held_pct:.0f} %"
+        return landing.LEFT.format(left_pct=held_pct)
     if not is_doubtful_at_rest(last.rest_v, vehicle.power.volts.cells, pack_facts_of(context, vehicle), last.began_pct):
-        return f" with {held_pct:.0f} %"
-    return f", reports {held_pct:.0f} %, contradicted by its voltage before take-off"
+        return landing.LEFT.format(left_pct=held_pct)
+    return landing.LEFT_DOUBTFUL.format(left_pct=held_pct)
 
 
 def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: float) -> str:
@@ -343,16 +341,14 @@ def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: 
     if vehicle.stage not in IN_THE_AIR or not vehicle.armed or fix is None:
         return ""
     if vehicle.sensors.tilted_since_s is not None and now_s - vehicle.sensors.tilted_since_s >= limits.tilt_s:
-        return f"{describe_lean(vehicle)}, {describe_down_place(context, vehicle)}"
+        return landing.LEANS_DOWN.format(leans=describe_lean(vehicle), down=describe_down_place(context, vehicle))
     if now_s - fix.at_s > limits.link_stale_s or vehicle.stage is not Stage.RETURNING:
         return ""
     if not _has_stopped(context, vehicle, now_s):
         return ""
     if _is_mode_unknown(vehicle, now_s):
-        return (
-            f"does not move, {format_down_position(context, vehicle)}; no HEARTBEAT says that it is disarmed: keep away"
-        )
-    return f"does not move, {describe_down_place(context, vehicle)}"
+        return landing.STOPPED_MODE_UNKNOWN.format(down=format_down_position(context, vehicle))
+    return landing.STOPPED.format(down=describe_down_place(context, vehicle))
 
 
 def _is_mode_unknown(vehicle: VehicleState, now_s: float) -> bool:

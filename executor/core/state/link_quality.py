@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, replace
 
 from executor.core.interface.messages import Radio, Traffic
+from executor.core.lines import link
 
 ENOUGH_FRAMES = 20
 """Of fewer a share says little."""
@@ -51,12 +52,12 @@ class LinkQuality:
         if radio is None:
             return ""
         for name, rssi, noise in (
-            ("here", radio.rssi, radio.noise), ("at the vehicle", radio.remote_rssi, radio.remote_noise)
+            (link.HERE, radio.rssi, radio.noise), (link.AT_VEHICLE, radio.remote_rssi, radio.remote_noise)
         ):  # fmt: skip
             if rssi is not None and noise is not None and rssi - noise < WEAK_MARGIN:
-                return f"radio signal {rssi} over noise {noise} {name}"
+                return link.RADIO_WEAK.format(rssi=rssi, noise=noise, end=name)
         if radio.free_buffer_pct is not None and radio.free_buffer_pct < FULL_BUFFER_PCT:
-            return f"radio buffer {radio.free_buffer_pct} % free"
+            return link.RADIO_FULL.format(free_pct=radio.free_buffer_pct)
         return ""
 
 

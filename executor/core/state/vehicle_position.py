@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from executor.core import formatting
 from executor.core.context import Scene
 from executor.core.interface.messages import EstimatorStatus, Gps, SystemStatus
+from executor.core.lines import landing, position
 from executor.core.state.inspection_run import GAP_S
 from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState
@@ -60,7 +61,7 @@ def update_positioning(
         case SystemStatus(unhealthy=unhealthy):
             # For a receiver that says nothing itself.
             ill = unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S
-            return _record_gps_loss(known, "GPS not healthy", now_s) if ill else known
+            return _record_gps_loss(known, position.NOT_HEALTHY, now_s) if ill else known
 
 
 def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: float) -> Positioning:
@@ -72,7 +73,7 @@ def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: 
     repeated = message.measured_s is not None and message.measured_s == known.measured_s and not message.receiver
     known = replace(known, fixes=fixes, reported_s=now_s)
     if max(fix for _, fix in fixes) < FIXED:
-        return _record_gps_loss(known, "no GPS fix", now_s)
+        return _record_gps_loss(known, position.NO_FIX, now_s)
     if message.fix < FIXED or repeated:
         return known
     measured_s = known.measured_s if message.receiver else message.measured_s
@@ -96,7 +97,7 @@ def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float,
     since_s = now_s if known.adrift_s is None else known.adrift_s
     if stands and known.lost_s is None:
         return replace(known, adrift_s=since_s, fixed=None)
-    return _record_gps_loss(replace(known, adrift_s=since_s), "its estimator does not use GPS", now_s)
+    return _record_gps_loss(replace(known, adrift_s=since_s), position.NOT_USED, now_s)
 
 
 def _record_gps_loss(known: Positioning, why: str, now_s: float) -> Positioning:
@@ -128,7 +129,7 @@ def describe_gps_return(before: VehicleState, after: VehicleState, now_s: float)
     lost_s = before.sensors.positioning.lost_s
     if lost_s is None or after.sensors.positioning.lost_s is not None or not after.airborne:
         return ""
-    return f"GPS regained after {now_s - lost_s:.0f} s"
+    return position.GPS_REGAINED.format(lost_s=now_s - lost_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,21 +163,21 @@ def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
     """
     fix, how = vehicle.motion.fix, accuracy_of(vehicle)
     if fix is None or how is None:
-        return "an unknown place"
+        return position.UNKNOWN_PLACE
     if how.known != "reckoned" or how.fixed is None:
         return formatting.format_known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
-    reckoned = f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
-    return f"{last_fix(context, vehicle)}, {reckoned}"
+    place = _place(context, fix, how.off_m)
+    return position.RECKONED_SINCE.format(last_fix=last_fix(context, vehicle), place=place, off_m=how.off_m)
 
 
 def last_fix(context: Scene, vehicle: VehicleState) -> str:
     """Return the last place of a vehicle that is by GPS, and how it moved there."""
     fixed, fix = vehicle.sensors.positioning.fixed, vehicle.motion.fix
     if fixed is None or fix is None:
-        return "no GPS fix known"
+        return position.NO_LAST_FIX
     place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
     speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), time_without_fix_s(vehicle.sensors.positioning, fix)
-    return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
+    return position.LAST_FIX.format(place=place, age_s=without_s, speed_m_s=speed_m_s)
 
 
 def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
@@ -185,17 +186,18 @@ def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
 
 def describe_position(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as coordinates and height over its home."""
-    height = "" if vehicle.motion.fix is None else f", {round(vehicle.motion.fix.alt_rel_m)} m over its home"
-    return format_coordinates(context, vehicle) + height
+    place, fix = format_coordinates(context, vehicle), vehicle.motion.fix
+    return place if fix is None else position.AT_HEIGHT.format(place=place, up_m=round(fix.alt_rel_m))
 
 
 def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) -> str:
     """Return where a vehicle was heard last, and how long ago that was."""
     fix = vehicle.motion.fix
     if fix is None:
-        return "its position is not known"
-    position = "" if fix.reckoned else "last position "
-    return f"{position}{describe_position(context, vehicle)}, {formatting.format_age(max(0.0, now_s - fix.at_s))}"
+        return position.UNKNOWN
+    line = position.RECKONED_LAST if fix.reckoned else position.LAST
+    age = formatting.format_age(max(0.0, now_s - fix.at_s))
+    return line.format(position=describe_position(context, vehicle), age=age)
 
 
 def has_fresh_position(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
@@ -267,15 +269,15 @@ def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
 
 def describe_down_place(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and whether it is safe to go there."""
-    state = "armed: keep away" if vehicle.armed else "disarmed"
-    return f"{format_down_position(context, vehicle)}, {state}"
+    line = landing.ARMED if vehicle.armed else landing.DISARMED
+    return line.format(down=format_down_position(context, vehicle))
 
 
 def format_down_position(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
     how = accuracy_of(vehicle)
     known = how is None or how.known != "reckoned"
-    return f"down{' at' if known else ':'} {format_coordinates(context, vehicle)}"
+    return (landing.DOWN_AT if known else landing.DOWN).format(place=format_coordinates(context, vehicle))
 
 
 def describe_lean(vehicle: VehicleState) -> str:
@@ -283,7 +285,7 @@ def describe_lean(vehicle: VehicleState) -> str:
     attitude = vehicle.sensors.attitude
     if vehicle.sensors.tilted_since_s is None or attitude is None:
         return ""
-    return f"leans by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+    return landing.LEANS.format(lean_deg=max(abs(attitude.roll_deg), abs(attitude.pitch_deg)))
 
 
 def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:

@@ -9,6 +9,7 @@ from executor.core.battery import account
 from executor.core.context import Scene
 from executor.core.interface import messages
 from executor.core.interface.messages import BOOT, CRITICAL, FlightMessage, StatusText
+from executor.core.lines import inspection
 from executor.core.state import link_quality, mission_height, mission_ownership, vehicle_position
 from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.state.link_quality import ReportedPosition, add_reported_position
@@ -34,7 +35,7 @@ _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LO
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
-WITHOUT_FIX = f"flown without a GPS fix for more than {GAP_S:g} s"
+WITHOUT_FIX = inspection.WITHOUT_FIX.format(gap_s=GAP_S)
 """Why an inspection does not count: where its vehicle was is reckoned."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""

@@ -22,6 +22,7 @@ from executor.core.interface.messages import (
     StatusText,
     Version,
 )
+from executor.core.lines import link
 from missions import AUTOPILOTS
 
 AUTOPILOT_NAMES = {8: "no autopilot"} | {dialect.number: dialect.title for dialect in AUTOPILOTS}
@@ -110,7 +111,7 @@ def add_foreign_system(known: frozenset[ForeignSystem], heard: ForeignSystem) ->
 def describe_new_foreign_systems(before: frozenset[ForeignSystem], now: frozenset[ForeignSystem]) -> Iterator[str]:
     """Yield a line for who is new; the last of them says that it is."""
     for stranger in now - before if now is not before else ():
-        more = "; further ones are not listed" if _count(now, stranger) == MOST_NAMED else ""
+        more = link.OTHERS_NOT_LISTED if _count(now, stranger) == MOST_NAMED else ""
         yield f"{describe_foreign_system(stranger)}{more}"
 
 
@@ -118,12 +119,12 @@ def describe_foreign_system(heard: ForeignSystem) -> str:
     """Return who was heard that should not be there."""
     match heard:
         case StationHeard(system, component):
-            return f"another ground station is on its link, system {system} component {component}"
+            return link.OTHER_STATION.format(system=system, component=component)
         case DoubleHeard(system, ()):
-            whose = f"system id {system}" if system else "its system id"
-            return f"two vehicles use {whose}: their telemetry is mixed, and both would follow commands"
+            which = link.SYSTEM_ID.format(system=system) if system else link.ITS_SYSTEM_ID
+            return link.TWO_VEHICLES.format(which=which)
         case DoubleHeard(system, places):
-            return f"sysid {system} is used at {' and '.join(places)}: duplicate system id"
+            return link.DUPLICATE_ID.format(system=system, places=" and ".join(places))
 
 
 def _count(known: frozenset[ForeignSystem], like: ForeignSystem) -> int:

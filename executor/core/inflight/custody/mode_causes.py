@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 from executor.core.context import Scene, VehicleSetup
 from executor.core.interface.messages import NO_ITEM, Actor, OwnFailsafe
+from executor.core.lines import failsafe, position
 from executor.core.state.fleet_state import GroundStationAbsence
 from executor.core.state.onboard_fence import describe_fence_departure
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause, ModeEvidence
@@ -72,15 +73,15 @@ def attribute_mode_change(setup: VehicleSetup, vehicle: VehicleState) -> Attribu
     if found := _match_record(known, at_s, mode):
         return found
     if _has_foreign_order(known, at_s, late_s, mode):
-        return Attribution(Actor.GROUND_STATION, "it was ordered")
+        return Attribution(Actor.GROUND_STATION, failsafe.ORDERED)
     if switch := find_switch_before(known, at_s, late_s):
         return Attribution(Actor.PILOT, switch)
     if found := _match_failsafe(setup, vehicle, at_s, mode):
         return found
     if _has_foreign_order(known, at_s, late_s, None):
-        return Attribution(Actor.GROUND_STATION, "an order to change its mode was accepted")
+        return Attribution(Actor.GROUND_STATION, failsafe.ORDER_ACCEPTED)
     itself = is_home_mode(setup.dialect, mode) and _is_at_mission_end(setup, vehicle)
-    return Attribution(Actor.MISSION, "it was at its last item") if itself else Attribution(Actor.UNKNOWN)
+    return Attribution(Actor.MISSION, failsafe.LAST_ITEM) if itself else Attribution(Actor.UNKNOWN)
 
 
 def _mode_delay_s(vehicle: VehicleState) -> float:
@@ -99,7 +100,7 @@ def _match_record(known: ModeEvidence, at_s: float, mode: int) -> Attribution | 
     if recorded.by is Actor.FAILSAFE:
         failed = _find_failure(known, at_s)
         return Attribution(Actor.FAILSAFE, "" if failed is None else failed.words, failed)
-    return None if recorded.by is Actor.UNKNOWN else Attribution(recorded.by, "its own record")
+    return None if recorded.by is Actor.UNKNOWN else Attribution(recorded.by, failsafe.RECORDED)
 
 
 def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mode: int) -> Attribution | None:
@@ -110,10 +111,10 @@ def _match_failsafe(setup: VehicleSetup, vehicle: VehicleState, at_s: float, mod
     if failed is not None and (safe or mode in modes.blind):
         return Attribution(Actor.FAILSAFE, failed.words, failed)
     if safe and abs(known.critical_s - at_s) <= CRITICAL_S:
-        return Attribution(Actor.FAILSAFE, "its HEARTBEAT is critical")
+        return Attribution(Actor.FAILSAFE, failsafe.CRITICAL)
     if safe and (is_fence_breached_near(vehicle, at_s) or vehicle.sensors.unhealthy & GEOFENCE_SENSOR):
         fence = OwnFailsafe("fence", active=True, words="fence breached")
-        return Attribution(Actor.FAILSAFE, "its fence was breached", fence)
+        return Attribution(Actor.FAILSAFE, position.FENCE_WAS_BREACHED, fence)
     return None
 
 
@@ -142,7 +143,7 @@ def find_switch_before(known: ModeEvidence, at_s: float, late_s: float = 0.0) ->
     """Return in words which switch of its transmitter was moved just before a moment; nothing if none was."""
     for moved in reversed(known.switched):
         if moved.from_s <= at_s + LATE_CHANNELS_S and moved.to_s >= at_s - late_s - SWITCHED_S:
-            return f"channel {moved.channel} of its transmitter went from {moved.was_us} to {moved.now_us}"
+            return failsafe.SWITCHED.format(channel=moved.channel, was_us=moved.was_us, now_us=moved.now_us)
     return ""
 
 

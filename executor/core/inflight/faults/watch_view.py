@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from executor.core.context import Scene, VehicleSetup
 from executor.core.limits import Limits
+from executor.core.lines import failsafe, link
 from executor.core.state.mission_height import ITEM_STALE_S
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
@@ -61,7 +62,7 @@ def describe_reported_failure(view: WatchView, kind: str) -> str:
     """Return in words what an autopilot said has failed and made it act; nothing if it did not."""
     for failed, said_s in view.state.evidence.failed:
         if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and has_failsafe_action(failed):
-            return f"it says: {failed.words}"
+            return failsafe.SAYS.format(words=failed.words)
     return ""
 
 
@@ -86,7 +87,7 @@ def is_in_mission_mode(view: WatchView) -> bool:
 def alarm_words(view: WatchView) -> str:
     """Return what the vehicle said of it, if it did."""
     text, said_s = view.state.telemetry.alarm
-    return f"; it says: {text}" if view.now_s - said_s <= view.context.limits.alarm_s else ""
+    return failsafe.ALSO_SAYS.format(words=text) if view.now_s - said_s <= view.context.limits.alarm_s else ""
 
 
 LEAST_GONE_S = 20.0
@@ -127,7 +128,7 @@ class Stream:
             return ""
         if view.now_s - heard_s > age_s - stale_s:
             return ""  # nothing else came since this was due: a silence of everything begins with one of them
-        return f"{self.words} for {age_s:.0f} s, while other messages come"
+        return link.MISSING.format(stream=self.words, age_s=age_s)
 
     def check(self, view: WatchView) -> Finding:
         """Return whether it stays away for longer than is usual, and than a silence of everything lasts."""
@@ -141,23 +142,23 @@ class Stream:
         return self.describe_missing(view)
 
 
-HEARTBEAT = Stream("no HEARTBEAT", lambda view: view.state.link.heartbeat_s, lambda limits: limits.heartbeat_stale_s)
+HEARTBEAT = Stream(link.NO_HEARTBEAT, lambda view: view.state.link.heartbeat_s, lambda limits: limits.heartbeat_stale_s)
 """Without it nobody knows its mode, and whether it is armed."""
 POSITION = Stream(
-    "no position",
+    link.NO_POSITION,
     lambda view: None if view.state.motion.fix is None else view.state.motion.fix.at_s,
     lambda limits: limits.link_stale_s,
 )
 """GLOBAL_POSITION_INT: without it nobody knows where it is."""
 BATTERY = Stream(
-    "no battery report",
+    link.NO_BATTERY_REPORT,
     lambda view: None if view.state.power.battery.remaining_pct is None else view.state.power.battery.reported_s,
     lambda limits: limits.battery_stale_s,
     BATTERY_GONE_S,
 )
 """BATTERY_STATUS or SYS_STATUS."""
 ITEM = Stream(
-    "no report of its current waypoint",
+    link.NO_WAYPOINT,
     lambda view: view.state.telemetry.item_s if view.setup.planned else None,
     lambda _: ITEM_STALE_S,
 )

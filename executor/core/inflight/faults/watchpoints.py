@@ -38,6 +38,7 @@ from executor.core.inflight.faults.watch_view import (
 )
 from executor.core.interface.messages import Actor
 from executor.core.limits import Limits
+from executor.core.lines import battery, failsafe, height, landing, link, position, speed
 from executor.core.state import legs
 from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of
 from executor.core.state.onboard_fence import describe_fence_departure
@@ -54,9 +55,6 @@ from executor.core.telemetry.battery_reports import pack_facts_of
 from missions import Phase
 from missions.autopilots.modes import is_home_mode, is_manual_mode, mode_name
 
-_BATTERY_FAULTS = {1: "deep discharge", 4: "a failed cell", 8: "over-current", 16: "over-temperature", 64: "a voltage "
-                   "that does not fit", 256: "cells that are not the set ones"}  # fmt: skip
-"""MAV_BATTERY_FAULT; spikes (2), cold (32) and firmware (128) take no battery out of the air."""
 LOW = 2
 """MAV_BATTERY_CHARGE_STATE_LOW."""
 BATTERY_SENSOR = 0x2000000
@@ -81,7 +79,7 @@ def check_battery_step(view: WatchView) -> Finding:
     excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
     if excess < limits.battery_step_pct:
         return OK
-    return f"lost {excess + expected:.0f} % at once where the flight costs {expected:.1f} %"
+    return battery.STEP.format(lost_pct=excess + expected, usual_pct=expected)
 
 
 def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
@@ -92,10 +90,8 @@ def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
     eased = (2.0 if climbs else 1.0) * (0.8 if view.failing else 1.0)
     for found, threshold, which in _iterate_excesses(known, limits, hurried=hurried):
         if cusum.is_drain(found, eased * threshold, limits.battery_step_pct):
-            return (
-                f"used {found.used_pct:.1f} % in {found.duration_s(view.now_s):.0f} s where "
-                f"{found.expected_pct:.1f} % is usual{which}"
-            )
+            lasts_s, usual_pct = found.duration_s(view.now_s), found.expected_pct
+            return battery.DRAIN.format(used_pct=found.used_pct, time_s=lasts_s, usual_pct=usual_pct, counted=which)
     return OK
 
 
@@ -110,7 +106,7 @@ def _iterate_excesses(
 ) -> Iterator[tuple[cusum.Drift, float, str]]:
     """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
     share = PLUNGE if hurried else 1.0
-    yield known.charge.drift, share * limits.charge_excess_pct, " by its counter of charge"
+    yield known.charge.drift, share * limits.charge_excess_pct, battery.BY_COUNTER
     if account.is_blind(known) and account.has_running_counter(known):
         return  # what the percentage says is something else than what the counter counts
     if not account.is_blind(known):
@@ -118,7 +114,11 @@ def _iterate_excesses(
     else:
         yield known.drift, limits.blind_excess_pct, ""
     if not hurried:
-        yield known.slow, limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct, " over minutes"
+        yield (
+            known.slow,
+            limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct,
+            battery.OVER_MINUTES,
+        )
 
 
 def check_voltage_step(view: WatchView) -> Finding:
@@ -134,7 +134,7 @@ def check_voltage_step(view: WatchView) -> Finding:
     if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
         return OK
     expected_v = volts.usual_v if volts.expected_v is None else volts.expected_v
-    return f"{volts.voltage_v:.2f} V where {expected_v:.2f} V is usual under this load"
+    return battery.VOLTAGE_STEP.format(voltage_v=volts.voltage_v, usual_v=expected_v)
 
 
 def _is_driven_hard(view: WatchView) -> bool:
@@ -151,9 +151,9 @@ def check_cells(view: WatchView) -> Finding:
     if view.now_s - volts.reported_s > limits.battery_stale_s:
         return STALE
     if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
-        return f"one cell at {min(volts.cells_v):.2f} V, {volts.spread_v:.2f} V below the others"
+        return battery.CELL_BELOW_OTHERS.format(cell_v=min(volts.cells_v), below_v=volts.spread_v)
     if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
-        return f"{volts.weakest_v or 0.0:.2f} V a cell under load"
+        return battery.CELL_LOW.format(cell_v=volts.weakest_v or 0.0)
     return OK
 
 
@@ -171,9 +171,8 @@ def check_reserve(view: WatchView) -> Finding:
     ahead = legs.project_landing(view.context, view.state, view.setup)
     if ahead is None:
         return STALE
-    return (
-        f"would land with {ahead.mean_pct:.0f} % of its battery, give or take {ahead.band_pct:.1f}, reserve "
-        f"{view.setup.reserve_pct:g} %: below it by {100 * chance:.0f} % probability"
+    return battery.LANDS_BELOW_RESERVE.format(
+        left_pct=ahead.mean_pct, band_pct=ahead.band_pct, reserve_pct=view.setup.reserve_pct, chance_pct=100 * chance
     )
 
 
@@ -185,7 +184,7 @@ def check_pack_charge(view: WatchView) -> Finding:
     if found is None or not found.in_flight:
         return OK if found is None else STALE
     fails = found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found))
-    return f"its pack {found.words}" if fails else OK
+    return battery.PACK.format(condition=found.words) if fails else OK
 
 
 def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
@@ -235,12 +234,10 @@ def check_battery_status(view: WatchView) -> Finding:
     """The autopilot itself calls the battery critical, failed or unhealthy."""
     if not _is_battery_fresh(view):
         return STALE
-    names = {3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-    state = view.state.power.battery.charge_state
-    if state in names:
-        return f"the autopilot reports its battery {names[state]}"
-    bits = [words for bit, words in _BATTERY_FAULTS.items() if view.state.power.battery_faults & bit]
-    return f"its battery reports {', '.join(bits)}" if bits else OK
+    if state := battery.STATES.get(view.state.power.battery.charge_state):
+        return battery.REPORTED_STATE.format(state=state)
+    bits = [words for bit, words in battery.FAULTS.items() if view.state.power.battery_faults & bit]
+    return battery.REPORTED_FAULTS.format(faults=", ".join(bits)) if bits else OK
 
 
 def _is_battery_fresh(view: WatchView) -> bool:
@@ -274,7 +271,7 @@ def check_sinking(view: WatchView) -> Finding:
     least_m = limits.below_mission_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
     if asked.below_m < least_m or climbs_m_s >= -asked.sinks_m_s - limits.sinks_m_s:
         return OK
-    return f"sinks at {-climbs_m_s:.1f} m/s, {asked.below_m:.0f} m below its mission{alarm_words(view)}"
+    return height.SINKS.format(sinks_m_s=-climbs_m_s, below_m=asked.below_m, says=alarm_words(view))
 
 
 def check_thrust(view: WatchView) -> Finding:
@@ -290,8 +287,7 @@ def check_thrust(view: WatchView) -> Finding:
     least_m = limits.below_target_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
     if own.below_m < least_m or climbs_m_s >= -LEAST_TARGET_M_S:
         return OK
-    words = f"sinks at {-climbs_m_s:.1f} m/s, while its autopilot wants to be {own.below_m:.1f} m higher"
-    return words + alarm_words(view)
+    return height.SINKS_UNWANTED.format(sinks_m_s=-climbs_m_s, below_m=own.below_m, says=alarm_words(view))
 
 
 def check_grounded_on_mission(view: WatchView) -> Finding:
@@ -301,7 +297,7 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
         return STALE
     if view.setup.planned:
         lies = is_stopped_below_mission(view.context, view.setup, state)
-        return f"does not move, {describe_down_place(view.context, state)}" if lies else OK
+        return landing.STOPPED.format(down=describe_down_place(view.context, state)) if lies else OK
     if not is_in_mission_mode(view) or not state.sortie.took_off or _is_taking_off_or_landing(view):
         return OK
     if stood_s < LYING_S:
@@ -309,8 +305,8 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
     dropped = state.motion.drops_s >= view.now_s - stood_s - DROPPED_S and fix.alt_rel_m <= LYING_UP_M
     if not dropped and not is_stopped_below_mission(view.context, view.setup, state):
         return OK
-    words = f"has not moved for {stood_s:.0f} s on its mission, {max(0.0, fix.alt_rel_m):.0f} m over its home"
-    return words + (", after it came down" if dropped else "") + alarm_words(view)
+    line = height.LIES_AFTER_DROP if dropped else height.LIES
+    return line.format(stood_s=stood_s, up_m=max(0.0, fix.alt_rel_m), says=alarm_words(view))
 
 
 def _is_taking_off_or_landing(view: WatchView) -> bool:
@@ -328,10 +324,10 @@ def check_link_silence(view: WatchView) -> Finding:
         return STALE
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
-        return f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s"
+        return link.LOST.format(age_s=age_s, timeout_s=view.setup.link_timeout_s)
     unseen_s = watch_view.state_silence_s(view)
     unseen = view.setup.planned and unseen_s >= max(watch_view.UNSEEN_S, view.setup.link_timeout_s)
-    return f"neither HEARTBEAT nor position for {unseen_s:.0f} s" if unseen else OK
+    return link.UNSEEN.format(age_s=unseen_s) if unseen else OK
 
 
 def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
@@ -343,23 +339,23 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return OK
     if not view.setup.planned:
         return _check_disarm_in_flight(view)
-    away_m = math.dist(state.motion.fix.place_m, view.setup.pad_m)
+    away_m, says = math.dist(state.motion.fix.place_m, view.setup.pad_m), alarm_words(view)
     if not is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if is_dead_reckoning(state):
-        return f"disarmed without GPS, position unknown{alarm_words(view)}"
+        return landing.DISARMED_WITHOUT_GPS.format(says=says)
     if away_m > limits.off_pad_m:
-        return f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}"
+        return landing.DISARMED_OFF_PAD.format(away_m=away_m, up_m=state.motion.fix.alt_rel_m, says=says)
     # An old position says nothing of its height: it may have come down since.
     if has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
-        return f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}"
+        return landing.DISARMED_OVER_PAD.format(up_m=state.motion.fix.alt_rel_m, says=says)
     if not state.sortie.took_off and state.stage is Stage.FLYING:
-        return f"disarmed on its pad before it took off{alarm_words(view)}"
+        return landing.DISARMED_BEFORE_TAKEOFF.format(says=says)
     if state.sortie.rebooted_s is not None:
-        return f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}"
-    return OK if has_mission_ended(view.context, state) else f"disarmed over its pad in mid-mission{alarm_words(view)}"
+        return landing.DISARMED_BY_REBOOT.format(says=says)
+    return OK if has_mission_ended(view.context, state) else landing.DISARMED_IN_MISSION.format(says=says)
 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:
@@ -370,7 +366,7 @@ def _check_disarm_in_flight(view: WatchView) -> Finding:
     speed_m_s = math.hypot(*fix.velocity_m_s)
     if fix.alt_rel_m <= limits.off_pad_up_m or speed_m_s <= limits.at_rest_m_s:
         return OK
-    return f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{alarm_words(view)}"
+    return landing.DISARMED_MOVING.format(up_m=fix.alt_rel_m, speed_m_s=speed_m_s, says=alarm_words(view))
 
 
 def check_termination(view: WatchView) -> Finding:
@@ -378,9 +374,8 @@ def check_termination(view: WatchView) -> Finding:
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE
-    names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
-    what = names.get(heartbeat.system_status) if heartbeat.armed else None
-    return f"reports {what}{alarm_words(view)}" if what else OK
+    state = failsafe.STATES.get(heartbeat.system_status) if heartbeat.armed else None
+    return failsafe.REPORTS.format(state=state, says=alarm_words(view)) if state else OK
 
 
 def check_fall(view: WatchView) -> Finding:
@@ -391,7 +386,7 @@ def check_fall(view: WatchView) -> Finding:
     if not view.setup.planned and not _is_sinking(view):
         return OK
     up_m_s = fix.velocity_m_s[2]
-    return f"falls at {-up_m_s:.1f} m/s" if up_m_s < -view.context.limits.fall_m_s else OK
+    return height.FALLS.format(sinks_m_s=-up_m_s) if up_m_s < -view.context.limits.fall_m_s else OK
 
 
 def check_mission_mode(view: WatchView) -> Finding:
@@ -405,7 +400,7 @@ def check_mission_mode(view: WatchView) -> Finding:
     if view.setup.planned:
         if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
             return OK
-        return f"{mode_name(dialect, state.mode)} by its own failsafe{alarm_words(view)}"
+        return failsafe.MODE.format(mode=mode_name(dialect, state.mode), says=alarm_words(view))
     return OK if is_in_mission_mode(view) or not state.armed else _check_unplanned_mode(view, state.mode)
 
 
@@ -414,13 +409,14 @@ def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
     state, who, name = view.state, attribute_mode_change(view.setup, view.state), mode_name(view.setup.dialect, mode)
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
-        return OK if who.failed.what == "battery" else f"went to mode {name} by its own failsafe: {who.failed.words}"
+        is_battery = who.failed.what == "battery"
+        return OK if is_battery else failsafe.WENT_TO_MODE.format(mode=name, why=who.failed.words)
     if not state.sortie.flew_mission:
         return OK  # it never was on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
-        return f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
+        return failsafe.WENT_TO_MODE.format(mode=name, why=who.why or failsafe.UNNAMED)
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
-        return f"went to mode {name}, by an unknown source"
+        return failsafe.MODE_OF_UNKNOWN.format(mode=name)
     return OK
 
 
@@ -444,7 +440,7 @@ def check_fence_breach(view: WatchView) -> Finding:
     led = "" if said or told or off or not newly else describe_fence_action(view.setup, state)
     if not said and not told and not off and not led:
         return OK
-    parts = ("its fence was breached" if led else "its fence is breached", off, said)
+    parts = (position.FENCE_WAS_BREACHED if led else position.FENCE_BREACHED, off, said)
     return "; ".join(part for part in parts if part)
 
 
@@ -464,7 +460,7 @@ def check_crash(view: WatchView) -> Finding:
     disarmed = not view.state.armed and view.now_s - since_s >= 0.0
     if not disarmed and view.now_s - since_s < view.context.limits.tilt_s:
         return OK
-    return f"lies or hangs tilted by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+    return landing.TILTED.format(tilt_deg=max(abs(attitude.roll_deg), abs(attitude.pitch_deg)))
 
 
 def _is_sinking(view: WatchView) -> bool:
@@ -492,7 +488,7 @@ def check_position_jump(view: WatchView) -> Finding:
     if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
     jumped = off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s
-    return f"its position jumped by {off_m:.0f} m" if jumped else OK
+    return position.JUMPED.format(off_m=off_m) if jumped else OK
 
 
 def check_stall(view: WatchView) -> Finding:
@@ -508,7 +504,7 @@ def check_stall(view: WatchView) -> Finding:
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.motion.stood_s
     stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
-    return f"has not moved for {stood_s:.0f} s" if stalls else OK
+    return speed.STALLS.format(stood_s=stood_s) if stalls else OK
 
 
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
