@@ -139,10 +139,7 @@ def _update_yielding(
         return vehicle, ()
     speed_m_s = _leg_speed_m_s(vehicle)
     after = _set_yielding(vehicle, replace(waits, over_s=now_s, told_s=now_s, leg=vehicle.assignment.waypoint), now_s)
-    return after, (
-        speed.FLIES_ON.say(vehicle=vehicle.name, speed_m_s=speed_m_s),
-        ChangeSpeed(vehicle.name, speed_m_s),
-    )
+    return after, (speed.FLIES_ON.say(vehicle=vehicle.name, speed_m_s=speed_m_s), ChangeSpeed(vehicle.name, speed_m_s))
 
 
 def _keep_slow(vehicle: VehicleState, waits: YieldState, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:

@@ -17,8 +17,7 @@ DOES_NOT_FOLLOW = CrewLine(
 
 MISSION_IS_OURS = CrewLine(Level.WARNING, "{vehicle}: reported a new mission; verified by read-back, it is ours")
 MISSION_ON_BOARD = CrewLine(
-    Level.INFO,
-    "{vehicle}: its new mission of re-plan {revision} is on board after all, verified by read-back",
+    Level.INFO, "{vehicle}: its new mission of re-plan {revision} is on board after all, verified by read-back"
 )
 NO_MISSION = "none at all"
 OTHER_TOTAL = "{items} items where ours has {ours}"

@@ -39,14 +39,8 @@ UPRIGHT_M = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
-    pace = _own_pace(state)
-    return sum(
-        (
-            pace.factor_of(phase) * (share * leg.duration_s)
-            for phase, leg, share in _iterate_legs_ahead(state, waypoint)
-        ),
-        0.0,
-    )
+    pace, ahead = _own_pace(state), _iterate_legs_ahead(state, waypoint)
+    return sum((pace.factor_of(phase) * (share * leg.duration_s) for phase, leg, share in ahead), 0.0)
 
 
 def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
@@ -55,14 +49,8 @@ def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
     power, learned by velocities, and comes on top.
     """
-    pace = _own_pace(state)
-    return sum(
-        (
-            pace.factor_of(phase) * (share * leg.energy_pct)
-            for phase, leg, share in _iterate_legs_ahead(state, waypoint)
-        ),
-        0.0,
-    )
+    pace, ahead = _own_pace(state), _iterate_legs_ahead(state, waypoint)
+    return sum((pace.factor_of(phase) * (share * leg.energy_pct) for phase, leg, share in ahead), 0.0)
 
 
 def _own_pace(state: VehicleState) -> Pace:
@@ -283,15 +271,9 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
     if before and before[-1].ended_s is None and not vehicle.sortie.took_off:
         before = before[:-1]
     own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
-    sortie = FlownSortie(
-        len(before) + 1,
-        turn.label,
-        now_s,
-        vehicle.power.battery.remaining_pct,
-        None if rest is None else rest.voltage_v,
-        own,
-    )
-    return replace(vehicle, turn=replace(turn, sorties=(*before, sortie)))
+    rest_v = None if rest is None else rest.voltage_v
+    sortie = FlownSortie(len(before) + 1, turn.label, now_s, vehicle.power.battery.remaining_pct, rest_v, own)
+    return vehicle.with_turn(sorties=(*before, sortie))
 
 
 def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> VehicleState:

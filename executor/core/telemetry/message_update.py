@@ -234,23 +234,18 @@ def _positioning(
 
 
 def _apply_link_report(
-    context: Scene,
-    state: VehicleState,
-    message: messages.LinkMessage,
-    now_s: float,
+    context: Scene, state: VehicleState, message: messages.LinkMessage, now_s: float
 ) -> VehicleState:
     """Take what others say about a vehicle, which does not mean that it was heard."""
-    link = state.link
+    known = state.link.quality
     match message:
         case messages.StationHeard() | messages.DoubleHeard():
-            return replace(state, link=replace(link, strangers=add_foreign_system(link.strangers, message)))
+            return state.with_link(strangers=add_foreign_system(state.link.strangers, message))
         case messages.Traffic():
-            quality = link_quality.add_traffic(link.quality, message, now_s, context.limits.loss_window_s)
-            return replace(state, link=replace(link, quality=quality))
+            window_s = context.limits.loss_window_s
+            return state.with_link(quality=link_quality.add_traffic(known, message, now_s, window_s))
         case messages.Radio():
-            return replace(
-                state, link=replace(link, quality=link_quality.apply_radio_report(link.quality, message, now_s))
-            )
+            return state.with_link(quality=link_quality.apply_radio_report(known, message, now_s))
 
 
 def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:

@@ -84,11 +84,7 @@ def describe_second_battery_fault(view: WatchView) -> str:
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
-    looks = (
-        watchpoints.check_battery_failsafe,
-        watchpoints.check_battery_status,
-        watchpoints.check_cells,
-    )
+    looks = (watchpoints.check_battery_failsafe, watchpoints.check_battery_status, watchpoints.check_cells)
     return next((battery.BESIDES.format(finding=found) for look in looks if (found := look(view))), "")
 
 

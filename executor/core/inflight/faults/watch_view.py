@@ -158,9 +158,7 @@ BATTERY = Stream(
 )
 """BATTERY_STATUS or SYS_STATUS."""
 ITEM = Stream(
-    link.NO_WAYPOINT,
-    lambda view: view.state.telemetry.item_s if view.setup.planned else None,
-    lambda _: ITEM_STALE_S,
+    link.NO_WAYPOINT, lambda view: view.state.telemetry.item_s if view.setup.planned else None, lambda _: ITEM_STALE_S
 )
 """MISSION_CURRENT: without it nobody knows which segment it flies to."""
 
