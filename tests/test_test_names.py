@@ -165,6 +165,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/analysis/height_profile.py",
     ),
     "tests/test_lines.py": ("executor/core/interface/commands.py",),
+    "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/peers/test_mavsdk_cameras.py": ("simulator/gimbal.py",),
     "tests/executor/images/test_matching.py": (
