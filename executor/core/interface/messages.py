@@ -448,28 +448,12 @@ LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
 EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
 
-FlightMessage = (
-    Heartbeat
-    | Position
-    | Battery
-    | SystemStatus
-    | LandedState
-    | Attitude
-    | Gps
-    | EstimatorStatus
-    | Wind
-    | FenceStatus
-    | Home
-    | MissionCurrent
-    | MissionReached
-    | StatusText
-    | ComponentText
-    | ListedItem
-    | HeightTarget
-    | LinkMessage
-    | EvidenceMessage
-    | PayloadMessage
-)
+SensorMessage = Position | Battery | SystemStatus | Attitude | Gps | EstimatorStatus | Wind | Home | HeightTarget
+"""What its sensors and its estimator say."""
+StatusMessage = Heartbeat | LandedState | FenceStatus | MissionCurrent | MissionReached | ListedItem
+"""What it does, and on which mission."""
+TextMessage = StatusText | ComponentText
+FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
 """What the core follows in flight; it is logged and replayed."""
 
 DialogueMessage = (
@@ -551,14 +535,6 @@ class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
-Outgoing = (
-    SendMissionCount
-    | SendMissionItem
-    | SendMissionRequestList
-    | SendMissionRequest
-    | SendMissionAck
-    | SendCommand
-    | SendParamRequest
-    | SendParamSet
-    | SendHeartbeat
-)
+SendMission = SendMissionCount | SendMissionItem | SendMissionRequestList | SendMissionRequest | SendMissionAck
+"""Of transfers of a mission, or of another list of items."""
+Outgoing = SendMission | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat

@@ -13,7 +13,7 @@ from enum import IntEnum
 from executor.core.context import Scene
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Command, Say
-from executor.core.interface.messages import ComponentText, StatusText
+from executor.core.interface.messages import ComponentText, StatusText, TextMessage
 from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import TextWindow
@@ -40,7 +40,7 @@ MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
 """In a window, of each rank by itself: what matters less takes no room from what matters more."""
 
 
-def show_text(state: FleetState, vehicle: VehicleState, text: StatusText | ComponentText, now_s: float) -> Stepped:
+def show_text(state: FleetState, vehicle: VehicleState, text: TextMessage, now_s: float) -> Stepped:
     """Take a text of a vehicle's autopilot, or of something else on board, which is shown and nothing more."""
     alarmed = isinstance(text, StatusText) and vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
