@@ -140,6 +140,6 @@ def test_who_is_out_of_the_plan_is_not_taken_back_to_hold(out: dict[str, object]
 
 def test_what_every_message_makes_anew_keeps_the_rest() -> None:
     """It names every field itself: one that is new must not be forgotten."""
-    vehicle, fleet = VehicleState("uav1"), FleetState(**{one.name: object() for one in fields(FleetState)})
-    fleet = replace(fleet, vehicles={})
+    parts: dict[str, Any] = {one.name: object() for one in fields(FleetState)} | {"vehicles": {}}
+    vehicle, fleet = VehicleState("uav1"), FleetState(**parts)
     assert fleet.put(vehicle) == replace(fleet, vehicles={vehicle.name: vehicle})
