@@ -8,8 +8,8 @@ VOLTAGE_STEP = "{voltage_v:.2f} V where {usual_v:.2f} V is usual under this load
 CELL_BELOW_OTHERS = "one cell at {cell_v:.2f} V, {below_v:.2f} V below the others"
 CELL_LOW = "{cell_v:.2f} V a cell under load"
 LANDS_BELOW_RESERVE = (
-    "would land with {left_pct:.0f} % of its battery, give or take {band_pct:.1f}, reserve {reserve_pct:g} %: below it "
-    "by {chance_pct:.0f} % probability"
+    "would land with {left_pct:.0f} % of its battery, give or take {band_pct:.1f}: {chance_pct:.0f} % likely to be "
+    "below its reserve of {reserve_pct:g} %"
 )
 MAY_LAND_BELOW_RESERVE = "below its reserve at landing with {chance_pct:.0f} % probability"
 

@@ -155,7 +155,7 @@ ROWS = [
     Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
-        "would land with 9 % of its battery, give or take 2.5, reserve 15 %: below it by 100 % probability",
+        "would land with 9 % of its battery, give or take 2.5: 100 % likely to be below its reserve of 15 %",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
         hangs=flying(battery=pack(17.3, 17.3)),
     ),
