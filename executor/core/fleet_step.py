@@ -72,6 +72,7 @@ from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import legs
 from executor.core.state.fleet_state import (
+    KEPT_LINES,
     Briefing,
     CheckLine,
     CrewDialogue,
@@ -139,7 +140,7 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
     if not commands:
         return state, commands
     lines = tuple(OperatorLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
-    return (state.with_lines(lines) if lines else state), commands
+    return (state.with_crew(said=(*state.crew.said, *lines)[-KEPT_LINES:]) if lines else state), commands
 
 
 def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event

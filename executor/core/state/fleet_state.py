@@ -312,10 +312,6 @@ class FleetState:
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
         return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
 
-    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
-        """Return the state with lines for the operator added."""
-        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
-
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""
         return frozenset(

@@ -119,11 +119,6 @@ def is_dead_reckoning(vehicle: VehicleState) -> bool:
     return fix is not None and time_without_fix_s(vehicle.sensors.positioning, fix) > GAP_S
 
 
-def jumps_by_itself(known: Positioning, now_s: float) -> bool:
-    """Return whether positions may jump as GPS is lost, or has just been regained."""
-    return known.lost_s is not None or now_s - known.regained_s <= SETTLES_S
-
-
 def describe_gps_return(before: VehicleState, after: VehicleState, now_s: float) -> str:
     """Return in words that GPS was regained in the air; empty if it was not."""
     lost_s = before.sensors.positioning.lost_s

@@ -76,8 +76,9 @@ def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
             after = replace(state, link=link, power=apply_battery_status(context, state, message, now_s))
         case messages.SystemStatus(unhealthy=unhealthy):
             sensors = replace(sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
-            power = apply_system_status(context, state, message, now_s)
-            after = replace(state, link=link, sensors=sensors, power=power)
+            after = replace(
+                state, link=link, sensors=sensors, power=apply_system_status(context, state, message, now_s)
+            )
         case messages.MissionCurrent():
             after = _current_item(context, state, link, message, now_s)
         case messages.ListedItem(item):
@@ -105,7 +106,8 @@ def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
-            evident = mode_evidence.record_failure_text(state.evidence, message, now_s, low_acts=low_acts)
+            failed = mode_evidence.parse_failure_text(said, low_acts=low_acts)
+            evident = mode_evidence.record_failure(state.evidence, failed, now_s) if failed else state.evidence
             after = replace(state, link=link, telemetry=telemetry, assignment=assignment)
             return MessageEffect(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
@@ -323,8 +325,8 @@ def _apply_position(
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
-    jump = None if vehicle_position.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
-    jump = jump or state.motion.jump
+    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
+    jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
     away = took_off and away

@@ -27,7 +27,6 @@ from executor.core.interface.messages import (
     OrderSeen,
     OwnFailsafe,
     RcChannels,
-    StatusText,
     VehicleSetting,
 )
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeEvidence, Orders, SwitchMove
@@ -264,7 +263,7 @@ def record_evidence(known: ModeEvidence, message: EvidenceMessage, now_s: float)
         case VehicleSetting(name, value):
             return _record_setting(known, name, value)
         case OwnFailsafe():
-            return _record_failure(known, message, now_s)
+            return record_failure(known, message, now_s)
 
 
 def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
@@ -276,12 +275,6 @@ def may_be_ours(given: Orders, seen: OrderSeen, now_s: float) -> bool:
     return seen.by is None and now_s - given.ordered_mode_s <= FOLLOWED_LATE_S
 
 
-def record_failure_text(known: ModeEvidence, message: StatusText, now_s: float, *, low_acts: bool) -> ModeEvidence:
-    """Take what a text says has failed."""
-    found = parse_failure_text(message.text, low_acts=low_acts)
-    return known if found is None else _record_failure(known, found, now_s)
-
-
 def record_critical_heartbeat(
     known: ModeEvidence, before: Heartbeat | None, beat: Heartbeat, now_s: float
 ) -> ModeEvidence:
@@ -290,7 +283,8 @@ def record_critical_heartbeat(
     return replace(known, critical_s=now_s) if rises and before is not None else known
 
 
-def _record_failure(known: ModeEvidence, said: OwnFailsafe, now_s: float) -> ModeEvidence:
+def record_failure(known: ModeEvidence, said: OwnFailsafe, now_s: float) -> ModeEvidence:
+    """Take what has failed, or is over again."""
     others = tuple(one for one in known.failed if one[0].what != said.what)
     if said.active:
         return replace(known, failed=(*others, (said, now_s)))

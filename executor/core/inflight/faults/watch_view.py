@@ -117,10 +117,6 @@ class Stream:
         last_s = self.last_s(view)
         return math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
 
-    def is_stale(self, view: WatchView) -> bool:
-        """Return whether it should have come."""
-        return self.age_s(view) >= self.stale_s(view.context.limits)
-
     def describe_missing(self, view: WatchView) -> str:
         """Return in words that it does not come while others do; nothing if it comes."""
         age_s, stale_s, heard_s = self.age_s(view), self.stale_s(view.context.limits), view.state.link.heard_s
@@ -173,7 +169,8 @@ def is_stream_request_due(view: WatchView) -> bool:
     """Return whether it is to be asked for its streams again."""
     if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
         return False
-    return any(stream.is_stale(view) for stream in (HEARTBEAT, POSITION, BATTERY, ITEM))
+    limits, streams = view.context.limits, (HEARTBEAT, POSITION, BATTERY, ITEM)
+    return any(stream.age_s(view) >= stream.stale_s(limits) for stream in streams)
 
 
 def state_silence_s(view: WatchView) -> float:
