@@ -21,10 +21,10 @@ from benchmarks.store import Json
 from benchmarks.virtual_flight import FlightObservers, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, size_batteries
 from executor.core.context import Context
-from executor.core.inflight.faults import battery_watchpoints, warning_rules, watchpoints
-from executor.core.inflight.faults.watchpoint_types import OK, WatchView
+from executor.core.inflight.faults import warning_rules, watchpoints
+from executor.core.inflight.faults.watch_view import OK, WatchView
 from executor.core.interface.events import Event, Tick
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from simulator.config import SimVehicle
@@ -51,7 +51,7 @@ MARGIN_PCT = (0.0, 15.0)
 """Between the landing that the plan promises and the reserve."""
 TENTHS = 10
 LOOKS_S = 1.0
-RESERVE = next(point for point in watchpoints.TABLE if point.judge is battery_watchpoints.check_reserve)
+RESERVE = next(point for point in watchpoints.TABLE if point.judge is watchpoints.check_reserve)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +195,7 @@ def _look(context: Context, state: VehicleState, seen: _Watched, now_s: float) -
         return
     seen.looked_s = now_s
     setup = replace(context.vehicles[state.name], reserve_pct=seen.reserve_pct)
-    ahead = landing_projection.project_landing(context, state, setup)
+    ahead = legs.project_landing(context, state, setup)
     if ahead is None or state.assignment.waypoint == 0:
         return
     whole_s = estimate_mission(board)[0]

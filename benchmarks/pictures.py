@@ -26,7 +26,7 @@ from benchmarks.prediction import plan_with
 from benchmarks.store import Json
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from benchmarks.virtual_site import AMPLE_AH, build_virtual_site, dearest_route_pct
-from executor.core.payload.look_angles import angle_between_deg
+from executor.core.payload.camera_state import angle_between_deg
 from executor.errors import ExecutorError
 from executor.images.index_files import ImageIndex, ImageRow, build_image_index
 from executor.images.matching import find_picture_files, match_files

@@ -14,11 +14,12 @@ from executor.core.interface.commands import CrewLine, Level, Say
 from tests.test_architecture import ROOT, modules
 
 LINES = {
-    (path.stem, name): line
+    (path.stem, name): line.words if isinstance(line, CrewLine) else str(line)
     for path in (ROOT / "executor/core/lines").glob("[a-z]*.py")
     for name, line in vars(import_module(f"executor.core.lines.{path.stem}")).items()
-    if isinstance(line, CrewLine)
+    if name.isupper()
 }
+"""The words of each line, and of each part of one."""
 
 
 def names(words: str) -> set[str]:
@@ -33,9 +34,9 @@ def constants(node: ast.expr) -> Iterator[tuple[str, str]]:
 
 
 def said(path: Path) -> Iterator[tuple[int, tuple[str, str], set[str]]]:
-    """Yield each `subject.NAME.say(name=value)` of a file with its names."""
+    """Yield each `subject.NAME.say(name=value)`, and each `format` of a part, of a file with its names."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "say":
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in {"say", "format"}:
             for line in constants(node.func.value):
                 if line in LINES:
                     yield node.lineno, line, {word.arg for word in node.keywords if word.arg}
@@ -44,7 +45,7 @@ def said(path: Path) -> Iterator[tuple[int, tuple[str, str], set[str]]]:
 @pytest.mark.parametrize("path", modules("executor"), ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_line_gets_a_value_for_each_of_its_names(path: Path) -> None:
     for number, line, given in said(path):
-        missing = names(LINES[line].words) - given
+        missing = names(LINES[line]) - given
         assert not missing, f"{path}:{number}: {'.'.join(line)} says {missing}, which it is not given"
 
 

@@ -147,17 +147,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/cli/test_plan_inputs_day.py": ("missions/day_plan.py",),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
-    "tests/executor/core/battery/test_pack_condition.py": (
-        "executor/core/battery/resting_voltage.py",
-        "executor/core/battery/voltage_sag.py",
-    ),
-    "tests/executor/core/inflight/custody/test_mode_causes_distinguished.py": (
-        "executor/core/inflight/custody/mode_attribution.py",
-    ),
-    "tests/executor/core/inflight/faults/test_watchpoints.py": (
-        "executor/core/inflight/faults/battery_watchpoints.py",
-        "executor/core/inflight/faults/watchpoint_types.py",
-    ),
     "tests/executor/core/operator/test_intent_handling_back_in_the_plan.py": (
         "executor/core/ground/return_to_service.py",
     ),
@@ -169,8 +158,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
-    "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
+    "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
         "executor/images/index_files.py",
@@ -237,16 +226,14 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/simulator/test_leg_times.py": ("simulator/leg_trajectories.py",),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
-    "tests/stories/test_pictures.py": (
-        "executor/core/payload/camera_state.py",
-        "simulator/camera.py",
-    ),
+    "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/test_docs.py": (
         "scripts/pages/page_types.py",
         "scripts/pages/reference.py",
         "scripts/pages/states.py",
     ),
     "tests/test_extras.py": ("executor/adapters/extras.py",),
+    "tests/test_lines.py": ("executor/core/interface/commands.py",),
 }
 """By a test file, the modules that it shows beside what it is called after."""
 

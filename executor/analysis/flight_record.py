@@ -13,13 +13,13 @@ import planner
 from executor.adapters.eventlog import read_events, read_head, read_notes
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FaultRow, FlightReport, read_report
-from executor.core.battery.pack_history import PackHistory
+from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
 from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
-from executor.core.state.positioning import update_positioning
 from executor.core.state.vehicle_parts import PositionFix, Positioning
+from executor.core.state.vehicle_position import update_positioning
 from executor.errors import LogError
 from executor.site import site_model
 from executor.site.learned_files import load_site_packs

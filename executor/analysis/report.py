@@ -17,7 +17,7 @@ from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_parts import FlownLeg, LegBoundary
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState
-from executor.core.telemetry import firmware
+from executor.core.telemetry import vehicle_identity
 from executor.images.index_files import build_asset_rows
 from missions import Phase
 
@@ -135,8 +135,8 @@ def build_vehicle_answers(
             documents.AskedVehicle.build_from(
                 one,
                 sysid=context.vehicles[name].sysid,
-                type=firmware.describe_vehicle_type(one.heartbeat.vehicle_type),
-                autopilot=firmware.describe_autopilot(one.heartbeat.autopilot),
+                type=vehicle_identity.describe_vehicle_type(one.heartbeat.vehicle_type),
+                autopilot=vehicle_identity.describe_autopilot(one.heartbeat.autopilot),
                 firmware=None if one.version is None else str(one.version),
                 link_timeout_s=context.vehicles[name].link_timeout_s,
                 pad=documents.PadPart.build_from(context.setup.pad_of(name)),

@@ -10,8 +10,8 @@ from functools import cache
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
-from executor.core.battery.pack_history import PackHistory
-from executor.core.battery.resting_voltage import NO_FACTS, PackFacts
+from executor.core.battery.pack_condition import PackHistory
+from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.limits import Limits
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing

@@ -15,19 +15,19 @@ from executor.core.formatting import format_count
 from executor.core.ground import kill_switch, takeoff_offers, turnaround
 from executor.core.imaging import camera_faults as faults_of_cameras
 from executor.core.imaging import picture_proof
-from executor.core.inflight import climb_conflicts
-from executor.core.inflight.closest_approach import record_separation
+from executor.core.inflight import climb_conflicts, homing
+from executor.core.inflight.climb_conflicts import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
-from executor.core.inflight.faults import link_loss, stream_watch, warning_rules, watchpoints
-from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
-from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing.landing import (
+from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
+from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
+from executor.core.inflight.homing import (
     apply_touchdown,
     describe_unexpected_landing,
     has_landed,
+    is_coming_home,
     is_flying_again,
+    is_on_mission,
 )
-from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.interface.events import (
     Asked,
@@ -70,9 +70,9 @@ from executor.core.replanning import (
 )
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
-from executor.core.state import leg_times
-from executor.core.state.current_setup import current_setup_of
+from executor.core.state import legs
 from executor.core.state.fleet_state import (
+    KEPT_LINES,
     Briefing,
     CheckLine,
     CrewDialogue,
@@ -80,23 +80,30 @@ from executor.core.state.fleet_state import (
     LossOutlook,
     OperatorLine,
     Question,
-    ReportedWarnings,
     Stepped,
 )
-from executor.core.state.positioning import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
 from executor.core.state.vehicle_position import (
     describe_down_place,
+    describe_gps_return,
     describe_last_position,
     is_at_rest,
     is_over_pad,
     is_resting_place_known,
 )
-from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+from executor.core.state.vehicle_state import (
+    Fault,
+    FaultCode,
+    FaultKind,
+    Stage,
+    VehicleState,
+    change_stage,
+    current_setup_of,
+)
 from executor.core.telemetry import status_texts
 from executor.core.telemetry.camera_reports import apply_payload_message
-from executor.core.telemetry.foreign_systems import describe_new_foreign_systems
 from executor.core.telemetry.message_update import apply_message
+from executor.core.telemetry.vehicle_identity import describe_new_foreign_systems
 from missions.fences import Fence
 
 
@@ -133,7 +140,7 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
     if not commands:
         return state, commands
     lines = tuple(OperatorLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
-    return (state.with_lines(lines) if lines else state), commands
+    return (state.with_crew(said=(*state.crew.said, *lines)[-KEPT_LINES:]) if lines else state), commands
 
 
 def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
@@ -192,7 +199,7 @@ def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -
 def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
     if isinstance(event.message, ComponentText):
-        return status_texts.show_component_text(state, before, event.message, now_s)
+        return status_texts.show_text(state, before, event.message, now_s)
     if isinstance(event.message, PayloadMessage):
         return apply_payload_message(context, state, before, event.message, now_s), ()
     folded = apply_message(context, before, event.message, now_s)
@@ -202,11 +209,11 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
         )
     elif isinstance(event.message, MissionCurrent | LandedState | Position):
         start = context.vehicles[event.vehicle].start
-        folded = replace(folded, state=leg_times.track_legs(before, folded.state, now_s, start))
+        folded = replace(folded, state=legs.track_legs(before, folded.state, now_s, start))
     state = state.put(folded.state)
     commands = _announce_link_findings(before, folded.state, now_s)
     if folded.text is not None:
-        state, more = status_texts.show_status_text(state, folded.state, folded.text, now_s)
+        state, more = status_texts.show_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
         state, more = kill_switch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
@@ -261,7 +268,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
         return state, (Say(Level.WARNING, heard), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
-        state, more = return_home.bring_home(context, state, vehicle, now_s)
+        state, more = homing.bring_home(context, state, vehicle, now_s)
         if is_coming_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
@@ -308,14 +315,14 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     vehicle = mode_causes.review_mode_cause(context, state.listening.absences, state.vehicles[name], now_s)
     setup = current_setup_of(context, vehicle)
     view = WatchView(context, setup, vehicle, False, now_s)
-    told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
+    told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ()))
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(Say(Level.WARNING, line) for line in lines)
     if (
         vehicle.stage is not Stage.PILOT
         and not mode_causes.is_under_foreign_control(vehicle)
-        and stream_watch.is_stream_request_due(view)
+        and watch_view.is_stream_request_due(view)
     ):
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name))
@@ -364,7 +371,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
         return vehicle_start.monitor_start(context, state, vehicle, now_s)
     if has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
-    return return_home.issue_homing_order(context, state, name, now_s)
+    return homing.issue_homing_order(context, state, name, now_s)
 
 
 def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -404,7 +411,7 @@ def _bring_home_flying_vehicle(
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
     text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
     back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
-    state, more = return_home.bring_home(context, state, back, now_s)
+    state, more = homing.bring_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
 
 
@@ -440,7 +447,7 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
     """
     vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
     vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
-    state, more = return_home.bring_home(context, state, vehicle, now_s)
+    state, more = homing.bring_home(context, state, vehicle, now_s)
     trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
     state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
     return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)

@@ -17,12 +17,11 @@ from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import picture_proof
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
-from executor.core.state import landing_projection
-from executor.core.state.current_setup import current_setup_of
+from executor.core.state import legs
 from executor.core.state.fleet_state import CheckLine, FleetState, Question
 from executor.core.state.inspection_run import Track
-from executor.core.state.positioning import accuracy_of
-from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState
+from executor.core.state.vehicle_position import accuracy_of
+from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.autopilots.dialect import mode_name
 
@@ -366,7 +365,7 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
 def _time_to_landing_s(vehicle: VehicleState) -> float | None:
     if vehicle.assignment.board is None or vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is not None:
         return None
-    return round(landing_projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
+    return round(legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1), 0)
 
 
 def _build_taken_view(context: Context, vehicle: VehicleState, now_s: float) -> TakenView | None:
@@ -433,13 +432,13 @@ def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixV
 
 def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
     setup = current_setup_of(context, vehicle)
-    ahead = landing_projection.project_landing(context, vehicle, setup) if vehicle.airborne else None
+    ahead = legs.project_landing(context, vehicle, setup) if vehicle.airborne else None
     predicted_pct = band_pct = None
     # Before the launch nobody listens to batteries here: the first report is from its first seconds then.
     began_pct = vehicle.power.battery.first_pct if vehicle.power.began_pct is None else vehicle.power.began_pct
     board = vehicle.assignment.board
     if board is not None and began_pct is not None and vehicle.airborne:
-        ahead_pct = landing_projection.energy_to_reach_pct(vehicle, len(board.legs) - 1)
+        ahead_pct = legs.energy_to_reach_pct(vehicle, len(board.legs) - 1)
         spent_pct = sum(leg.energy_pct for leg in board.legs) - ahead_pct
         predicted_pct = round(began_pct - setup.prior.factor * spent_pct, 1)
         band_pct = round(BAND_SD * math.hypot(setup.prior.sd * spent_pct, WHOLE_PCT), 1)
@@ -457,10 +456,10 @@ def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:
 def _energy_to_finish_pct(context: Context, vehicle: VehicleState) -> float:
     """Return what is still to be spent: on the mission, or on the way home."""
     if vehicle.stage in {Stage.STARTING, Stage.FLYING}:
-        return landing_projection.energy_to_finish_pct(vehicle) if vehicle.airborne else 0.0
+        return legs.energy_to_finish_pct(vehicle) if vehicle.airborne else 0.0
     if vehicle.stage is not Stage.RETURNING:
         return 0.0
-    return landing_projection.energy_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
+    return legs.energy_to_return_pct(context, vehicle, context.vehicles[vehicle.name]) or 0.0
 
 
 def _build_progress_view(context: Context, vehicle: VehicleState) -> ProgressView:

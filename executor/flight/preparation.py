@@ -16,7 +16,7 @@ from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_checks, mission_checks, pack_checks, vehicle_checks
@@ -30,7 +30,7 @@ from executor.core.preflight.parameter_proposals import (
     propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
-from executor.core.state.onboard_fence import build_rally_list, encode_fence
+from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
 from executor.flight import open_links
@@ -52,7 +52,7 @@ from executor.site.site_model import SiteModel
 from executor.site.site_parts import base_places_m, build_places
 from executor.site.site_tables import VehicleTable
 from missions import FlightSetup, MissionKind, dialect_for, encode
-from missions.fences import Fence
+from missions.fences import Fence, build_fence_items
 
 
 async def interview_vehicles(
@@ -362,7 +362,7 @@ def check_fences_on_board(
 def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, OnboardLists]:
     """Return what is put on board, by vehicle; nothing where the site wants none."""
     return {
-        name: OnboardLists(encode_fence(context, fence), build_rally_list(context, name))
+        name: OnboardLists(build_fence_items(fence, context.frame), build_rally_list(context, name))
         for name, fence in first.items()
     }
 
@@ -430,7 +430,7 @@ def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
     """
     if command.fence is None:
         return
-    items = encode_fence(context, command.fence)
+    items = build_fence_items(command.fence, context.frame)
     kept = [
         replace(one, new=items, earlier=(*one.earlier, one.new), stage=ChangeStage.PLANNED)
         if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in (*one.earlier, one.new)

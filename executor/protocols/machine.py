@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.messages import Message, Outgoing
 
 VARIANCES = 2

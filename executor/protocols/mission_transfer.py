@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 from executor.core.interface import messages
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 from missions.items import MissionItem, MissionKind
 

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.messages import Message, Outgoing, ParamRefused, ParamValue, SendParamRequest, SendParamSet
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
 

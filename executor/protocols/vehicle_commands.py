@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Self
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.messages import CommandAck, Message, Outgoing, SendCommand
 from executor.protocols.machine import Accepted, DialogueMachine, Rejected, TimedOut
 from missions import ModeNumber

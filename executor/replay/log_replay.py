@@ -12,7 +12,7 @@ from functools import partial
 
 from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
-from executor.core.battery.resting_voltage import NO_FACTS
+from executor.core.battery.voltage import NO_FACTS
 from executor.core.context import Scene, VehicleSetup, power_draw_table_pct_s
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.link_loss import SLEPT_S
@@ -33,11 +33,10 @@ from executor.core.interface.messages import (
 )
 from executor.core.interface.recorded_log import Record, RecordedFile, SkippedRecords
 from executor.core.limits import Limits
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of
-from executor.core.telemetry.firmware import describe_autopilot, describe_vehicle_type
-from executor.core.telemetry.foreign_systems import describe_foreign_system
+from executor.core.telemetry.vehicle_identity import describe_autopilot, describe_foreign_system, describe_vehicle_type
 from executor.replay.replay_result import (
     Declaration,
     ImpairedPeriod,
@@ -523,7 +522,7 @@ def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board:
 def sample_vehicle(scene: Scene, vehicle: VehicleState, at_s: float) -> ReplaySample:
     """Return what a picture shows of a vehicle at one moment."""
     estimate = vehicle.power.battery.estimate
-    ahead = landing_projection.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
+    ahead = legs.project_landing(scene, vehicle, scene.vehicles[vehicle.name])
     return ReplaySample(
         at_s=at_s,
         remaining_pct=vehicle.power.battery.remaining_pct,

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from executor.core.battery import resting_voltage
+from executor.core.battery import voltage
 from executor.core.battery.pack_condition import RestReading
-from executor.core.battery.resting_voltage import Chemistry, PackFacts
+from executor.core.battery.voltage import Chemistry, PackFacts
 from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.vehicle_state import FaultKind, VehicleState
@@ -220,9 +220,7 @@ def capacity_ah(flight: PackEntry, chemistry: Chemistry | None) -> tuple[float, 
         return None
     found = []
     for one in (chemistry,) if chemistry is not None else Chemistry:
-        used_pct = resting_voltage.rest_charge_pct(flight.rest_cell_v, one) - resting_voltage.rest_charge_pct(
-            flight.end_cell_v, one
-        )
+        used_pct = voltage.rest_charge_pct(flight.rest_cell_v, one) - voltage.rest_charge_pct(flight.end_cell_v, one)
         if used_pct < LEAST_USED_PCT:
             return None
         found.append(100.0 * flight.counted_ah / used_pct)

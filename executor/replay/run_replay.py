@@ -20,7 +20,7 @@ from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.passive_watch import Degradation
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.commands import Command, Say
 from executor.core.interface.events import Tick
 from executor.core.interface.recorded_log import SkippedRecords

@@ -14,20 +14,21 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface import commands, events
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
 from executor.core.replanning import loss_preview, new_missions
 from executor.core.resume.reconciliation import compare_onboard_mission
-from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.onboard_fence import height_over_fence_m
 from executor.protocols import vehicle_commands
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
 from missions import EncodeError, encode, flag_current
+from missions.fences import build_fence_items
 
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
@@ -355,11 +356,11 @@ class Flight:
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         ended = partial(events.UploadEnded, name, command.revision)
-        if over_m := onboard_fence.height_over_fence_m(self.context, name, command.path):
+        if over_m := height_over_fence_m(self.context, name, command.path):
             return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
         fenced = command.fence is not None
         if command.fence is not None:
-            items = onboard_fence.encode_fence(self.context, command.fence)
+            items = build_fence_items(command.fence, self.context.frame)
             fence = await procedures.upload_and_verify_fence(
                 link, self._clock, dialect, items, partial(self._may_change_fence, name)
             )

@@ -26,11 +26,10 @@ from executor.core.preflight.parameter_proposals import (
 )
 from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
 from executor.core.resume.reconciliation import compare_onboard_mission
-from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.state.fleet_state import FleetState
+from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.core.telemetry.firmware import parse_banner_version
-from executor.core.telemetry.foreign_systems import ForeignSystem, add_foreign_system
+from executor.core.telemetry.vehicle_identity import ForeignSystem, add_foreign_system, parse_banner_version
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
 from executor.protocols.parameter_dialogue import ParameterReading

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 from executor.adapters.run_directory import Document, Number, RunDirectory, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
-from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history
+from executor.core.battery.pack_condition import PackFlightRecord, PackHistory, build_pack_history
 from executor.core.context import Context
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import FaultKind

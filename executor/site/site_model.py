@@ -10,8 +10,8 @@ from types import MappingProxyType
 
 import missions
 from executor.core.battery.account import NO_PRIOR
-from executor.core.battery.pack_history import PackHistory
-from executor.core.battery.resting_voltage import PackFacts
+from executor.core.battery.pack_condition import PackHistory
+from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.limits import Limits
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_link_timeout_s

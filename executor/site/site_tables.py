@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from executor.core.battery.resting_voltage import Chemistry
+from executor.core.battery.voltage import Chemistry
 from executor.core.interface.connection import Connection, parse_connection
 from missions import AUTOPILOTS, SNAP_M, parse_where
 from planner import PRESETS

@@ -9,7 +9,6 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
-from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -22,8 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from executor.adapters.mqtt.broker import IntakeReason
 from executor.cli import commandline
 from executor.cli.commandline import load_command
-from executor.core.interface.check_codes import CheckCode
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import CheckCode, Ending, ReasonCode
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
@@ -34,7 +32,7 @@ from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
 COMMANDS = "reference/command-line.md"
 SITE_FILE = "reference/site-file.md"
 REASONS = "reference/reason-codes.md"
-DOMAINS: tuple[tuple[str, type[StrEnum]], ...] = (
+DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
     ("Faults", FaultCode),
     ("Intents", IntentReason),
     ("Answers of a vehicle", Ending),
@@ -185,9 +183,7 @@ def reasons_page() -> str:
             "| code | meaning |",
             "| --- | --- |",
         ]
-        known = docstrings(sys.modules[kind.__module__])
-        words = {key: text for name, key, text in known if name == kind.__name__}
-        lines += [f"| `{one.value}` | {_cell(words[one.name])} |" for one in kind]
+        lines += [f"| `{one.value}` | {_cell(one.meaning)} |" for one in kind]
     return "\n".join(lines) + "\n"
 
 

@@ -30,7 +30,7 @@ from executor.core.fleet_view import (
     VehicleView,
     build_fleet_view,
 )
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Gps, Wind

@@ -15,6 +15,7 @@ import numpy as np
 
 from executor.core import fleet_step
 from executor.core.context import Context
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import (
     AskStreams,
     CancelSolve,
@@ -35,7 +36,6 @@ from executor.core.interface.commands import (
     Start,
     Upload,
 )  # fmt: skip
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import (
     Event,
     Found,

@@ -10,7 +10,7 @@ from shapely.geometry import LineString, Point, Polygon
 
 from benchmarks.prediction import plan_with
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.landing_projection import remaining_leg_share
+from executor.core.state.legs import remaining_leg_share
 from executor.core.state.vehicle_state import VehicleState
 from executor.site import site_model
 from missions import Phase

@@ -46,8 +46,8 @@ from executor.core.interface.recorded_log import (
     TiltFilter,
     is_wanted_setting,
 )
+from executor.core.telemetry.mode_evidence import ARGUMENT_BYTES, parse_px4_event
 from executor.core.telemetry.plausibility import filter_implausible
-from executor.core.telemetry.px4_event_meanings import ARGUMENT_BYTES, parse_px4_event
 from executor.errors import LogError
 from missions import PX4
 

@@ -32,12 +32,12 @@ from executor.adapters.mavlink.frame_layout import (
 from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
 from executor.core import formatting
 from executor.core.interface import messages
-from executor.core.telemetry.autopilot_component import (
+from executor.core.telemetry.plausibility import filter_implausible
+from executor.core.telemetry.vehicle_identity import (
     AutopilotComponent,
     select_component_message,
     update_autopilot_component,
 )
-from executor.core.telemetry.plausibility import filter_implausible
 from missions import MissionKind
 from missions.cameras import FIRST_COMPONENT
 

@@ -20,7 +20,7 @@ from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
 from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.ports import FrameLog, Keyring, LinkCounts, LinkRequest
-from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
 

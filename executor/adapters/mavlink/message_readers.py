@@ -24,7 +24,7 @@ from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksu
 from executor.core import formatting
 from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
-from executor.core.telemetry.px4_event_meanings import parse_px4_event
+from executor.core.telemetry.mode_evidence import parse_px4_event
 from missions import PX4, MissionItem
 from missions.cameras import PictureProof
 

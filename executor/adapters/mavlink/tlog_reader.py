@@ -49,9 +49,9 @@ from executor.core.interface.recorded_log import (
     TiltFilter,
     is_wanted_setting,
 )
-from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
-from executor.core.telemetry.autopilot_component import AutopilotComponent, update_autopilot_component
+from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.plausibility import filter_implausible
+from executor.core.telemetry.vehicle_identity import AutopilotComponent, update_autopilot_component
 from missions import AUTOPILOTS, PX4
 
 BACK_USEC = 1_000_000

@@ -24,7 +24,7 @@ from executor.adapters.extras import Extra, require_extra
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
 from executor.core.interface.ports import LinkCounts, LinkRequest
-from executor.core.telemetry.autopilot_component import AUTOPILOT
+from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 
 if TYPE_CHECKING:

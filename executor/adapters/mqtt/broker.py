@@ -11,12 +11,12 @@ import hmac
 import ssl
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executor.adapters.intent_body import IntentBody
+from executor.core.interface.codes import ReasonCode
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error
@@ -93,21 +93,15 @@ TOLD_EVERY_S = 10.0
 """Real seconds between two lines for the operator about messages that were refused."""
 
 
-class IntakeReason(StrEnum):
-    """Why a message is not taken for an intent."""
+class IntakeReason(ReasonCode):
+    """Why a message from the broker is no intent."""
 
-    INVALID = "invalid"
-    """It is too long, no JSON, or a key is missing, unknown or of the wrong kind."""
-    CLOSED = "closed"
-    """This site takes no intents from its broker."""
-    UNAUTHORIZED = "unauthorized"
-    """The token is not the site's."""
-    RETAINED = "retained"
-    """The broker had kept it."""
-    TIMESTAMP = "timestamp"
-    """It is too old, or from the future."""
-    TOO_MANY = "too_many"
-    """Too many intents came at once."""
+    INVALID = "invalid", "It is too long, no JSON, or a key is missing, unknown or of the wrong kind."
+    CLOSED = "closed", "This site takes no intents from its broker."
+    UNAUTHORIZED = "unauthorized", "The token is not the site's."
+    RETAINED = "retained", "The broker had kept it."
+    TIMESTAMP = "timestamp", "It is too old, or from the future."
+    TOO_MANY = "too_many", "Too many intents came at once."
 
 
 class IntentMessage(IntentBody):

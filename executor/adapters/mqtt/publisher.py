@@ -16,8 +16,8 @@ from executor.adapters.mqtt.broker import IntakeReason, MqttTopics, RefusedMessa
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
 from executor.core.fleet_view import FleetView, OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetState, AssetView
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Say
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event, IntentReceived, Tick
 from executor.core.interface.intents import IntentReason, IntentRecord
 from executor.core.state.fleet_state import CheckLine, FleetState, Question

@@ -1,7 +1,7 @@
 """One vehicle's battery: what it has given, set against what the energy model says the flight so far should have cost.
 
 The model is driven by the speed that the vehicle reports, so a detour, a hold or a slow leg is no anomaly; what remains
-is a factor per vehicle (its pack, its load, the wind), which `estimator` learns with its uncertainty. Percent and
+is a factor per vehicle (its pack, its load, the wind), which `kalman` learns with its uncertainty. Percent and
 consumed charge are watched apart: the one is what is left, the other is finer and comes from another sensor.
 """
 
@@ -22,6 +22,34 @@ from executor.core.battery.charge_counter import (
 from executor.core.battery.cusum import Drift, add_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
 from executor.core.limits import Limits
+
+FRESH_S = 4.0
+"""Two reports of BATTERY_STATUS at PX4's own interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class PercentRounding:
+    """What was said last, and when."""
+
+    rounded: float = 0.0
+    rounded_s: float = float("-inf")
+    ceiled: float = 0.0
+    ceiled_s: float = float("-inf")
+
+    @property
+    def percent(self) -> float:
+        """What lies within both, or the newer one where they contradict each other.
+
+        >>> PercentRounding(96.0, 1.0, 97.0, 1.5).percent
+        96.25
+        """
+        if abs(self.rounded_s - self.ceiled_s) > FRESH_S:
+            return self.rounded if self.rounded_s > self.ceiled_s else self.ceiled
+        low, high = max(self.rounded - 0.5, self.ceiled - 1.0), min(self.rounded + 0.5, self.ceiled)
+        if low < high:
+            return (low + high) / 2
+        return self.rounded if self.rounded_s >= self.ceiled_s else self.ceiled - 0.5
+
 
 FACTOR_RANGE = (0.7, 2.0)
 """A factor outside is no factor but a fault, which the watchpoints find."""

@@ -1,12 +1,20 @@
-"""Whether a pack is what its counter says: its resting voltage, before arming and in flight, against its percentage."""
+"""Whether a pack is what its counter says: its voltage at rest against its percentage, and its earlier flights.
+
+A pack that is labelled is known before it is under load. What its voltage said of its capacity over its last flights
+counts as the more that the chemistries allow, so that nobody flies less for a curve that is not its own; a site that
+names the chemistry leaves nothing open.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from statistics import median, stdev
 
-from executor.core.battery import resting_voltage as resting
-from executor.core.battery.resting_voltage import NO_FACTS, Chemistry, PackFacts
-from executor.core.battery.voltage_sag import AT_REST_A, SagEstimate, update_sag
+from executor.core.battery import voltage
+from executor.core.battery.voltage import AT_REST_A, NO_FACTS, Chemistry, PackFacts, SagEstimate, update_sag
+from executor.core.lines import battery
 
 SURE_SD_V = 0.03
 """Of a cell: a resting voltage in flight that is less sure says nothing; 10 mV are a percent, or more."""
@@ -70,12 +78,12 @@ class PackCondition:
     @property
     def words(self) -> str:
         """As the crew reads it."""
-        what = f"rests at {self.cell_v:.2f} V a cell, about {self.held_pct:.0f} %, and reports {self.claimed_pct:.0f} %"
+        what = battery.PACK_AT_REST.format(cell_v=self.cell_v, held_pct=self.held_pct, claimed_pct=self.claimed_pct)
         if self.times is None or self.times < TIMES_WARNED:
             return what
         times, likely = f"{self.times:.1f}", f"{max(self.times, self.likely_times or 0.0):.1f}"
-        much = times if likely == times else f"{times} to {likely}"
-        return f"{what}: since it took off it has given {much} times what is counted"
+        much = times if likely == times else battery.FROM_TO.format(least=times, most=likely)
+        return battery.PACK_GIVES_MORE.format(condition=what, times=much)
 
     @property
     def doubtful(self) -> bool:
@@ -172,15 +180,95 @@ def _compare_voltage_with_percentage(
     cell_v: float, claimed_pct: float, chemistry: Chemistry | None, sure_v: float
 ) -> tuple[float, float]:
     """Return what a pack holds by its voltage, and how far a cell lies below what the percentage allows."""
-    short_v = resting.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v
-    return resting.rest_charge_pct(cell_v, chemistry or Chemistry.LIPO), short_v
+    short_v = voltage.rest_cell_v(claimed_pct, chemistry) - cell_v - sure_v
+    return voltage.rest_charge_pct(cell_v, chemistry or Chemistry.LIPO), short_v
 
 
 def _use_ratio(rest_cell_v: float, cell_v: float, counted_pct: float, chemistry: Chemistry | None) -> float | None:
     if counted_pct < COUNTED_PCT:
         return None
     used = [
-        resting.rest_charge_pct(rest_cell_v, one) - resting.rest_charge_pct(cell_v, one)
+        voltage.rest_charge_pct(rest_cell_v, one) - voltage.rest_charge_pct(cell_v, one)
         for one in ((chemistry,) if chemistry is not None else Chemistry)
     ]
     return min(used) / counted_pct if min(used) >= USED_PCT else None
+
+
+RECENT = 5
+"""Flights that say what a pack is now: it ages."""
+LEAST_SHARE_SD = 0.03
+"""Of a capacity by voltages: 10 mV of a cell are a percent, or more."""
+OHM_SHARE_SD = 0.2
+"""Of a resistance on another day: a pack of 10 degrees has half as much again as one of 25."""
+FULL = 0.95
+"""Of a capacity: a pack that has more is as it should be."""
+LEAST_PCT = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class PackFlightRecord:
+    """One flight of a pack; None where its log did not say."""
+
+    capacity_ah: float | None
+    """The most that its voltage allows."""
+    ohm: float | None
+    set_ah: float | None
+    """What its autopilot counted by."""
+
+
+@dataclass(frozen=True, slots=True)
+class PackHistory:
+    """A labelled pack."""
+
+    label: str
+    flights: int = 0
+    capacity_ah: tuple[float, float] | None = None
+    """Mean and standard deviation."""
+    ohm: tuple[float, float] | None = None
+    """The same of the whole pack."""
+    set_ah: float | None = None
+    """What its autopilot counted by last."""
+
+    def share_of(self, capacity_ah: float | None) -> float:
+        """Return how much of a capacity it has; 1 where nothing says that it has less."""
+        if self.capacity_ah is None or not capacity_ah:
+            return 1.0
+        share = self.capacity_ah[0] / capacity_ah
+        return share if share < FULL else 1.0
+
+    def budget_pct(self, asked_pct: float, reserve_pct: float, planned_ah: float) -> float:
+        """Return what a route may use of it, in percent of the capacity that is planned with."""
+        return max(LEAST_PCT, min(asked_pct, 100.0 * self.share_of(planned_ah) - reserve_pct))
+
+    def empty_reading_pct(self, planned_ah: float, *, counts: bool) -> float:
+        """Return how much its autopilot will report when it is empty.
+
+        Args:
+            planned_ah: Capacity that is planned with; taken where no flight says what its autopilot counts by.
+            counts: Whether an autopilot of which that is not known counts charge at all.
+        """
+        counted_ah = self.set_ah or (planned_ah if counts else None)
+        return 100.0 * (1.0 - self.share_of(counted_ah))
+
+
+def build_pack_history(label: str, flown: Sequence[PackFlightRecord]) -> PackHistory:
+    """Return what a pack's flights say, given in their order."""
+    last = flown[-RECENT:]
+    capacities = [one.capacity_ah for one in last if one.capacity_ah is not None]
+    ohms = [one.ohm for one in last if one.ohm is not None and one.ohm > 0]
+    sets = [one.set_ah for one in last if one.set_ah]
+    return PackHistory(
+        label,
+        len(flown),
+        _estimate_mean_sd(capacities, LEAST_SHARE_SD),
+        _estimate_mean_sd(ohms, OHM_SHARE_SD),
+        sets[-1] if sets else None,
+    )
+
+
+def _estimate_mean_sd(values: Sequence[float], least_share: float) -> tuple[float, float] | None:
+    if not values:
+        return None
+    middle = median(values)
+    scatter = stdev(values) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+    return middle, max(scatter, least_share * middle)

@@ -16,10 +16,9 @@ from executor.core.replanning import (
     replan_separation,
     survivors,
 )
-from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
 from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
-from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
+from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState, current_setup_of
 from missions import Phase, build_open_task
 from planner import Vehicle, segment_of
 

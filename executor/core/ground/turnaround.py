@@ -13,9 +13,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.battery import account
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.account import PercentRounding
 from executor.core.battery.pack_condition import PackState, RestReading
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
@@ -33,10 +33,9 @@ from executor.core.preflight.pack_checks import (
 )
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.flying_hours import find_remaining_hours, min_draw_pct
-from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import build_flight_path, estimate
 from planner import segment_of
 

@@ -1,9 +1,10 @@
-"""Who waits for whom climbs: the way home of an autopilot's own begins with a climb through the layers above.
+"""Who waits for whom climbs, and how near flying vehicles came to each other.
 
-Layers keep vehicles apart whatever their timing; such a climb does not. It is seen, or it is known when a silent
-vehicle's failsafe begins it. Who would fly into it on its mission flies slowly until it is over: the mode stays what
-it is, so that nothing has to be given back, and a person who takes the vehicle finds nothing changed. Who cannot stop
-in time goes on. What gets lost on the way is told again until it is seen to be done.
+The way home of an autopilot's own begins with a climb through the layers above. Layers keep vehicles apart whatever
+their timing; such a climb does not. It is seen, or it is known when a silent vehicle's failsafe begins it. Who would
+fly into it on its mission flies slowly until it is over: the mode stays what it is, so that nothing has to be given
+back, and a person who takes the vehicle finds nothing changed. Who cannot stop in time goes on. What gets lost on the
+way is told again until it is seen to be done.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.inflight.homing.return_home import SINKS_M_S, is_coming_home, is_on_mission
-from executor.core.interface.commands import ChangeSpeed, Command, Level, Say
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.inflight.homing import SINKS_M_S, is_coming_home, is_on_mission
+from executor.core.interface.commands import ChangeSpeed, Command
+from executor.core.lines import speed
+from executor.core.state.fleet_state import ClosestApproach, FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, OnboardMission, YieldState
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
@@ -128,17 +130,16 @@ def _update_yielding(
     if waits is None or waits.over_s is not None:
         if found is None or not _must_brake(vehicle, found[1]):
             return (vehicle, ()) if waits is None else _restore_speed(vehicle, waits, now_s)
-        does = "is climbing in RTL" if found[0].seen else "has no link and may climb in failsafe RTL"
-        said = Say(Level.INFO, f"{vehicle.name}: slowing: {found[0].vehicle} ahead {does}")
+        line = speed.SLOWS if found[0].seen else speed.SLOWS_FOR_SILENT
+        said = line.say(vehicle=vehicle.name, other=found[0].vehicle)
         return _set_yielding(vehicle, YieldState(now_s, now_s), now_s), (said, ChangeSpeed(vehicle.name, SLOW_M_S))
     if found is not None and now_s - waits.since_s < MOST_S:
         return _keep_slow(vehicle, waits, now_s)
     if _is_at_leg_end(vehicle):
         return vehicle, ()
     speed_m_s = _leg_speed_m_s(vehicle)
-    text = f"{vehicle.name}: flies on at {speed_m_s:.0f} m/s"
     after = _set_yielding(vehicle, replace(waits, over_s=now_s, told_s=now_s, leg=vehicle.assignment.waypoint), now_s)
-    return after, (Say(Level.INFO, text), ChangeSpeed(vehicle.name, speed_m_s))
+    return after, (speed.FLIES_ON.say(vehicle=vehicle.name, speed_m_s=speed_m_s), ChangeSpeed(vehicle.name, speed_m_s))
 
 
 def _keep_slow(vehicle: VehicleState, waits: YieldState, now_s: float) -> tuple[VehicleState, tuple[Command, ...]]:
@@ -320,3 +321,39 @@ def _expect_climb(context: Context, vehicle: VehicleState, now_s: float) -> Clim
     waits_s = (begins_s[0], begins_s[1] + TURNS_S)
     rises_m_s = _climb_rates_m_s(context, vehicle)
     return Climb(vehicle.name, False, places_m[:, :2], up_m, _return_top_m(context, vehicle), waits_s, rises_m_s)
+
+
+FRESH_S = 1.5
+"""Two positions no older than this say how far two vehicles are apart."""
+RISES_MOST_M = 15.0
+"""More than anybody rises or sinks in that time."""
+
+
+def record_separation(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+    """Take note of how near two vehicles came to each other, after a position of one of them; reckoned ones say not."""
+    fix = vehicle.motion.fix
+    high = context.limits.airborne_m
+    if fix is None or fix.alt_rel_m < high or not vehicle.armed or fix.reckoned:
+        return state
+    least = state.progress.separation
+    # Every position is held against every vehicle: the height alone settles nearly all of them.
+    reach_m = math.inf if least is None else least.least_m + RISES_MOST_M
+    for other in state.vehicles.values():
+        seen = other.motion.fix
+        if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
+            continue
+        if other.name == vehicle.name or seen.alt_rel_m < high or not other.armed or seen.reckoned:
+            continue
+        age_s = now_s - seen.at_s
+        if age_s > FRESH_S:
+            continue
+        east_m_s, north_m_s, up_m_s = seen.velocity_m_s
+        higher_m = seen.alt_msl_m + up_m_s * age_s - fix.alt_msl_m
+        east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
+        north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
+        apart_m = math.hypot(east_m, north_m, higher_m)
+        if least is None or apart_m < least.least_m:
+            least = ClosestApproach(apart_m, (vehicle.name, other.name), now_s)
+    if least is state.progress.separation:
+        return state
+    return state.with_progress(separation=least)

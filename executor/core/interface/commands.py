@@ -219,23 +219,8 @@ class Finish:
     reason: str
 
 
-Command = (
-    Say
-    | Upload
-    | Start
-    | SendHome
-    | Hold
-    | Resume
-    | ChangeSpeed
-    | LandNow
-    | Disarm
-    | HandsOff
-    | Examine
-    | AskStreams
-    | AskPicture
-    | ReadMission
-    | Solve
-    | Compose
-    | CancelSolve
-    | Finish
-)
+Order = Upload | Start | SendHome | Hold | Resume | ChangeSpeed | LandNow | Disarm | HandsOff
+"""What one vehicle is told to do, or is left alone with."""
+Inquiry = Examine | AskStreams | AskPicture | ReadMission
+"""What one vehicle is asked for."""
+Command = Say | Order | Inquiry | Solve | Compose | CancelSolve | Finish

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.intents import Action, Intent
 from executor.core.interface.messages import FlightMessage
 
@@ -254,22 +254,10 @@ class LossJudged:
     """Segments that the others could not take over; none inside the re-plan window."""
 
 
-Event = (
-    Heard
-    | Tick
-    | LaunchOrdered
-    | UploadEnded
-    | StartEnded
-    | ReturnEnded
-    | SolveEnded
-    | MissionsWanted
-    | ReturnAllOrdered
-    | Reopened
-    | Resumed
-    | MissionRead
-    | IntentReceived
-    | OrderEnded
-    | LossJudged
-    | Examined
-    | Asked
-)
+VehicleAnswer = Heard | UploadEnded | StartEnded | ReturnEnded | OrderEnded | MissionRead | Examined
+"""What comes of one vehicle, by itself or as it was told or asked."""
+PlannerAnswer = SolveEnded | MissionsWanted | LossJudged
+"""What comes of the planner."""
+CrewEvent = Asked | LaunchOrdered | IntentReceived | ReturnAllOrdered
+"""What the crew is asked, and what it asks for."""
+Event = Tick | VehicleAnswer | PlannerAnswer | CrewEvent | Reopened | Resumed

@@ -443,38 +443,17 @@ PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
 
-FlightMessage = (
-    Heartbeat
-    | Position
-    | Battery
-    | SystemStatus
-    | LandedState
-    | Attitude
-    | Gps
-    | EstimatorStatus
-    | Wind
-    | FenceStatus
-    | Home
-    | MissionCurrent
-    | MissionReached
-    | StatusText
-    | ComponentText
-    | Traffic
-    | Radio
-    | OrderSeen
-    | StationHeard
-    | DoubleHeard
-    | ModeChange
-    | RcChannels
-    | VehicleSetting
-    | ListedItem
-    | HeightTarget
-    | OwnFailsafe
-    | PictureTaken
-    | CameraStatus
-    | CameraHeard
-    | GimbalAttitude
-)
+LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
+"""What others say about a vehicle, which does not mean that it was heard."""
+EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
+"""What is about a vehicle and says nothing of where it is or what it does."""
+
+SensorMessage = Position | Battery | SystemStatus | Attitude | Gps | EstimatorStatus | Wind | Home | HeightTarget
+"""What its sensors and its estimator say."""
+StatusMessage = Heartbeat | LandedState | FenceStatus | MissionCurrent | MissionReached | ListedItem
+"""What it does, and on which mission."""
+TextMessage = StatusText | ComponentText
+FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
 """What the core follows in flight; it is logged and replayed."""
 
 DialogueMessage = (
@@ -556,14 +535,6 @@ class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
-Outgoing = (
-    SendMissionCount
-    | SendMissionItem
-    | SendMissionRequestList
-    | SendMissionRequest
-    | SendMissionAck
-    | SendCommand
-    | SendParamRequest
-    | SendParamSet
-    | SendHeartbeat
-)
+SendMission = SendMissionCount | SendMissionItem | SendMissionRequestList | SendMissionRequest | SendMissionAck
+"""Of transfers of a mission, or of another list of items."""
+Outgoing = SendMission | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat

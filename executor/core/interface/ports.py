@@ -19,11 +19,9 @@ class Clock(Protocol):
     @property
     def speedup(self) -> float:
         """Seconds of the flight in a real second."""
-        ...
 
     def now_s(self) -> float:
         """Seconds since the ground station began; never goes back."""
-        ...
 
 
 class Link(Protocol):
@@ -31,11 +29,9 @@ class Link(Protocol):
 
     def send(self, message: Outgoing) -> None:
         """Send without waiting; what cannot be sent is lost, as on the air."""
-        ...
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
         """Call `listener` with every message from now on; returns how to stop that."""
-        ...
 
 
 @dataclass(slots=True)
@@ -59,7 +55,6 @@ class OpenLink(Link, Protocol):
     @property
     def counts(self) -> LinkCounts:
         """What came so far."""
-        ...
 
 
 class FrameLog(Protocol):
@@ -67,7 +62,6 @@ class FrameLog(Protocol):
 
     def write(self, frame: bytes) -> None:
         """Append one frame."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +88,9 @@ class EventSink(Protocol):
 
     def write(self, event: Event, now_s: float) -> None:
         """Append one event."""
-        ...
 
     async def settle(self) -> None:
         """Wait until everything written outlives a power loss, or the disk has had its time."""
-        ...
 
 
 class Solver(Protocol):
@@ -106,11 +98,9 @@ class Solver(Protocol):
 
     async def solve(self, problem: Solve, pricing: Pricing) -> SolveEnded:
         """Return the best routes found within the deadline."""
-        ...
 
     def cancel(self, revision: int) -> None:
         """Make whatever works on this revision stop soon."""
-        ...
 
 
 class LossJudge(Protocol):
@@ -118,4 +108,3 @@ class LossJudge(Protocol):
 
     async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
         """Return the segments that could not be covered; None if something more urgent came."""
-        ...

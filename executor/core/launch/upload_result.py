@@ -7,9 +7,9 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.ground import turnaround
-from executor.core.inflight.homing import return_home
+from executor.core.inflight import homing
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, Level, Say
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.launch import vehicle_start
 from executor.core.replanning import mission_retry, new_missions, survivors
@@ -114,4 +114,4 @@ def _continue_after_upload(
 
 def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
     """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
-    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or return_home.is_coming_down(context, vehicle)
+    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homing.is_coming_down(context, vehicle)

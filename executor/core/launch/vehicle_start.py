@@ -8,13 +8,13 @@ from dataclasses import replace
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import kill_switch, turnaround
 from executor.core.ground.turnaround import PLACELESS_S
-from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
+from executor.core.inflight.homing import is_coming_home, is_on_mission
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, HandsOff, Level, Say, Start
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import StartEnded
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.replanning.withdrawal import declare_fault
-from executor.core.state import leg_times
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import ModeCause
@@ -75,7 +75,7 @@ def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_
     modes_on_the_way = {dialect.modes.mission.custom_mode}
     if StartStep.GUIDED in dialect.start:
         modes_on_the_way.add(dialect.modes.guided.custom_mode)
-    vehicle = change_stage(leg_times.begin_sortie(state, vehicle, now_s), Stage.STARTING)
+    vehicle = change_stage(legs.begin_sortie(state, vehicle, now_s), Stage.STARTING)
     vehicle = (
         vehicle.with_orders(
             ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way), start_let_go=False

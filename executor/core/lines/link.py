@@ -1,4 +1,4 @@
-"""Lines about links: one that is lost and regained, all of them at once, and our own pauses."""
+"""Lines about links: lost and regained, single streams, who else is on one, and what vehicles say over it."""
 
 from executor.core.interface.commands import CrewLine, Level
 
@@ -13,3 +13,28 @@ ALL_STILL_LOST = CrewLine(
 )
 ALL_REGAINED = CrewLine(Level.INFO, "links regained")
 GROUND_STATION_STALLED = CrewLine(Level.WARNING, "the ground station stalled for {stalled_s:.1f} s")
+LOST = "link lost for {age_s:.1f} s, time-out {timeout_s:g} s"
+UNSEEN = "neither HEARTBEAT nor position for {age_s:.0f} s"
+SILENT = "no message for {age_s:.1f} s"
+MISSING = "{stream} for {age_s:.0f} s, while other messages come"
+NO_HEARTBEAT = "no HEARTBEAT"
+NO_POSITION = "no position"
+NO_BATTERY_REPORT = "no battery report"
+NO_WAYPOINT = "no report of its current waypoint"
+DISARMED_IN_FLIGHT = "HEARTBEAT reports disarmed, but it is flying: sent by another station?"
+FRAMES_LOST = "{lost_pct:.0f} % of its frames are lost, where {usual_pct:.0f} % is usual"
+RADIO_WEAK = "radio signal {rssi} over noise {noise} {end}"
+HERE = "here"
+AT_VEHICLE = "at the vehicle"
+RADIO_FULL = "radio buffer {free_pct} % free"
+
+OTHER_STATION = "another ground station is on its link, system {system} component {component}"
+TWO_VEHICLES = "two vehicles use {which}: their telemetry is mixed, and both would follow commands"
+SYSTEM_ID = "system id {system}"
+ITS_SYSTEM_ID = "its system id"
+DUPLICATE_ID = "sysid {system} is used at {places}: duplicate system id"
+OTHERS_NOT_LISTED = "; further ones are not listed"
+
+TEXT = CrewLine(Level.WARNING, "{vehicle} says: {text}")
+COMPONENT_TEXT = CrewLine(Level.WARNING, "{vehicle}, its component {component} says: {text}")
+MORE_TEXTS = CrewLine(Level.WARNING, "{vehicle}: {texts} in {time_s:.0f} s")

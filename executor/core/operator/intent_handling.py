@@ -12,9 +12,9 @@ from executor.core.ground import base_closure, takeoff_offers, turnaround
 from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
 from executor.core.imaging import picture_proof
 from executor.core.imaging import reinspection_request as again
+from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing.return_home import bring_home, is_on_mission
+from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, Say, SendHome
 from executor.core.interface.events import IntentReceived, OrderEnded, ReturnAllOrdered, ReturnEnded
 from executor.core.interface.intents import Action, Intent, IntentReason, IntentRecord, Outcome
@@ -341,7 +341,7 @@ _HANDLERS: Mapping[Action, _Handler] = {
 
 def _apply_order_result(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to an order to hold, to go on or to land."""
-    state, more = return_home.apply_homing_result(state, event, now_s) if event.action is Action.LAND else (state, ())
+    state, more = homing.apply_homing_result(state, event, now_s) if event.action is Action.LAND else (state, ())
     vehicle = state.vehicles[event.vehicle]
     actions = frozenset({event.action}) if event.action is not Action.LAND else _RETURNS | {Action.LAND}
     state = _close_intents(state, event.vehicle, actions, event, now_s)
@@ -353,7 +353,7 @@ def _apply_order_result(context: Context, state: FleetState, event: OrderEnded, 
         state = state.put(gone_on.with_motion(anchor=None))
     if event.action is Action.DISARM and not event.accepted and vehicle.stage is Stage.RETURNING:
         # It was to be stopped on the ground and is not there any more.
-        state, more = return_home.bring_home(context, state, vehicle, now_s)
+        state, more = homing.bring_home(context, state, vehicle, now_s)
     if not event.accepted:
         text = f"{event.vehicle}: did not follow the order: {event.action.value} ({event.reason})"
         return state, (Say(Level.WARNING, text), *more)
@@ -367,7 +367,7 @@ def _apply_order_result(context: Context, state: FleetState, event: OrderEnded, 
 def _apply_return_result(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
     """Take a vehicle's answer to the order to come home."""
     state = _close_intents(state, event.vehicle, _RETURNS, event, now_s)
-    state, more = return_home.apply_homing_result(state, event, now_s)
+    state, more = homing.apply_homing_result(state, event, now_s)
     if event.accepted:
         return state, (Say(Level.INFO, f"{event.vehicle}: returns"), *more)
     said = "refused RTL" if event.refused else "did not acknowledge RTL"

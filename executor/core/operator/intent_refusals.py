@@ -12,15 +12,14 @@ from executor.core.ground import turnaround
 from executor.core.ground.base_closure import is_base_closed, list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
 from executor.core.imaging import picture_proof, reinspection_request
+from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.inflight.homing import return_home
 from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, IntentReason
 from executor.core.replanning import replan_cycle, survivors
-from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
 from executor.core.state.vehicle_position import describe_position
-from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
+from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.geometry import place_distances_m
 from planner import segment_of
@@ -150,7 +149,7 @@ def _refuse_resume(context: Context, state: FleetState, vehicle: VehicleState, n
 
 def _refuse_return(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:  # noqa: ARG001
     match vehicle.stage:
-        case Stage.RETURNING if return_home.is_coming_home(context, vehicle):
+        case Stage.RETURNING if homing.is_coming_home(context, vehicle):
             return IntentReason.RETURNING, "it is on its way home already"
         case Stage.GROUND | Stage.LANDED | Stage.DOWN:
             return IntentReason.ON_GROUND, "it is on the ground"

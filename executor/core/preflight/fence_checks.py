@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight.board_changes import format_number
 from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.parameter_proposals import (

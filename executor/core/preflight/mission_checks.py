@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from executor.core.formatting import format_count, join_first_names
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import (
     FlightPath,

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from executor.core.battery import pack_condition, resting_voltage
-from executor.core.battery.pack_condition import PackCondition, PackState
-from executor.core.battery.pack_history import RECENT
-from executor.core.battery.resting_voltage import NO_FACTS, PackFacts
+from executor.core.battery import pack_condition, voltage
+from executor.core.battery.pack_condition import RECENT, PackCondition, PackState
+from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 
 LIKE = 1.1
@@ -54,9 +53,9 @@ class PackAtRest:
 def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
     """Return what a vehicle's parameters say of its pack."""
     said = NO_FACTS
-    for name in resting_voltage.PARAMETERS:
+    for name in voltage.PARAMETERS:
         if name in parameters:
-            said = resting_voltage.apply_pack_parameter(said, name, parameters[name])
+            said = voltage.apply_pack_parameter(said, name, parameters[name])
     return said
 
 
@@ -65,7 +64,7 @@ def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest |
     if heard.voltage_v is None:
         return None
     known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
-    cells = heard.cells or known.cells or resting_voltage.least_cell_count(heard.voltage_v)
+    cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
     at_rest = pack_condition.apply_pack_voltage(
         PackState(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True
     )

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.core.context import Context
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight.board_changes import format_change
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters, select_names

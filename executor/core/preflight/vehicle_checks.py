@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from executor.core.context import Context
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import (
     GROUND_STATION,
@@ -23,8 +23,8 @@ from executor.core.interface.messages import (
 )
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, Parameters
-from executor.core.telemetry import firmware
-from executor.core.telemetry.foreign_systems import describe_foreign_system
+from executor.core.telemetry import vehicle_identity
+from executor.core.telemetry.vehicle_identity import describe_foreign_system
 from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
@@ -96,8 +96,8 @@ class VehicleFacts:
         """Type, autopilot and firmware."""
         version = "of unknown version" if self.version is None else str(self.version)
         return (
-            f"{firmware.describe_vehicle_type(self.heartbeat.vehicle_type)}, "
-            f"{firmware.describe_autopilot(self.heartbeat.autopilot)} {version}"
+            f"{vehicle_identity.describe_vehicle_type(self.heartbeat.vehicle_type)}, "
+            f"{vehicle_identity.describe_autopilot(self.heartbeat.autopilot)} {version}"
         )
 
 
@@ -112,8 +112,8 @@ def check_identity(
     """Check that the vehicle, which stands at `place_m` of the local frame, is the one that the site file means."""
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
-    if kind not in firmware.MULTICOPTERS:
-        text = f"HEARTBEAT type is {firmware.describe_vehicle_type(kind)}, expected a multicopter"
+    if kind not in vehicle_identity.MULTICOPTERS:
+        text = f"HEARTBEAT type is {vehicle_identity.describe_vehicle_type(kind)}, expected a multicopter"
         found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
     if facts.heartbeat.autopilot != dialect.number:
         text = f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"

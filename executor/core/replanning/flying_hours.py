@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.interface.commands import Survivor
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import CLEARED_S
 
@@ -53,8 +53,8 @@ def limit_to_hours(context: Context, state: FleetState, offer: Survivor, now_s: 
     vehicle = state.vehicles[offer.vehicle]
     free_s = home_s = 0.0
     if offer.airborne and vehicle.assignment.board is not None:
-        free_s = landing_projection.time_to_reach_s(vehicle, offer.kept - 1)
-        home_s = landing_projection.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1)
+        free_s = legs.time_to_reach_s(vehicle, offer.kept - 1)
+        home_s = legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1)
     most_pct = min_draw_pct(context, max(0.0, left_s - free_s))
     in_time = offer.airborne and home_s <= left_s
     return replace(

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Level, Say
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.replanning import survivors
 from executor.core.state.fleet_state import FleetState, NewMission, Stepped

@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.context import Context
-from executor.core.inflight.homing.return_home import is_coming_down
+from executor.core.inflight.homing import is_coming_down
 from executor.core.interface.commands import Command, Compose, Level, Say, Survivor, Upload
 from executor.core.interface.events import MissionsWanted, NewRoute
 from executor.core.replanning import replan_separation, survivors

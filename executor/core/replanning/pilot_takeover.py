@@ -8,14 +8,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.inflight.custody.mode_attribution import attribute_mode_change
-from executor.core.inflight.custody.mode_causes import is_long_hold, is_unseen_hold, max_failsafe_hold_s
-from executor.core.inflight.homing.return_home import is_on_mission
+from executor.core.inflight.custody.mode_causes import (
+    attribute_mode_change,
+    is_long_hold,
+    is_unseen_hold,
+    max_failsafe_hold_s,
+)
+from executor.core.inflight.homing import is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
 from executor.core.interface.messages import Actor
 from executor.core.replanning import new_missions
 from executor.core.replanning.withdrawal import withdraw_vehicle
-from executor.core.state import leg_times
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, Takeover
 from executor.core.state.vehicle_position import (
@@ -144,7 +148,7 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
     fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
     place = "" if is_over_pad(context, vehicle) and not fell else f", {describe_down_place(context, vehicle)}"
     stage = Stage.DOWN if place else Stage.LANDED
-    vehicle = vehicle if place else leg_times.end_sortie(context, vehicle, vehicle.link.heard_s or 0.0)
+    vehicle = vehicle if place else legs.end_sortie(context, vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
         change_stage(vehicle, stage)
         .with_custody(taken=None)

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from executor.core.context import Context, VehicleSetup
-from executor.core.inflight.homing.return_home import is_on_mission
+from executor.core.inflight.homing import is_on_mission
 from executor.core.interface.commands import Survivor
 from executor.core.replanning import survivors
 from executor.core.state.fleet_state import FleetState, Replan

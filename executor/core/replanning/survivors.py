@@ -8,11 +8,10 @@ from executor.core.battery import account
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
-from executor.core.state import landing_projection
-from executor.core.state.current_setup import current_setup_of
+from executor.core.state import legs
 from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
 from missions.flight_model import AS_MODELLED
@@ -60,7 +59,7 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
     if kept > state.assignment.waypoint:
         place, spent = (
             state.assignment.board.places_m[kept - 1],
-            landing_projection.energy_to_reach_pct(state, kept - 1),
+            legs.energy_to_reach_pct(state, kept - 1),
         )
         alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
     else:
@@ -84,8 +83,8 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
 
 def _turn_energy_pct(context: Context, state: VehicleState, waypoint: int) -> float:
     """Return what turning back costs a vehicle at most: it flies on until it has its new mission, and all that back."""
-    shares = context.horizon_s / landing_projection.time_to_reach_s(state, waypoint)
-    return 2.0 * min(1.0, shares) * landing_projection.energy_to_reach_pct(state, waypoint)
+    shares = context.horizon_s / legs.time_to_reach_s(state, waypoint)
+    return 2.0 * min(1.0, shares) * legs.energy_to_reach_pct(state, waypoint)
 
 
 def build_pad_survivor(context: Context, state: VehicleState) -> Survivor:
@@ -151,7 +150,7 @@ def _count_kept_waypoints(context: Context, state: VehicleState) -> int | None:
         if waypoints[kept].phase is Phase.LAND:
             return None
         homeward = waypoints[kept].phase is Phase.RETURN
-        if landing_projection.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
+        if legs.time_to_reach_s(state, kept if homeward else kept - 1) > context.horizon_s:
             return kept + 1 if kept == state.assignment.waypoint and _is_beside_leg(state) else kept
         if homeward:
             return None

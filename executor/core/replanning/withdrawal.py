@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
+from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing.return_home import HomingAction
+from executor.core.inflight.homing import HomingAction
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Level, Say
 from executor.core.replanning import new_missions
 from executor.core.state.fleet_state import FleetState, Stepped
@@ -44,7 +44,7 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     state = state.put(replace(gone, fault=fault, sortie=replace(gone.sortie, place_told=kind is FaultKind.DOWN)))
     if stage is Stage.RETURNING and not then:
         then = _describe_homing(context, state, vehicle.name, now_s)
-        state, commands = return_home.bring_home(context, state, state.vehicles[vehicle.name], now_s)
+        state, commands = homing.bring_home(context, state, state.vehicles[vehicle.name], now_s)
     trigger = f"{vehicle.name}: {why}" if kind is FaultKind.LINK else f"{vehicle.name}: {kind.value}, {why}"
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
     line = "; ".join(part for part in (trigger, then, _describe_reassignment(state, vehicle.name, left)) if part)
@@ -58,7 +58,7 @@ def _is_landed_at_home(context: Context, vehicle: VehicleState) -> bool:
 
 
 def _describe_homing(context: Context, state: FleetState, name: str, now_s: float) -> str:
-    found = return_home.advise_homing(context, state.vehicles[name], now_s)
+    found = homing.advise_homing(context, state.vehicles[name], now_s)
     match found.answer:
         case HomingAction.RETURN:
             waits = "no link; RTL will be commanded as soon as the link is back"

@@ -16,7 +16,7 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.state.inspection_run import NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
-from executor.core.state.landing_projection import remaining_leg_share
+from executor.core.state.legs import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState
 from missions import Pace, Phase

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from executor.core.context import Context, Scene
 from executor.core.imaging import picture_proof
-from executor.core.inflight.homing.return_home import is_on_mission
+from executor.core.inflight.homing import is_on_mission
 from executor.core.interface.commands import Level, Say
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.resume.inferred_coverage import infer_coverage

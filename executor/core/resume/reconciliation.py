@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import turnaround
-from executor.core.inflight.homing.return_home import bring_home, is_on_mission
+from executor.core.inflight.homing import bring_home, is_on_mission
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, Level, Say, Start, Upload
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.replanning import new_missions, survivors
 from executor.core.replanning.replan_messages import format_segments

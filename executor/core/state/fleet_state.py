@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
 from executor.core.state.inspection_run import SegmentPass
-from executor.core.state.part_updates import PartUpdate
-from executor.core.state.vehicle_state import Fault, Stage, VehicleState
+from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
 from planner import segment_of
@@ -171,12 +170,8 @@ class Briefing:
 KEPT_LINES = 200
 
 
-@dataclass(frozen=True, slots=True)
-class ReportedWarnings:
-    """What an operator was told of a vehicle."""
-
-    at_s: tuple[tuple[str, float], ...] = ()
-    """By the name of the row: when it was last not well."""
+ReportedWarnings = tuple[tuple[str, float], ...]
+"""What an operator was told of a vehicle: each warning by its name, and when it held last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,10 +311,6 @@ class FleetState:
         # Every message comes here: made at once, it takes a third of what `replace` takes.
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
         return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
-
-    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
-        """Return the state with lines for the operator added."""
-        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
 
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""

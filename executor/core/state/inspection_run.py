@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from executor.core.lines import inspection
 from missions.geometry import locate_on_leg
 
 SPEED_FACTOR = 1.3
@@ -162,21 +163,21 @@ def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes 
         return RunStep(None)
     gap_s = sample.boot_s - run.recent[-1][0]
     if not inside:
-        return RunStep(None, broken=f"{beside:.0f} m beside the line")
+        return RunStep(None, broken=inspection.BESIDE_LINE.format(beside_m=beside))
     if gap_s > GAP_S:
-        return RunStep(None, broken=f"no position for {gap_s:.1f} s")
+        return RunStep(None, broken=inspection.NO_POSITION.format(gap_s=gap_s))
     if along < run.furthest_m - corridor_m:
-        return RunStep(None, broken="turned back")
+        return RunStep(None, broken=inspection.TURNED_BACK)
     recent = (*run.recent, (sample.boot_s, along))
     while len(recent) > 2 and sample.boot_s - recent[1][0] >= SPEED_WINDOW_S:
         recent = recent[1:]
     elapsed_s = sample.boot_s - recent[0][0]
     speed = (along - recent[0][1]) / elapsed_s if elapsed_s >= SPEED_WINDOW_S else 0.0
     if speed > SPEED_FACTOR * speed_m_s:
-        return RunStep(None, broken=f"flown at {speed:.1f} m/s")
+        return RunStep(None, broken=inspection.FLOWN_AT.format(speed_m_s=speed))
     furthest, pace = max(run.furthest_m, along), run.pace.with_sample(sample, track.lateral_offset_m(sample.place_m))
     if along >= track.length_m - tolerance:
         if along - recent[0][1] > SPEED_FACTOR * speed_m_s * elapsed_s + NOISE_M:
-            return RunStep(None, broken="flown too fast")
+            return RunStep(None, broken=inspection.TOO_FAST)
         return RunStep(None, flown=pace.to_segment_pass(sample.boot_s, along))
     return RunStep(InspectionRun(furthest, recent, pace))

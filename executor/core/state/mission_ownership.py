@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from executor.core.context import Scene
 from executor.core.interface.events import Match
 from executor.core.interface.messages import NO_ITEM, MissionCurrent
+from executor.core.lines import custody
 
 SURE_S = 0.9
 """Two reports must agree; they come twice a second."""
@@ -76,14 +77,14 @@ def apply_mission_report(
     """Take what a vehicle says of its mission, where that should be `expected` items of ours."""
     total, number = message.total, message.mission_id
     if total == NO_ITEM:  # PX4 without a mission
-        return _mark_foreign(carried, "none at all", now_s)
+        return _mark_foreign(carried, custody.NO_MISSION, now_s)
     if total and total != expected:
-        return _mark_foreign(carried, f"{total} items where ours has {expected}", now_s)
+        return _mark_foreign(carried, custody.OTHER_TOTAL.format(items=total, ours=expected), now_s)
     if number and number != carried.id:
         # What it says first after an upload may be of before it.
         if carried.id is None or now_s - carried.ours_s < SETTLES_S:
             return replace(carried, id=number, foreign_s=None, words="")
-        return _mark_foreign(carried, "as many items as ours, but others", now_s)
+        return _mark_foreign(carried, custody.OTHER_ITEMS, now_s)
     if carried.foreign_s is None or (not number and carried.by_items):
         return carried
     return replace(carried, foreign_s=None, words="", by_items=False)
@@ -100,10 +101,10 @@ def apply_mission_readback(carried: MissionOwnership, match: Match | None, now_s
     """Take what was read from it, against the mission that is ours; None if nothing could be read."""
     known = replace(carried, told_s=None, asked_s=None, read_s=now_s)
     if match is None:
-        return replace(_mark_foreign(known, "it reports a new one, which cannot be read", now_s), by_items=True)
+        return replace(_mark_foreign(known, custody.UNREADABLE, now_s), by_items=True)
     if match.whole:
         return replace(known, foreign_s=None, words="", by_items=False)
-    words = f"read-back differs from item {match.alike} on"
+    words = custody.READ_BACK_DIFFERS.format(alike=match.alike)
     return replace(_mark_foreign(known, words, now_s), words=words, by_items=True)
 
 

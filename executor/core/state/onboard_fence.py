@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executor.core.context import Context
+from executor.core.lines import position
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import VehicleState
 from missions import FlightPath
-from missions.fences import Fence, build_fence, build_fence_items, build_rally_items, flown_places
+from missions.fences import Fence, build_fence, build_rally_items, flown_places
 from missions.items import MissionItem
 
 
@@ -70,12 +71,8 @@ def describe_fence_departure(vehicle: VehicleState, now_s: float, stale_s: float
     out_m, over_m = fence.distance_outside_m(fix.place_m), fix.alt_rel_m - fence.top_m
     if max(out_m, over_m) <= OFF_FENCE_M:
         return ""
-    return f"{out_m:.0f} m outside" if out_m >= over_m else f"{over_m:.0f} m above it"
-
-
-def encode_fence(context: Context, fence: Fence) -> tuple[MissionItem, ...]:
-    """Return a fence as it goes on board."""
-    return build_fence_items(fence, context.frame)
+    line = position.OUTSIDE_FENCE if out_m >= over_m else position.ABOVE_FENCE
+    return line.format(out_m=out_m, over_m=over_m)
 
 
 def build_rally_list(context: Context, name: str) -> tuple[MissionItem, ...] | None:

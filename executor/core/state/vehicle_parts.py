@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
-from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.account import BatteryState, PercentRounding
 from executor.core.battery.pack_condition import PackState
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.messages import (
     Attitude,
     DoubleHeard,
@@ -21,9 +20,8 @@ from executor.core.interface.messages import (
     StationHeard,
     Wind,
 )
-from executor.core.state.duplicate_ids import DuplicateIdWatch
 from executor.core.state.inspection_run import InspectionRun, Track
-from executor.core.state.link_quality import LinkQuality
+from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.vehicle_learning import LearnedFactors
 from missions import FlightPath, LegEstimate, Phase
@@ -67,13 +65,6 @@ class HomingOrder:
     """When it may be told again after a refusal."""
     force: bool = False
     """Whether the operator has confirmed that it is taken out of its pilot's hands."""
-
-
-@dataclass(frozen=True, slots=True)
-class WatchpointMemory:
-    """One watchpoint's memory: since when it fails, if it does."""
-
-    failing_since_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,14 +221,6 @@ class LinkState:
     """Other ground stations on its link, and other vehicles with its number."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     """Whether its positions are those of one vehicle."""
-
-    def with_contact(self, now_s: float, *, silent: bool) -> LinkState:
-        """Return it after the vehicle said something, whatever it was: every message comes here."""
-        regained_s = now_s if silent else self.regained_s
-        return LinkState(
-            now_s, now_s, self.heartbeat_s, regained_s, self.stale, self.excused_s, self.quality, self.strangers,
-            self.twins,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

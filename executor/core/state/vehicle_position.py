@@ -1,17 +1,154 @@
-"""Where a vehicle is, in words for people who look for it, and whether it may be on the ground there."""
+"""Where a vehicle is: how that is known, in words for people who look for it, and whether it may be down there.
+
+A position is by satellites, or reckoned by the autopilot since they were lost: it integrates its own accelerations, and
+what it says may be hundreds of metres off within a minute. Three things say so: the receiver's fix (GPS_RAW_INT), the
+estimator's flags (EKF_STATUS_REPORT, ESTIMATOR_STATUS), and, where the receiver says nothing, its health in SYS_STATUS.
+GPS is lost only where there was a fix before: who flies indoors has none to lose.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from dataclasses import dataclass, replace
 
 from executor.core import formatting
 from executor.core.context import Scene
-from executor.core.state.positioning import accuracy_of, is_dead_reckoning, time_without_fix_s
-from executor.core.state.vehicle_parts import PositionFix
+from executor.core.interface.messages import EstimatorStatus, Gps, SystemStatus
+from executor.core.lines import landing, position
+from executor.core.state.inspection_run import GAP_S
+from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.dialect import is_home_mode
+
+FIXED = 3
+"""GPS_FIX_TYPE: three-dimensional. With less neither autopilot uses the receiver."""
+REPORTED_S = 5.0
+"""A report of the receiver or of the estimator that is older says nothing of now."""
+GPS_SENSOR = 0x20
+"""MAV_SYS_STATUS_SENSOR_GPS."""
+SETTLES_S = 10.0
+"""After GPS is regained the estimator moves to where it is: so long a jump is a correction."""
+DRIFT_M_S2 = 0.25
+"""What an estimator without GPS takes for acceleration where there is none: its idea of level is off by 1.5 degrees."""
+USUAL_M = 3.0
+"""What a fix is off by where its receiver does not say."""
+
+
+def update_positioning(
+    known: Positioning,
+    message: Gps | EstimatorStatus | SystemStatus,
+    at: PositionFix | None,
+    now_s: float,
+    *,
+    stands: bool,
+) -> Positioning:
+    """Take what a vehicle says of its GPS.
+
+    Args:
+        known: What was known before.
+        message: What it says.
+        at: Its newest position.
+        now_s: When this was heard.
+        stands: Whether it stands disarmed before its flight.
+    """
+    match message:
+        case Gps():
+            return _gps_heard(known, message, at, now_s)
+        case EstimatorStatus():
+            return _estimator_heard(known, message, now_s, stands=stands)
+        case SystemStatus(unhealthy=unhealthy):
+            # For a receiver that says nothing itself.
+            ill = unhealthy & GPS_SENSOR and now_s - known.reported_s > REPORTED_S
+            return _record_gps_loss(known, position.NOT_HEALTHY, now_s) if ill else known
+
+
+def _gps_heard(known: Positioning, message: Gps, at: PositionFix | None, now_s: float) -> Positioning:
+    """Take what a receiver says.
+
+    A report whose own time stands still is that of the last fix, repeated: ArduPilot does so for four seconds.
+    """
+    fixes = (*(one for one in known.fixes if one[0] != message.receiver), (message.receiver, message.fix))
+    repeated = message.measured_s is not None and message.measured_s == known.measured_s and not message.receiver
+    known = replace(known, fixes=fixes, reported_s=now_s)
+    if max(fix for _, fix in fixes) < FIXED:
+        return _record_gps_loss(known, position.NO_FIX, now_s)
+    if message.fix < FIXED or repeated:
+        return known
+    measured_s = known.measured_s if message.receiver else message.measured_s
+    known = replace(known, measured_s=measured_s, accuracy_m=message.accuracy_m)
+    if known.adrift_s is not None and now_s - known.estimated_s <= REPORTED_S:
+        return known
+    if known.lost_s is None:
+        return known if at is None else replace(known, fixed=at)
+    # The newest position is from before: the next report confirms one.
+    return replace(known, lost_s=None, why="", regained_s=now_s)
+
+
+def _estimator_heard(known: Positioning, message: EstimatorStatus, now_s: float, *, stands: bool) -> Positioning:
+    """Take what an estimator says of itself.
+
+    ArduPilot's takes half a minute to use a receiver that has a fix: until then there is nothing that it could lose.
+    """
+    known = replace(known, estimated_s=now_s)
+    if message.is_absolute:
+        return known if known.adrift_s is None else replace(known, adrift_s=None)
+    since_s = now_s if known.adrift_s is None else known.adrift_s
+    if stands and known.lost_s is None:
+        return replace(known, adrift_s=since_s, fixed=None)
+    return _record_gps_loss(replace(known, adrift_s=since_s), position.NOT_USED, now_s)
+
+
+def _record_gps_loss(known: Positioning, why: str, now_s: float) -> Positioning:
+    if known.lost_s is not None or known.fixed is None:
+        return known
+    return replace(known, lost_s=now_s, why=why)
+
+
+def time_without_fix_s(known: Positioning, at: PositionFix) -> float:
+    """Return how long before a position the last one with a fix was, by the vehicle's own clock; 0 where it has one."""
+    if not at.reckoned or known.fixed is None:
+        return 0.0
+    return max(0.0, at.boot_s - known.fixed.boot_s)
+
+
+def is_dead_reckoning(vehicle: VehicleState) -> bool:
+    """Return whether its newest position proves nothing: it is reckoned for longer than a gap that is tolerated."""
+    fix = vehicle.motion.fix
+    return fix is not None and time_without_fix_s(vehicle.sensors.positioning, fix) > GAP_S
+
+
+def describe_gps_return(before: VehicleState, after: VehicleState, now_s: float) -> str:
+    """Return in words that GPS was regained in the air; empty if it was not."""
+    lost_s = before.sensors.positioning.lost_s
+    if lost_s is None or after.sensors.positioning.lost_s is not None or not after.airborne:
+        return ""
+    return position.GPS_REGAINED.format(lost_s=now_s - lost_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """How well the newest position is known."""
+
+    known: str
+    """fix: by GPS. reckoned: without it. unsaid: the vehicle has said nothing of its GPS."""
+    off_m: float
+    """By so much it may be off; a reckoned one by this or more."""
+    fixed: PositionFix | None = None
+    """The last position with a fix, of one that is reckoned."""
+
+
+def accuracy_of(vehicle: VehicleState) -> Accuracy | None:
+    """Return how well a vehicle's newest position is known; None where there is none."""
+    fix, known = vehicle.motion.fix, vehicle.sensors.positioning
+    if fix is None:
+        return None
+    usual_m = USUAL_M if known.accuracy_m is None else known.accuracy_m
+    if fix.reckoned:
+        drift_m = 0.5 * DRIFT_M_S2 * time_without_fix_s(known, fix) ** 2
+        return Accuracy("reckoned", usual_m + drift_m, known.fixed)
+    return Accuracy("unsaid" if known.fixed is None else "fix", usual_m)
 
 
 def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
@@ -21,21 +158,21 @@ def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
     """
     fix, how = vehicle.motion.fix, accuracy_of(vehicle)
     if fix is None or how is None:
-        return "an unknown place"
+        return position.UNKNOWN_PLACE
     if how.known != "reckoned" or how.fixed is None:
         return formatting.format_known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
-    reckoned = f"reckoned since to {_place(context, fix, how.off_m)}, off by {how.off_m:.0f} m or more"
-    return f"{last_fix(context, vehicle)}, {reckoned}"
+    place = _place(context, fix, how.off_m)
+    return position.RECKONED_SINCE.format(last_fix=last_fix(context, vehicle), place=place, off_m=how.off_m)
 
 
 def last_fix(context: Scene, vehicle: VehicleState) -> str:
     """Return the last place of a vehicle that is by GPS, and how it moved there."""
     fixed, fix = vehicle.sensors.positioning.fixed, vehicle.motion.fix
     if fixed is None or fix is None:
-        return "no GPS fix known"
+        return position.NO_LAST_FIX
     place = _place(context, fixed, vehicle.sensors.positioning.accuracy_m)
     speed_m_s, without_s = math.hypot(*fixed.velocity_m_s[:2]), time_without_fix_s(vehicle.sensors.positioning, fix)
-    return f"last GPS fix {place}, {without_s:.0f} s before, at {speed_m_s:.0f} m/s"
+    return position.LAST_FIX.format(place=place, age_s=without_s, speed_m_s=speed_m_s)
 
 
 def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
@@ -44,17 +181,18 @@ def _place(context: Scene, at: PositionFix, off_m: float | None) -> str:
 
 def describe_position(context: Scene, vehicle: VehicleState) -> str:
     """Return a vehicle's place as coordinates and height over its home."""
-    height = "" if vehicle.motion.fix is None else f", {round(vehicle.motion.fix.alt_rel_m)} m over its home"
-    return format_coordinates(context, vehicle) + height
+    place, fix = format_coordinates(context, vehicle), vehicle.motion.fix
+    return place if fix is None else position.AT_HEIGHT.format(place=place, up_m=round(fix.alt_rel_m))
 
 
 def describe_last_position(context: Scene, vehicle: VehicleState, now_s: float) -> str:
     """Return where a vehicle was heard last, and how long ago that was."""
     fix = vehicle.motion.fix
     if fix is None:
-        return "its position is not known"
-    position = "" if fix.reckoned else "last position "
-    return f"{position}{describe_position(context, vehicle)}, {formatting.format_age(max(0.0, now_s - fix.at_s))}"
+        return position.UNKNOWN
+    line = position.RECKONED_LAST if fix.reckoned else position.LAST
+    age = formatting.format_age(max(0.0, now_s - fix.at_s))
+    return line.format(position=describe_position(context, vehicle), age=age)
 
 
 def has_fresh_position(context: Scene, vehicle: VehicleState, now_s: float) -> bool:
@@ -126,15 +264,15 @@ def is_at_rest(vehicle: VehicleState, now_s: float) -> bool:
 
 def describe_down_place(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down, and whether it is safe to go there."""
-    state = "armed: keep away" if vehicle.armed else "disarmed"
-    return f"{format_down_position(context, vehicle)}, {state}"
+    line = landing.ARMED if vehicle.armed else landing.DISARMED
+    return line.format(down=format_down_position(context, vehicle))
 
 
 def format_down_position(context: Scene, vehicle: VehicleState) -> str:
     """Return where a vehicle is down; one without GPS is not said to be where it reckons."""
     how = accuracy_of(vehicle)
     known = how is None or how.known != "reckoned"
-    return f"down{' at' if known else ':'} {format_coordinates(context, vehicle)}"
+    return (landing.DOWN_AT if known else landing.DOWN).format(place=format_coordinates(context, vehicle))
 
 
 def describe_lean(vehicle: VehicleState) -> str:
@@ -142,7 +280,7 @@ def describe_lean(vehicle: VehicleState) -> str:
     attitude = vehicle.sensors.attitude
     if vehicle.sensors.tilted_since_s is None or attitude is None:
         return ""
-    return f"leans by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+    return landing.LEANS.format(lean_deg=max(abs(attitude.roll_deg), abs(attitude.pitch_deg)))
 
 
 def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:

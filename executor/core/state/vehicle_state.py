@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from enum import Enum, StrEnum
+from enum import Enum
+from typing import Generic, ParamSpec, TypeVar
 
 from executor.core.battery import account
-from executor.core.context import Context
+from executor.core.context import Context, Scene, VehicleSetup
+from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
 from executor.core.state.inspection_run import Track
 from executor.core.state.mission_ownership import MissionOwnership
-from executor.core.state.part_updates import PartUpdate
 from executor.core.state.vehicle_parts import (
     Assignment,
     Custody,
@@ -27,10 +29,36 @@ from executor.core.state.vehicle_parts import (
     SortieProgress,
     Telemetry,
     Turnaround,
-    WatchpointMemory,
 )
 from missions import FlightPath, Phase, Waypoint, encode, estimate
 from planner import segment_of
+
+Whole = TypeVar("Whole")
+Fields = ParamSpec("Fields")
+
+
+class PartUpdate(Generic[Fields]):
+    """A method of a dataclass that replaces fields of one of its parts, as `replace` twice.
+
+    `with_orders = PartUpdate(Orders)` makes `vehicle.with_orders(held_s=None)`; every field of the part has a default.
+    """
+
+    def __init__(self, part: Callable[Fields, object]) -> None:
+        """Take the dataclass that the part is: its fields are the arguments, and type checkers hold callers to them."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name of the part from the name of the method."""
+        self.part = name.removeprefix("with_")
+
+    def __get__(self, whole: Whole, owner: type | None = None) -> Callable[Fields, Whole]:
+        """Return the method of one object."""
+
+        def update(*_: Fields.args, **fields: Fields.kwargs) -> Whole:
+            part = replace(getattr(whole, self.part), **fields)
+            changed: Whole = replace(whole, **{self.part: part})  # type: ignore[type-var]
+            return changed
+
+        return update
 
 
 class Stage(Enum):
@@ -91,77 +119,43 @@ class FaultKind(Enum):
     """On the ground where, when or how it should not be."""
 
 
-class FaultCode(StrEnum):
+class FaultCode(ReasonCode):
     """What was found, beside the words: within its kind, and finer."""
 
-    LINK_LOST = "link_lost"
-    """Nothing was received for the link time-out."""
-    HEARTBEAT_LOST = "heartbeat_lost"
-    """No HEARTBEAT while other messages come."""
-    POSITION_LOST = "position_lost"
-    """No position while other messages come."""
-    ITEM_LOST = "item_lost"
-    """No current waypoint while other messages come."""
-    BATTERY_REPORT_LOST = "battery_report_lost"
-    """No battery report while other messages come."""
-    BATTERY_STEP = "battery_step"
-    """Much charge was lost at once."""
-    VOLTAGE_STEP = "voltage_step"
-    """The voltage fell at once by more than the load explains."""
-    CELL_WEAK = "cell_weak"
-    """A cell is near its end, or far below the others."""
-    BATTERY_CRITICAL = "battery_critical"
-    """The autopilot reports its battery critical, failed or unhealthy."""
-    BATTERY_FAILSAFE = "battery_failsafe"
-    """The autopilot says that its battery failsafe acts."""
-    BATTERY_PLUNGE = "battery_plunge"
-    """Far more is used than is usual."""
-    BATTERY_DRIFT = "battery_drift"
-    """More is used than is usual, for a while."""
-    PACK_SHORT = "pack_short"
-    """By its resting voltage its pack holds much less than it reports."""
-    BATTERY_LOW = "battery_low"
-    """It would land below its reserve."""
-    DISARMED = "disarmed"
-    """It disarmed where, or when, it should not have."""
-    CRASHED = "crashed"
-    """Its autopilot says that it has crashed, or it lies as none flies."""
-    FALLING = "falling"
-    """It falls."""
-    SINKING = "sinking"
-    """It sinks far below what its mission asks."""
-    THRUST_LOST = "thrust_lost"
-    """It sinks though its autopilot wants to be higher."""
-    TERMINATED = "terminated"
-    """Its HEARTBEAT reports an emergency or flight termination."""
-    POSITION_JUMP = "position_jump"
-    """Its position jumped."""
-    MODE_CHANGED = "mode_changed"
-    """It left its mission by its own failsafe."""
-    FENCE_BREACHED = "fence_breached"
-    """It is outside its fence: its autopilot says so, or its position shows it."""
-    STALL = "stall"
-    """It does not move on its mission."""
-    DOWN = "down"
-    """It is on the ground where, or as, it should not be."""
-    NOT_STARTED = "not_started"
-    """It could not be started."""
-    MISSION_FOREIGN = "mission_foreign"
-    """After an absence it cannot be left on the mission that it carries."""
-    MISSION_MIXED = "mission_mixed"
-    """Its mission on board is a mix of two."""
-    OPERATOR_LAND = "operator_land"
-    """An operator's intent had it land."""
-    CAMERA_SILENT = "camera_silent"
-    """A camera takes no pictures where it should, and says nothing."""
-    CAMERA_MUTE = "camera_mute"
-    """The autopilot triggers a camera that does not say that it took a picture."""
-    CARD_FULL = "card_full"
-    """A camera has no room for pictures, or says that it cannot take them."""
-    GIMBAL_STUCK = "gimbal_stuck"
-    """The gimbal does not point where it should."""
-    OPERATOR_EXCLUDE = "operator_exclude"
-    """An operator's intent took it out of the plan."""
+    LINK_LOST = "link_lost", "Nothing was received for the link time-out."
+    HEARTBEAT_LOST = "heartbeat_lost", "No HEARTBEAT while other messages come."
+    POSITION_LOST = "position_lost", "No position while other messages come."
+    ITEM_LOST = "item_lost", "No current waypoint while other messages come."
+    BATTERY_REPORT_LOST = "battery_report_lost", "No battery report while other messages come."
+    BATTERY_STEP = "battery_step", "Much charge was lost at once."
+    VOLTAGE_STEP = "voltage_step", "The voltage fell at once by more than the load explains."
+    CELL_WEAK = "cell_weak", "A cell is near its end, or far below the others."
+    BATTERY_CRITICAL = "battery_critical", "The autopilot reports its battery critical, failed or unhealthy."
+    BATTERY_FAILSAFE = "battery_failsafe", "The autopilot says that its battery failsafe acts."
+    BATTERY_PLUNGE = "battery_plunge", "Far more is used than is usual."
+    BATTERY_DRIFT = "battery_drift", "More is used than is usual, for a while."
+    PACK_SHORT = "pack_short", "By its resting voltage its pack holds much less than it reports."
+    BATTERY_LOW = "battery_low", "It would land below its reserve."
+    DISARMED = "disarmed", "It disarmed where, or when, it should not have."
+    CRASHED = "crashed", "Its autopilot says that it has crashed, or it lies as none flies."
+    FALLING = "falling", "It falls."
+    SINKING = "sinking", "It sinks far below what its mission asks."
+    THRUST_LOST = "thrust_lost", "It sinks though its autopilot wants to be higher."
+    TERMINATED = "terminated", "Its HEARTBEAT reports an emergency or flight termination."
+    POSITION_JUMP = "position_jump", "Its position jumped."
+    MODE_CHANGED = "mode_changed", "It left its mission by its own failsafe."
+    FENCE_BREACHED = "fence_breached", "It is outside its fence: its autopilot says so, or its position shows it."
+    STALL = "stall", "It does not move on its mission."
+    DOWN = "down", "It is on the ground where, or as, it should not be."
+    NOT_STARTED = "not_started", "It could not be started."
+    MISSION_FOREIGN = "mission_foreign", "After an absence it cannot be left on the mission that it carries."
+    MISSION_MIXED = "mission_mixed", "Its mission on board is a mix of two."
+    OPERATOR_LAND = "operator_land", "An operator's intent had it land."
+    CAMERA_SILENT = "camera_silent", "A camera takes no pictures where it should, and says nothing."
+    CAMERA_MUTE = "camera_mute", "The autopilot triggers a camera that does not say that it took a picture."
+    CARD_FULL = "card_full", "A camera has no room for pictures, or says that it cannot take them."
+    GIMBAL_STUCK = "gimbal_stuck", "The gimbal does not point where it should."
+    OPERATOR_EXCLUDE = "operator_exclude", "An operator's intent took it out of the plan."
 
 
 SINKS = frozenset({FaultCode.FALLING, FaultCode.SINKING, FaultCode.THRUST_LOST})
@@ -188,7 +182,8 @@ class VehicleState:
     name: str
     stage: Stage = Stage.GROUND
     fault: Fault | None = None
-    watches: tuple[tuple[str, WatchpointMemory], ...] = ()
+    watches: tuple[tuple[str, float], ...] = ()
+    """Watchpoints that fail, and since when."""
     link: LinkState = field(default_factory=LinkState)
     telemetry: Telemetry = field(default_factory=Telemetry)
     sensors: Sensors = field(default_factory=Sensors)
@@ -238,18 +233,6 @@ class VehicleState:
         """The waypoint that it flies to."""
         board, waypoint = self.assignment.board, self.assignment.waypoint
         return None if board is None or waypoint >= len(board.path.waypoints) else board.path.waypoints[waypoint]
-
-    def with_parts(
-        self, link: LinkState, *, telemetry: Telemetry | None = None, sensors: Sensors | None = None,
-        motion: MotionState | None = None, power: PowerState | None = None, assignment: Assignment | None = None,
-        sortie: SortieProgress | None = None, custody: Custody | None = None,
-    ) -> VehicleState:  # fmt: skip
-        """Return it after a message: as `replace`, in half its time, as every message comes here."""
-        return VehicleState(
-            self.name, self.stage, self.fault, self.watches, link, telemetry or self.telemetry, sensors or self.sensors,
-            motion or self.motion, power or self.power, assignment or self.assignment, self.orders,
-            sortie or self.sortie, custody or self.custody, self.evidence, self.payload, self.turn, self.own,
-        )  # fmt: skip
 
     def remaining_visits(self) -> tuple[int, ...]:
         """Visits of its mission that it is not known to have passed, the one under way included."""
@@ -338,3 +321,14 @@ def build_onboard_mission(
     encoded = encode(path, context.vehicles[name].dialect)
     legs = estimate(path, context.pricing.models[name]).legs
     return OnboardMission(revision, path, encoded.waypoint_of, visits, tracks, places, legs)
+
+
+def current_setup_of(context: Scene, vehicle: VehicleState) -> VehicleSetup:
+    """Return the setup of a vehicle; what its percentage says too much is a part of the reserve in it."""
+    setup, turn = context.vehicles[vehicle.name], vehicle.turn
+    if turn.swaps == 0:
+        return setup
+    setup = setup.with_pack(turn.label)
+    if turn.overstated_pct > 0.0:
+        return replace(setup, reserve_pct=setup.reserve_pct + turn.overstated_pct)
+    return setup

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.battery import account, pack_condition, resting_voltage
+from executor.core.battery import account, pack_condition, voltage
 from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageReport, apply_voltage_report
-from executor.core.battery.resting_voltage import PackFacts
+from executor.core.battery.voltage import PackFacts, VoltageReport, apply_voltage_report
 from executor.core.context import Scene
 from executor.core.interface.messages import Battery, SystemStatus, VehicleSetting
-from executor.core.state.current_setup import current_setup_of
 from executor.core.state.vehicle_parts import PowerState
-from executor.core.state.vehicle_state import VehicleState
+from executor.core.state.vehicle_state import VehicleState, current_setup_of
 
 SETTLES_S = 25.0
 """What PX4 reads off the voltage sinks with the take-off's load, and comes to rest in this time."""
@@ -69,7 +67,7 @@ def apply_system_status(context: Scene, state: VehicleState, message: SystemStat
 def apply_pack_setting(state: VehicleState, message: VehicleSetting) -> PowerState:
     """Take a parameter that may say something of its pack."""
     old = state.power
-    facts = resting_voltage.apply_pack_parameter(old.pack.facts, message.name, message.value)
+    facts = voltage.apply_pack_parameter(old.pack.facts, message.name, message.value)
     if facts == old.pack.facts:
         return old
     battery = account.apply_capacity_setting(old.battery, facts.capacity_ah)

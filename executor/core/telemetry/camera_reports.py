@@ -14,12 +14,12 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.interface.messages import CameraHeard, CameraStatus, GimbalAttitude, PayloadMessage, PictureTaken
-from executor.core.payload.camera_state import CameraRecord, Picture, WantedPicture
-from executor.core.payload.look_angles import angle_between_deg, bearing_deg
+from executor.core.lines import inspection
+from executor.core.payload.camera_state import CameraRecord, Picture, WantedPicture, angle_between_deg, bearing_deg
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.inspection_run import END_TOLERANCE_M, SPEED_FACTOR, Track
-from executor.core.state.positioning import is_dead_reckoning
 from executor.core.state.vehicle_parts import OnboardMission
+from executor.core.state.vehicle_position import is_dead_reckoning
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase, Waypoint
 from missions.cameras import FIRST_COMPONENT, Camera, Capture, PictureProof, choose_picture_proof
@@ -175,7 +175,7 @@ def _add_picture(pictures: tuple[Picture, ...], new: Picture) -> tuple[Picture, 
     for number, old in enumerate(pictures):
         same = (old.camera, old.segment, old.points, old.flaw) == (new.camera, new.segment, new.points, "")
         if same and abs(new.at_s - old.at_s) < ONE_PASS_S:
-            why = f"another one of it follows {abs(new.at_s - old.at_s):.0f} s later"
+            why = inspection.TAKEN_AGAIN.format(later_s=abs(new.at_s - old.at_s))
             if old.at_s <= new.at_s:
                 found[number] = replace(old, flaw=why)
             else:
@@ -319,13 +319,13 @@ def _find_flaw(
 ) -> str:  # fmt: skip
     """Return why a picture does not count; nothing if it does."""
     if adrift:
-        return "taken without a GPS fix"
+        return inspection.TAKEN_WITHOUT_FIX
     if seen is None or capture is None:
-        return "of no span that asks for it"
+        return inspection.NOT_WANTED
     if picture.speed_m_s > SPEED_FACTOR * context.inspection_speed_m_s:
-        return f"taken at {picture.speed_m_s:.1f} m/s"
+        return inspection.TAKEN_AT.format(speed_m_s=picture.speed_m_s)
     off_deg = _aim_error_deg(message, picture, seen, capture)
-    return f"aimed {off_deg:.0f} degrees beside" if off_deg > capture.aim_deg else ""
+    return inspection.AIMED_BESIDE.format(off_deg=off_deg) if off_deg > capture.aim_deg else ""
 
 
 def _aim_error_deg(message: PictureTaken, picture: Picture, seen: _VisitSite, capture: Capture) -> float:

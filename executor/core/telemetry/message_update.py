@@ -7,44 +7,18 @@ from dataclasses import dataclass, replace
 
 from executor.core.battery import account
 from executor.core.context import Scene
-from executor.core.interface.messages import (
-    BOOT,
-    CRITICAL,
-    Attitude,
-    Battery,
-    DoubleHeard,
-    EstimatorStatus,
-    FenceStatus,
-    FlightMessage,
-    Gps,
-    Heartbeat,
-    HeightTarget,
-    LandedState,
-    ListedItem,
-    MissionCurrent,
-    ModeChange,
-    OrderSeen,
-    OwnFailsafe,
-    PayloadMessage,
-    Position,
-    Radio,
-    RcChannels,
-    StationHeard,
-    StatusText,
-    SystemStatus,
-    Traffic,
-    VehicleSetting,
-    Wind,
-)
-from executor.core.state import link_quality, mission_height, mission_ownership, positioning
-from executor.core.state.duplicate_ids import ReportedPosition, add_reported_position
+from executor.core.interface import messages
+from executor.core.interface.messages import BOOT, CRITICAL, FlightMessage, StatusText
+from executor.core.lines import inspection
+from executor.core.state import link_quality, mission_height, mission_ownership, vehicle_position
 from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state.link_quality import ReportedPosition, add_reported_position
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
 from executor.core.telemetry import mode_evidence
 from executor.core.telemetry.battery_reports import apply_battery_status, apply_pack_setting, apply_system_status
-from executor.core.telemetry.failsafe_texts import is_alarm, may_explain_disarming, may_stop_motors
-from executor.core.telemetry.foreign_systems import add_foreign_system
+from executor.core.telemetry.mode_evidence import ALARM, EXPLAINS_DISARMING, STOPS_MOTORS
+from executor.core.telemetry.vehicle_identity import add_foreign_system
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
 from planner import CLIMB_SHARE_PER_M_S
@@ -61,10 +35,7 @@ _ON_ITS_MISSION = frozenset({Stage.FLYING, Stage.STARTING, Stage.PILOT, Stage.LO
 """Where the index says something: a pilot may have put it back on its mission, and a lost one may still fly it."""
 NAMED_S = 5.0
 """So shortly after the text that names a reason PX4 says what it does: "Failsafe activated: switching to Return"."""
-_ABOUT = (Traffic, Radio, StationHeard, DoubleHeard)
-"""What others say about a vehicle."""
-_EVIDENT = (OrderSeen, ModeChange, RcChannels, VehicleSetting, OwnFailsafe)
-WITHOUT_FIX = f"flown without a GPS fix for more than {GAP_S:g} s"
+WITHOUT_FIX = inspection.WITHOUT_FIX.format(gap_s=GAP_S)
 """Why an inspection does not count: where its vehicle was is reckoned."""
 JUMP_GAP_S = 10.0
 """After a longer gap a position says nothing of a jump."""
@@ -85,69 +56,72 @@ def apply_message(  # noqa: C901, PLR0912 - one case for each kind of message
     context: Scene, state: VehicleState, message: FlightMessage, now_s: float
 ) -> MessageEffect:
     """Take one message into the state."""
-    if isinstance(message, PayloadMessage):
-        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `pictures`
-    if isinstance(message, _ABOUT):
+    if isinstance(message, messages.PayloadMessage):
+        return MessageEffect(state)  # what cameras say is no word of their vehicle's autopilot; see `camera_reports`
+    if isinstance(message, messages.LinkMessage):
         return MessageEffect(_apply_link_report(context, state, message, now_s))
-    if isinstance(message, _EVIDENT):
+    if isinstance(message, messages.EvidenceMessage):
         return MessageEffect(_apply_evidence(state, message, now_s))
     silent = state.link.spoke_s is not None and now_s - state.link.spoke_s >= context.limits.link_stale_s
-    link = state.link.with_contact(now_s, silent=silent)
+    regained_s = now_s if silent else state.link.regained_s
+    link = replace(state.link, heard_s=now_s, spoke_s=now_s, regained_s=regained_s)
     sensors, telemetry = state.sensors, state.telemetry
     match message:
-        case Heartbeat():
+        case messages.Heartbeat():
             after = _apply_heartbeat(context, state, link, message, now_s)
-        case Position():
+        case messages.Position():
             link = _update_link_position(link, state.name, message, now_s, context)
             return _apply_position(context, state, link, message, now_s)
-        case Battery():
-            after = state.with_parts(link, power=apply_battery_status(context, state, message, now_s))
-        case SystemStatus(unhealthy=unhealthy):
+        case messages.Battery():
+            after = replace(state, link=link, power=apply_battery_status(context, state, message, now_s))
+        case messages.SystemStatus(unhealthy=unhealthy):
             sensors = replace(sensors, unhealthy=unhealthy, positioning=_positioning(state, message, now_s))
-            power = apply_system_status(context, state, message, now_s)
-            after = state.with_parts(link, sensors=sensors, power=power)
-        case MissionCurrent():
+            after = replace(
+                state, link=link, sensors=sensors, power=apply_system_status(context, state, message, now_s)
+            )
+        case messages.MissionCurrent():
             after = _current_item(context, state, link, message, now_s)
-        case ListedItem(item):
+        case messages.ListedItem(item):
             after = replace(state, own=mission_height.add_onboard_item(state.own, item))
-        case HeightTarget(below_m):
+        case messages.HeightTarget(below_m):
             after = replace(state, link=link, own=replace(state.own, below_m=below_m, below_s=now_s))
-        case LandedState(on_ground):
-            after = state.with_parts(link, telemetry=replace(telemetry, on_ground=on_ground))
-        case Gps() | EstimatorStatus():
+        case messages.LandedState(on_ground):
+            after = replace(state, link=link, telemetry=replace(telemetry, on_ground=on_ground))
+        case messages.Gps() | messages.EstimatorStatus():
             known = _positioning(state, message, now_s)
-            gps = message if isinstance(message, Gps) and message.receiver == 0 else sensors.gps
-            after = state.with_parts(link, sensors=replace(sensors, gps=gps, positioning=known))
-        case Wind():
-            after = state.with_parts(link, sensors=replace(sensors, wind=message))
-        case Attitude(roll_deg, pitch_deg):
+            gps = message if isinstance(message, messages.Gps) and message.receiver == 0 else sensors.gps
+            after = replace(state, link=link, sensors=replace(sensors, gps=gps, positioning=known))
+        case messages.Wind():
+            after = replace(state, link=link, sensors=replace(sensors, wind=message))
+        case messages.Attitude(roll_deg, pitch_deg):
             tilted = max(abs(roll_deg), abs(pitch_deg)) > context.limits.tilt_deg
             tilted_s = (sensors.tilted_since_s or now_s) if tilted else None
-            after = state.with_parts(link, sensors=replace(sensors, attitude=message, tilted_since_s=tilted_s))
-        case FenceStatus(breached):
+            after = replace(state, link=link, sensors=replace(sensors, attitude=message, tilted_since_s=tilted_s))
+        case messages.FenceStatus(breached):
             breached_s = now_s if breached else sensors.breached_s
-            after = state.with_parts(link, sensors=replace(sensors, fence_breached=breached, breached_s=breached_s))
+            after = replace(state, link=link, sensors=replace(sensors, fence_breached=breached, breached_s=breached_s))
         case StatusText(_, said):
             assignment = _apply_mission_report(context, state, message, now_s)
-            if is_alarm(said) and not _is_redundant_text(state, said, now_s):
+            if ALARM.search(said) and not _is_redundant_text(state, said, now_s):
                 telemetry = replace(telemetry, alarm=(said, now_s))
             setup = context.vehicles.get(state.name)
             low_acts = setup is not None and setup.dialect.low_battery_acts
-            evident = mode_evidence.record_failure_text(state.evidence, message, now_s, low_acts=low_acts)
-            after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
+            failed = mode_evidence.parse_failure_text(said, low_acts=low_acts)
+            evident = mode_evidence.record_failure(state.evidence, failed, now_s) if failed else state.evidence
+            after = replace(state, link=link, telemetry=telemetry, assignment=assignment)
             return MessageEffect(after if evident is state.evidence else replace(after, evidence=evident), text=message)
         case _:
-            after = state.with_parts(link)
+            after = replace(state, link=link)
     return MessageEffect(after)
 
 
 def _current_item(
-    context: Scene, state: VehicleState, link: LinkState, message: MissionCurrent, now_s: float
+    context: Scene, state: VehicleState, link: LinkState, message: messages.MissionCurrent, now_s: float
 ) -> VehicleState:
     """Take the item that a vehicle flies to."""
     assignment = _apply_current_item(state, _apply_mission_report(context, state, message, now_s), message.seq)
     telemetry = replace(state.telemetry, item=(message.seq, message.total), item_s=now_s)
-    after = state.with_parts(link, telemetry=telemetry, assignment=assignment)
+    after = replace(state, link=link, telemetry=telemetry, assignment=assignment)
     if context.vehicles[state.name].planned:
         return after
     return replace(after, own=mission_height.record_current_item(state.own, message.seq, state.motion.fix))
@@ -159,14 +133,14 @@ DOUBTED_FIX_S = 1.5
 
 
 def _apply_heartbeat(
-    context: Scene, state: VehicleState, link: LinkState, message: Heartbeat, now_s: float
+    context: Scene, state: VehicleState, link: LinkState, message: messages.Heartbeat, now_s: float
 ) -> VehicleState:
     old, sortie, custody = state.telemetry, state.sortie, state.custody
     if not message.armed and _is_seen_flying(context, state, now_s):
         if old.doubted is None:
-            return state.with_parts(link, telemetry=replace(old, doubted=(message, now_s)))
+            return replace(state, link=link, telemetry=replace(old, doubted=(message, now_s)))
         if now_s - old.doubted[1] < DOUBT_S:
-            return state.with_parts(link)
+            return replace(state, link=link)
     other = old.heartbeat is None or old.heartbeat.custom_mode != message.custom_mode
     since = now_s if other else old.mode_since_s
     before, before_s = old.mode_before, old.mode_before_s
@@ -186,8 +160,9 @@ def _apply_heartbeat(
     flew = sortie.flew_mission
     if not flew and sortie.took_off and message.armed and state.name in context.vehicles:
         flew = is_mission_mode(context.vehicles[state.name].dialect, message.custom_mode)
-    after = state.with_parts(
-        replace(link, heartbeat_s=now_s),
+    after = replace(
+        state,
+        link=replace(link, heartbeat_s=now_s),
         telemetry=replace(
             old,
             heartbeat=message,
@@ -212,7 +187,7 @@ def _is_seen_flying(context: Scene, state: VehicleState, now_s: float) -> bool:
     if not state.armed or not state.sortie.took_off or fix is None or setup is None or not setup.planned:
         return False
     text, said_s = state.telemetry.alarm
-    explained = now_s - said_s <= NAMED_S and may_explain_disarming(text)
+    explained = now_s - said_s <= NAMED_S and EXPLAINS_DISARMING.search(text)
     if now_s - fix.at_s > DOUBTED_FIX_S or state.telemetry.on_ground or explained:
         return False
     if now_s - state.motion.falls_s < DOUBT_S:
@@ -236,7 +211,7 @@ def _is_redundant_text(state: VehicleState, said: str, now_s: float) -> bool:
     fix = state.motion.fix
     if fix is None or not state.telemetry.on_ground or now_s - fix.at_s > DOUBTED_FIX_S:
         return False
-    return may_stop_motors(said) and math.hypot(*fix.velocity_m_s) < RESTS_M_S
+    return bool(STOPS_MOTORS.search(said)) and math.hypot(*fix.velocity_m_s) < RESTS_M_S
 
 
 def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float | None, now_s: float) -> bool:
@@ -250,46 +225,45 @@ def _is_first_after_silence(context: Scene, link: LinkState, regained_s: float |
     return silent or (regained_s is not None and regained_s > link.heartbeat_s)
 
 
-def _positioning(state: VehicleState, message: Gps | EstimatorStatus | SystemStatus, now_s: float) -> Positioning:
+def _positioning(
+    state: VehicleState, message: messages.Gps | messages.EstimatorStatus | messages.SystemStatus, now_s: float
+) -> Positioning:
     beat = state.telemetry.heartbeat
     stands = beat is not None and not beat.armed and not state.sortie.took_off
-    return positioning.update_positioning(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
+    return vehicle_position.update_positioning(
+        state.sensors.positioning, message, state.motion.fix, now_s, stands=stands
+    )
 
 
 def _apply_link_report(
-    context: Scene,
-    state: VehicleState,
-    message: Traffic | Radio | StationHeard | DoubleHeard,
-    now_s: float,
+    context: Scene, state: VehicleState, message: messages.LinkMessage, now_s: float
 ) -> VehicleState:
     """Take what others say about a vehicle, which does not mean that it was heard."""
-    link = state.link
+    known = state.link.quality
     match message:
-        case StationHeard() | DoubleHeard():
-            return replace(state, link=replace(link, strangers=add_foreign_system(link.strangers, message)))
-        case Traffic():
-            quality = link_quality.add_traffic(link.quality, message, now_s, context.limits.loss_window_s)
-            return replace(state, link=replace(link, quality=quality))
-        case Radio():
-            return replace(
-                state, link=replace(link, quality=link_quality.apply_radio_report(link.quality, message, now_s))
-            )
+        case messages.StationHeard() | messages.DoubleHeard():
+            return state.with_link(strangers=add_foreign_system(state.link.strangers, message))
+        case messages.Traffic():
+            window_s = context.limits.loss_window_s
+            return state.with_link(quality=link_quality.add_traffic(known, message, now_s, window_s))
+        case messages.Radio():
+            return state.with_link(quality=link_quality.apply_radio_report(known, message, now_s))
 
 
-def _apply_evidence(state: VehicleState, message: mode_evidence.EvidenceMessage, now_s: float) -> VehicleState:
+def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:
     """Take what may say who changed its mode; an order to it does not mean that it was heard."""
-    if isinstance(message, OrderSeen) and mode_evidence.may_be_ours(state.orders, message, now_s):
+    if isinstance(message, messages.OrderSeen) and mode_evidence.may_be_ours(state.orders, message, now_s):
         return state
     known = replace(state, evidence=mode_evidence.record_evidence(state.evidence, message, now_s))
-    if isinstance(message, OwnFailsafe) and message.active:
+    if isinstance(message, messages.OwnFailsafe) and message.active:
         return known.with_telemetry(alarm=(message.words, now_s))
-    if isinstance(message, VehicleSetting):
+    if isinstance(message, messages.VehicleSetting):
         return replace(known, power=apply_pack_setting(state, message))
     return known
 
 
 def _apply_mission_report(
-    context: Scene, state: VehicleState, message: MissionCurrent | StatusText, now_s: float
+    context: Scene, state: VehicleState, message: messages.MissionCurrent | StatusText, now_s: float
 ) -> Assignment:
     """Take what it says of the mission on board, unless it is being given one."""
     old = state.assignment
@@ -316,23 +290,25 @@ def _apply_current_item(state: VehicleState, assignment: Assignment, seq: int) -
     return replace(assignment, waypoint=waypoint)
 
 
-def _update_link_position(link: LinkState, name: str, message: Position, now_s: float, context: Scene) -> LinkState:
+def _update_link_position(
+    link: LinkState, name: str, message: messages.Position, now_s: float, context: Scene
+) -> LinkState:
     """Return the link after a position, which may show that another vehicle answers by the same number."""
     twins = add_reported_position(link.twins, ReportedPosition(now_s, message.boot_s, message.lat_deg, message.lon_deg))
     if not twins.are_two or link.twins.are_two or name not in context.vehicles:
         return replace(link, twins=twins)
-    double = DoubleHeard(context.vehicles[name].sysid, ())
+    double = messages.DoubleHeard(context.vehicles[name].sysid, ())
     return replace(link, twins=twins, strangers=add_foreign_system(link.strangers, double))
 
 
 def _apply_position(
-    context: Scene, state: VehicleState, link: LinkState, message: Position, now_s: float
+    context: Scene, state: VehicleState, link: LinkState, message: messages.Position, now_s: float
 ) -> MessageEffect:
     last, sortie, power = state.motion.fix, state.sortie, state.power
     rebooted_s = sortie.rebooted_s
     if last is not None and message.boot_s <= last.boot_s:
         if last.boot_s - message.boot_s < OVERTAKEN_S and now_s - last.at_s < context.limits.link_stale_s:
-            return MessageEffect(state.with_parts(link))  # overtaken on the way by a newer one, or a duplicate
+            return MessageEffect(replace(state, link=link))  # overtaken on the way by a newer one, or a duplicate
         rebooted_s = now_s
     place = context.frame.to_local_m(message.lat_deg, message.lon_deg)
     velocity = (message.east_m_s, message.north_m_s, -message.down_m_s)
@@ -349,8 +325,8 @@ def _apply_position(
     anchor = state.motion.anchor
     if anchor is None or fix.boot_s < anchor.boot_s or anchor.distance_m(fix) > context.limits.stall_m:
         anchor = fix
-    jump = None if positioning.jumps_by_itself(known, now_s) else _find_jump(context, last, fix, elapsed_s)
-    jump = jump or state.motion.jump
+    settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
+    jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
     away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
     away = took_off and away
@@ -367,14 +343,14 @@ def _apply_position(
     motion = MotionState(fix, last, anchor, jump, falls_s, climbs_m_s, sinks_s, drops_s, behind_s, fell_back_s)
     sample = PositionSample(message.boot_s, place, math.hypot(message.east_m_s, message.north_m_s))
     if fix.reckoned:
-        without_s = positioning.time_without_fix_s(known, fix)
+        without_s = vehicle_position.time_without_fix_s(known, fix)
         assignment, inspected, flown = _break_unproven_run(context, state, without_s)
     else:
         before_gap = _keep_state_before_gap(state, elapsed_s)
         assignment, inspected, flown = _advance_coverage(context, before_gap, sample)
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
-    after = state.with_parts(link, motion=motion, power=power, sortie=sortie, assignment=assignment)
+    after = replace(state, link=link, motion=motion, power=power, sortie=sortie, assignment=assignment)
     if state.own.listed and state.own.leg_from is None:
         after = replace(after, own=replace(state.own, leg_from=fix))
     return MessageEffect(after, inspected, flown)

@@ -13,24 +13,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from executor.core.interface.messages import (
-    NO_ITEM,
-    Attitude,
-    Battery,
-    CameraStatus,
-    GimbalAttitude,
-    Gps,
-    HeightTarget,
-    Home,
-    Message,
-    MissionCurrent,
-    MissionReached,
-    ParamValue,
-    PictureTaken,
-    Position,
-    SystemStatus,
-    Wind,
-)
+from executor.core.interface import messages
+from executor.core.interface.messages import NO_ITEM, Battery, Message, PictureTaken, Position
 
 LOWEST_M, HIGHEST_M = -1000.0, 20_000.0
 FASTEST_M_S = 150.0
@@ -59,35 +43,35 @@ _FINITE = (-sys.float_info.max, sys.float_info.max)
 _ITEM = ("seq", 0, NO_ITEM - 1)
 """An index beyond the total is what ArduPilot says when another station has given it a shorter mission."""
 _OF_A_PACK: Ranges = (("remaining_pct", 0.0, 100.0), ("voltage_v", LEAST_V, MOST_V), ("current_a", 0.0, MOST_A))
-_PLACED = frozenset({Position, Home})
+_PLACED = frozenset({Position, messages.Home})
 
 _NEEDED: Mapping[type, Ranges] = MappingProxyType({
     Position: (
         ("alt_msl_m", *_HEIGHT), ("alt_rel_m", *_HEIGHT), ("north_m_s", *_SPEED), ("east_m_s", *_SPEED),
         ("down_m_s", *_SPEED), ("boot_s", *_FINITE),
     ),
-    Home: (("alt_msl_m", *_HEIGHT),),
-    HeightTarget: (("below_m", *_HEIGHT),),
-    Attitude: (("roll_deg", *_TURN), ("pitch_deg", *_TURN)),
-    Gps: (("fix", 0, MOST_FIX),),
-    Wind: (("speed_m_s", 0.0, MOST_WIND_M_S), ("from_deg", 0.0, MOST_TURN_DEG)),
-    MissionCurrent: (_ITEM,),
-    MissionReached: (_ITEM,),
-    ParamValue: (("value", *_FINITE),),
+    messages.Home: (("alt_msl_m", *_HEIGHT),),
+    messages.HeightTarget: (("below_m", *_HEIGHT),),
+    messages.Attitude: (("roll_deg", *_TURN), ("pitch_deg", *_TURN)),
+    messages.Gps: (("fix", 0, MOST_FIX),),
+    messages.Wind: (("speed_m_s", 0.0, MOST_WIND_M_S), ("from_deg", 0.0, MOST_TURN_DEG)),
+    messages.MissionCurrent: (_ITEM,),
+    messages.MissionReached: (_ITEM,),
+    messages.ParamValue: (("value", *_FINITE),),
     PictureTaken: (("sequence", 0, math.inf),),
-    GimbalAttitude: (("pitch_deg", *_TURN), ("yaw_deg", *_TURN)),
+    messages.GimbalAttitude: (("pitch_deg", *_TURN), ("yaw_deg", *_TURN)),
 })  # fmt: skip
 """Without these a message says nothing."""
 _SPARE: Mapping[type, Ranges] = MappingProxyType({
     Position: (("heading_deg", 0.0, MOST_TURN_DEG),),
     Battery: (*_OF_A_PACK, ("consumed_ah", 0.0, MOST_AH)),
-    SystemStatus: _OF_A_PACK,
-    Gps: (("accuracy_m", 0.0, MOST_OFF_M),),
+    messages.SystemStatus: _OF_A_PACK,
+    messages.Gps: (("accuracy_m", 0.0, MOST_OFF_M),),
     PictureTaken: (
         ("alt_msl_m", *_HEIGHT), ("alt_rel_m", *_HEIGHT), ("roll_deg", *_TURN), ("pitch_deg", *_TURN),
         ("yaw_deg", *_TURN),
     ),
-    CameraStatus: (("free_mib", 0.0, math.inf),),
+    messages.CameraStatus: (("free_mib", 0.0, math.inf),),
 })  # fmt: skip
 """These may be unknown."""
 

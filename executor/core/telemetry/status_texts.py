@@ -12,8 +12,9 @@ from enum import IntEnum
 
 from executor.core.context import Scene
 from executor.core.formatting import format_count
-from executor.core.interface.commands import Command, Level, Say
-from executor.core.interface.messages import ComponentText, StatusText
+from executor.core.interface.commands import Command, Say
+from executor.core.interface.messages import ComponentText, StatusText, TextMessage
+from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import TextWindow
 from executor.core.state.vehicle_state import VehicleState
@@ -39,22 +40,16 @@ MOST_LINES = {TextRank.IMPORTANT: 12, TextRank.WARNING: 6, TextRank.ABOARD: 3}
 """In a window, of each rank by itself: what matters less takes no room from what matters more."""
 
 
-def show_status_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
-    """Take a text of a vehicle's autopilot."""
-    alarmed = vehicle.telemetry.alarm[1] == now_s
+def show_text(state: FleetState, vehicle: VehicleState, text: TextMessage, now_s: float) -> Stepped:
+    """Take a text of a vehicle's autopilot, or of something else on board, which is shown and nothing more."""
+    alarmed = isinstance(text, StatusText) and vehicle.telemetry.alarm[1] == now_s
     if text.severity > WARNING_SEVERITY and not alarmed:
         return state, ()
+    if isinstance(text, ComponentText):
+        said = link.COMPONENT_TEXT.say(vehicle=vehicle.name, component=text.component, text=text.text)
+        return _show_line(state, vehicle, TextRank.ABOARD, said, now_s)
     rank = TextRank.IMPORTANT if alarmed or text.severity <= CRITICAL_SEVERITY else TextRank.WARNING
-    return _show_line(state, vehicle, rank, f"{vehicle.name} says: {text.text}", now_s)
-
-
-def show_component_text(state: FleetState, vehicle: VehicleState, text: ComponentText, now_s: float) -> Stepped:
-    """Take a text of something else on board: shown, and nothing more."""
-    if text.severity > WARNING_SEVERITY:
-        return state, ()
-    return _show_line(
-        state, vehicle, TextRank.ABOARD, f"{vehicle.name}, its component {text.component} says: {text.text}", now_s
-    )
+    return _show_line(state, vehicle, rank, link.TEXT.say(vehicle=vehicle.name, text=text.text), now_s)
 
 
 def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> Stepped:  # noqa: ARG001
@@ -68,18 +63,18 @@ def report_suppressed_texts(context: Scene, state: FleetState, now_s: float) -> 
     return state, tuple(commands)
 
 
-def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, line: str, now_s: float) -> Stepped:
+def _show_line(state: FleetState, vehicle: VehicleState, rank: TextRank, said: Say, now_s: float) -> Stepped:
     flow, commands = vehicle.telemetry.texts, list[Command]()
     if now_s - flow.since_s >= WINDOW_S:
         flow, commands = _begin_window(vehicle, now_s)
-    if _strip_number(line) == _strip_number(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
-        flow = replace(flow, last=(line, now_s))
+    if _strip_number(said.text) == _strip_number(flow.last[0]) and now_s - flow.last[1] <= AGAIN_S:
+        flow = replace(flow, last=(said.text, now_s))
     elif flow.shown[rank] >= MOST_LINES[rank]:
         flow = replace(flow, passed_over=flow.passed_over + 1)
     else:
         shown = tuple(count + (other == rank) for other, count in enumerate(flow.shown))
-        flow = replace(flow, last=(line, now_s), shown=shown)
-        commands.append(Say(Level.WARNING, line))
+        flow = replace(flow, last=(said.text, now_s), shown=shown)
+        commands.append(said)
     return state.put(vehicle.with_telemetry(texts=flow)), tuple(commands)
 
 
@@ -96,5 +91,5 @@ def _begin_window(vehicle: VehicleState, now_s: float) -> tuple[TextWindow, list
     """Begin a window; say what was passed over in the last one."""
     flow = vehicle.telemetry.texts
     count, took_s = flow.passed_over, now_s - flow.since_s
-    what = f"{vehicle.name}: {format_count(count, 'more text')} in {took_s:.0f} s"
-    return TextWindow(flow.last, now_s), [Say(Level.WARNING, what)] if count else []
+    said = link.MORE_TEXTS.say(vehicle=vehicle.name, texts=format_count(count, "more text"), time_s=took_s)
+    return TextWindow(flow.last, now_s), [said] if count else []

@@ -12,7 +12,7 @@ from shapely.geometry import Point, Polygon
 
 from benchmarks.prediction import plan_with
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.site_file import check_site

@@ -12,7 +12,7 @@ from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtua
 from executor.adapters.run_directory import RunDirectory
 from executor.core.context import Context
 from executor.core.interface.events import Event
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.site.learned_files import learn_from_flight, read_learned
@@ -70,7 +70,7 @@ def test_a_slow_vehicle_is_foreseen_in_its_flight_and_in_the_next_one(tmp_path: 
         if half or board is None or learned is None or learned.inspect.legs < 5:
             return
         waypoint = vehicle.assignment.waypoint
-        half["at"], half["left"] = now_s, landing_projection.time_to_reach_s(vehicle, len(board.legs) - 1)
+        half["at"], half["left"] = now_s, legs.time_to_reach_s(vehicle, len(board.legs) - 1)
         half["planned"] = sum(leg.duration_s for leg in board.legs[waypoint:])
 
     first = fly_virtual(ground, planned(ground), seed=1, craft=slow, onlookers=FlightObservers(applied=halfway))

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from executor.analysis.report import build_report, build_vehicle_answers
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts

@@ -13,7 +13,7 @@ from executor.core.interface.commands import Command, Solve, Survivor, Upload
 from executor.core.interface.events import Event, IntentReceived, Tick
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Heartbeat
-from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReportedWarnings
+from executor.core.state.fleet_state import FleetState, NewMission, Replan
 from executor.core.state.vehicle_parts import HomingOrder, OnboardMission, PositionFix, Takeover
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from missions import build_flight_path, continue_path
@@ -54,7 +54,7 @@ def changes(before: object, after: object) -> Changes:
         now = held[name]
         if name not in NOT_SHOWN and was is not now and was != now:
             found[name] = dict(now) if isinstance(now, Mapping) else now
-    if all(told == ReportedWarnings() for told in found.get("told", {}).values()):
+    if all(told == () for told in found.get("told", {}).values()):
         found.pop("told", None)  # nobody was told anything
     return found
 

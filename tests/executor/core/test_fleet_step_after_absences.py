@@ -11,7 +11,7 @@ from executor.core.interface.events import Tick
 from executor.core.state import inspection_run
 from executor.core.state.fleet_state import GroundStationAbsence
 from executor.core.state.inspection_run import PositionSample
-from executor.core.state.vehicle_parts import HomingOrder, ModeCause, PositionFix, WatchpointMemory
+from executor.core.state.vehicle_parts import HomingOrder, ModeCause, PositionFix
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -32,7 +32,7 @@ WITH_FAILSAFE = replace(
 RUN = inspection_run.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
     heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
-    watches=(("mode", WatchpointMemory(NOW_S - 3.0)),),
+    watches=(("mode", NOW_S - 3.0),),
     run=RUN,
 )  # fmt: skip
 AWAY = GroundStationAbsence(NOW_S - 2.0, 20.0, restarted=False)

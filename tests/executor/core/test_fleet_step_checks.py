@@ -7,7 +7,6 @@ import pytest
 from executor.core.interface.commands import AskStreams, HandsOff, Level, Say, SendHome
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Attitude
-from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause, Takeover
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
@@ -388,7 +387,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": (("positions", NOW_S),)}},
     ),
     Row(
         "streams of a pilot's are not asked for",
@@ -398,7 +397,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come")],
         {},
-        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": (("positions", NOW_S),)}},
     ),
     Row(
         "streams of who may be a pilot's are not asked for",
@@ -406,7 +405,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 5 s, while other messages come")],
         {},
-        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": (("positions", NOW_S),)}},
     ),
 ]
 

@@ -8,7 +8,6 @@ from executor.core.battery.account import BatteryState
 from executor.core.interface.commands import AskStreams, Level, Say
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Attitude, Heartbeat
-from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.steps import BATTERY_FAULT, HOMEWARD, LOW, STILL, TAKEN, Row, beat, landed, over_pad
@@ -106,7 +105,7 @@ ROWS = [
             Say(Level.INFO, "uav1: landed with 90 %"),
         ],
         {"uav1": {"stage": Stage.LANDED, "streams_asked_s": NOW_S}},
-        {"considered": frozenset({"uav1"}), "told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
+        {"considered": frozenset({"uav1"}), "told": {"uav1": (("positions", NOW_S),)}},
     ),
     Row(
         "a landing whose last position is from before it",

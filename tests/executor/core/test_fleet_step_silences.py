@@ -10,9 +10,9 @@ import pytest
 from executor.core.interface.commands import AskStreams, Level, Say
 from executor.core.interface.events import Tick
 from executor.core.state import inspection_run
-from executor.core.state.fleet_state import GroundStationAbsence, ReportedWarnings
+from executor.core.state.fleet_state import GroundStationAbsence
 from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
-from executor.core.state.vehicle_parts import HomingOrder, LastKnown, ModeCause, WatchpointMemory
+from executor.core.state.vehicle_parts import HomingOrder, LastKnown, ModeCause
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -28,7 +28,7 @@ from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, fl
 RUN = inspection_run.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
     heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
-    watches=(("mode", WatchpointMemory(NOW_S - 3.0)),),
+    watches=(("mode", NOW_S - 3.0),),
     run=RUN,
 )  # fmt: skip
 ALONE = flying(
@@ -191,7 +191,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no position for 70 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))}},
+        {"told": {"uav1": (("positions", NOW_S),)}},
     ),
     Row(
         "who is heard again has not said where it is for five seconds",
@@ -220,7 +220,7 @@ ROWS = [
             "urgent": True,
             "trigger": "uav1: interruption, no position for 70 s, while other messages come",
             "trigger_s": NOW_S,
-            "told": {"uav1": ReportedWarnings(at_s=(("positions", NOW_S),))},
+            "told": {"uav1": (("positions", NOW_S),)},
         },
     ),
     Row(
@@ -229,7 +229,7 @@ ROWS = [
         Tick(),
         [Say(Level.WARNING, "uav1: no HEARTBEAT for 71 s, while other messages come"), AskStreams("uav1")],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": ReportedWarnings(at_s=(("heartbeat", NOW_S),))}},
+        {"told": {"uav1": (("heartbeat", NOW_S),)}},
     ),
     Row(
         "who is heard again has not said its item",
@@ -240,7 +240,7 @@ ROWS = [
             AskStreams("uav1"),
         ],
         {"uav1": {"streams_asked_s": NOW_S}},
-        {"told": {"uav1": ReportedWarnings(at_s=(("items", NOW_S),))}},
+        {"told": {"uav1": (("items", NOW_S),)}},
     ),
     Row(
         "who is heard again and stands has no item to say",

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Level, Say, Start
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.interface.messages import Heartbeat
 from executor.core.state import inspection_run

@@ -11,12 +11,12 @@ import pytest
 from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Projection
 from executor.core.fleet_view import FleetView, PositionView, TakenView, VehicleView, build_fleet_view
-from executor.core.inflight.homing.return_home import HomingAction, advise_homing
+from executor.core.inflight.homing import HomingAction, advise_homing
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Gps, Heartbeat, Wind
 from executor.core.replanning.replan_cycle import replan_for_regained_link
 from executor.core.replanning.survivors import build_survivor
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, LossOutlook, OperatorLine, ReplanRecord
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause, Takeover
@@ -102,8 +102,8 @@ def test_the_battery_against_the_plan() -> None:
     # As unsure as the prior is of what was spent, and as a whole percent is: nine of ten come within.
     sd_pct = math.hypot(SETUP.prior.sd * spent_pct, math.sqrt(1.0 / 12.0))
     assert view.predicted_band_pct == round(1.5 * sd_pct, 1)
-    assert view.to_finish_pct == round(landing_projection.energy_to_finish_pct(state), 1)
-    ahead = landing_projection.project_landing(CONTEXT, state, SETUP)
+    assert view.to_finish_pct == round(legs.energy_to_finish_pct(state), 1)
+    ahead = legs.project_landing(CONTEXT, state, SETUP)
     assert isinstance(ahead, Projection)
     assert (view.landing_pct, view.landing_band_pct) == (round(ahead.mean_pct, 1), round(1.5 * ahead.sd_pct, 1))
     first = fleet(with_facts(state, began_pct=None)).vehicles[0].battery
@@ -112,14 +112,10 @@ def test_the_battery_against_the_plan() -> None:
 
 
 def test_what_is_still_to_be_spent_is_for_the_mission_or_for_the_way_home() -> None:
-    home_pct = landing_projection.energy_to_return_pct(CONTEXT, flying(), SETUP)
+    home_pct = legs.energy_to_return_pct(CONTEXT, flying(), SETUP)
     assert home_pct is not None
     assert shown(stage=Stage.RETURNING).battery.to_finish_pct == round(home_pct, 1) > 0.0
-    assert (
-        shown(stage=Stage.STARTING).battery.to_finish_pct
-        == round(landing_projection.energy_to_finish_pct(flying()), 1)
-        > 0.0
-    )
+    assert shown(stage=Stage.STARTING).battery.to_finish_pct == round(legs.energy_to_finish_pct(flying()), 1) > 0.0
     unarmed = Heartbeat(3, AUTO, False, 4)
     assert shown(stage=Stage.STARTING, heartbeat=unarmed).battery.to_finish_pct == 0.0
     assert shown(stage=Stage.PILOT).battery.to_finish_pct == 0.0
@@ -154,7 +150,7 @@ def test_the_progress_of_those_who_inspect_nothing_now() -> None:
 
 
 def test_when_it_should_be_back() -> None:
-    assert shown().lands_in_s == round(landing_projection.time_to_reach_s(flying(), LAST), 0)
+    assert shown().lands_in_s == round(legs.time_to_reach_s(flying(), LAST), 0)
     assert shown(held_s=NOW_S).lands_in_s is shown(stage=Stage.RETURNING).lands_in_s is shown(board=None).lands_in_s
     assert shown(held_s=NOW_S).lands_in_s is None
 
@@ -271,9 +267,7 @@ def test_what_it_can_still_spend_leaves_the_reserve() -> None:
     air = build_survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
     assert air is not None
     on_its_way_pct = (
-        landing_projection.energy_to_reach_pct(flying(), air.kept - 1)
-        if air.kept > flying().assignment.waypoint
-        else 0.0
+        legs.energy_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().assignment.waypoint else 0.0
     )
     assert air.budget_pct == pytest.approx(60.0 - 15.0 - on_its_way_pct - 1.0)
     assert air.airborne

@@ -12,7 +12,7 @@ import pytest
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core.context import Context
 from executor.core.inflight.faults.watchpoints import TABLE
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.interface.intents import Action, Intent, IntentReason
 from executor.core.interface.messages import CommandAck

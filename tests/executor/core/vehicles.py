@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
 from executor.core.battery.pack_condition import PackState
-from executor.core.battery.voltage_sag import SagEstimate
+from executor.core.battery.voltage import SagEstimate, VoltageState
 from executor.core.interface.messages import Heartbeat
 from executor.core.state.vehicle_parts import OnboardMission, PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
-from executor.core.telemetry.failsafe_texts import parse_failure_text
+from executor.core.telemetry.mode_evidence import parse_failure_text
 from tests.executor.builders import fleet_of, vehicle
 
 FLEET = fleet_of()

@@ -12,12 +12,12 @@ from executor.core.context import FenceRules
 from executor.core.interface.commands import Upload
 from executor.core.interface.messages import SendMissionCount
 from executor.core.preflight.board_changes import ChangeStage, KeptList
-from executor.core.state.onboard_fence import build_first_fences, encode_fence
+from executor.core.state.onboard_fence import build_first_fences
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import preparation
 from executor.flight.restore_vehicles import read_kept_lists, restore_board
 from missions import MissionItem, MissionKind, dialect_for
-from missions.fences import Fence, find_list_differences
+from missions.fences import Fence, build_fence_items, find_list_differences
 from missions.items import PlaceCommand
 from tests.executor.builders import fleet_of
 from tests.executor.flight.test_preparation import Terminal
@@ -82,7 +82,7 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     for name, fence in pads.first.items():
-        assert find_list_differences(encode_fence(pads.context, fence), pads.fence_of(name)) == ()
+        assert find_list_differences(build_fence_items(fence, pads.context.frame), pads.fence_of(name)) == ()
         assert len(pads.vehicles[name].beside[RALLY].items) == 1
     assert {one.stage for one in read_kept_lists(tmp_path)} == {ChangeStage.SET}
     assert {one.stage for one in await pads.give_back()} == {ChangeStage.RESTORED}
@@ -171,7 +171,7 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
     wider = pads.first["uav1"].merge_with(Fence(((0.0, 0.0), (900.0, 0.0), (0.0, 900.0)), 60.0))
     preparation.record_wider_fence(tmp_path, pads.context, Upload("uav1", 1, board.path, True, wider))
     preparation.record_wider_fence(tmp_path, pads.context, Upload("uav2", 1, board.path, True))
-    pads.vehicles["uav1"].beside[FENCE].items = list(encode_fence(pads.context, wider))
+    pads.vehicles["uav1"].beside[FENCE].items = list(build_fence_items(wider, pads.context.frame))
     await pads.give_back()
     assert pads.as_before
     pads.close()

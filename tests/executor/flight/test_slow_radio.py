@@ -17,7 +17,7 @@ from benchmarks.virtual.radio import MemoryRadio
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
 from executor.flight.preparation import (

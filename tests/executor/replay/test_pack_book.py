@@ -8,7 +8,7 @@ import pytest
 
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.cli import main
-from executor.core.battery.resting_voltage import Chemistry
+from executor.core.battery.voltage import Chemistry
 from executor.core.interface.messages import Heartbeat
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError

@@ -6,8 +6,8 @@ import asyncio
 
 import pytest
 
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import SendHome
-from executor.core.interface.endings import Ending
 from executor.core.interface.messages import ParamValue, StatusText
 from executor.protocols import vehicle_commands
 from executor.runtime import procedures

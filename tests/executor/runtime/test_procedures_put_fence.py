@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from executor.core.interface.endings import Ending
+from executor.core.interface.codes import Ending
 from executor.core.interface.messages import SendMissionCount, StatusText
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult

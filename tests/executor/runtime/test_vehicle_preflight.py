@@ -22,7 +22,7 @@ from executor.core.interface.messages import (
 )
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.core.telemetry.foreign_systems import MOST_NAMED
+from executor.core.telemetry.vehicle_identity import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
 from executor.runtime import procedures, vehicle_preflight

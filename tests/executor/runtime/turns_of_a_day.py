@@ -11,7 +11,7 @@ from benchmarks.pad_crew import PadCrew
 from benchmarks.virtual.in_process_solver import InProcessSolver
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core import fleet_step
-from executor.core.battery.pack_history import PackHistory
+from executor.core.battery.pack_condition import PackHistory
 from executor.core.context import Context, DayRules
 from executor.core.interface.events import Reopened
 from executor.core.interface.intents import IntentRecord

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError

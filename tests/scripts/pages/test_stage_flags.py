@@ -15,7 +15,7 @@ import executor.core
 from executor.core.interface.commands import Start
 from executor.core.interface.intents import FOR_ALL, Action, Outcome
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import HomingOrder, LinkState, Takeover
+from executor.core.state.vehicle_parts import HomingOrder, Takeover
 from executor.core.state.vehicle_state import TRANSITIONS, Stage, VehicleState, change_stage
 from scripts.pages.stage_flags import EVERYWHERE, FLAGS, find_flag_breaches
 from tests.executor.builders import THREE, fleet_of, with_facts
@@ -139,13 +139,7 @@ def test_who_is_out_of_the_plan_is_not_taken_back_to_hold(out: dict[str, object]
 
 
 def test_what_every_message_makes_anew_keeps_the_rest() -> None:
-    """These three name every field themselves: one that is new must not be forgotten."""
-
-    def marked(kind: Any) -> Any:
-        return kind(**{one.name: object() for one in fields(kind)})
-
-    vehicle, link, fleet = marked(VehicleState), marked(LinkState), replace(marked(FleetState), vehicles={})
-    assert vehicle.with_parts(vehicle.link) == vehicle
-    assert link.with_contact(5.0, silent=True) == replace(link, heard_s=5.0, spoke_s=5.0, regained_s=5.0)
-    assert link.with_contact(5.0, silent=False) == replace(link, heard_s=5.0, spoke_s=5.0)
+    """It names every field itself: one that is new must not be forgotten."""
+    parts: dict[str, Any] = {one.name: object() for one in fields(FleetState)} | {"vehicles": {}}
+    vehicle, fleet = VehicleState("uav1"), FleetState(**parts)
     assert fleet.put(vehicle) == replace(fleet, vehicles={vehicle.name: vehicle})

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Found
+from executor.core.lines import custody
 from executor.core.state import mission_ownership
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import DeclinedMission
@@ -34,8 +34,7 @@ def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped
     state = state.put(vehicle.with_assignment(carried=known))
     if known.foreign_s is not None or carried.foreign_s is not None:
         return state, ()
-    text = f"{vehicle.name}: reported a new mission; verified by read-back, it is ours"
-    return state, (Say(Level.WARNING, text),)
+    return state, (custody.MISSION_IS_OURS.say(vehicle=vehicle.name),)
 
 
 def _apply_read_of_declined(
@@ -49,8 +48,8 @@ def _apply_read_of_declined(
         # It is planned around until it is planned with again: others have its part by now.
         known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
         known = replace(known, carried=replace(known.carried, read_s=now_s))
-        text = f"its new mission of re-plan {maybe.revision} is on board after all, verified by read-back"
-        return state.put(replace(carries, assignment=known)), (Say(Level.INFO, f"{vehicle.name}: {text}"),)
+        said = custody.MISSION_ON_BOARD.say(vehicle=vehicle.name, revision=maybe.revision)
+        return state.put(replace(carries, assignment=known)), (said,)
     if found.items is None or board is None:
         unread = replace(carried, told_s=None, asked_s=None)
         declined = replace(declined, at_s=now_s, tries=declined.tries + 1)

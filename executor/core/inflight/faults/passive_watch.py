@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.context import Scene
-from executor.core.inflight.custody.mode_attribution import attribute_mode_change, is_attribution_final
+from executor.core.inflight.custody.mode_causes import attribute_mode_change, is_attribution_final
 from executor.core.inflight.faults import link_loss, warning_rules, watchpoints
-from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView, describe_reported_failure
+from executor.core.inflight.faults.watch_view import Watchpoint, WatchView, describe_reported_failure
 from executor.core.interface.events import Heard, Tick
 from executor.core.interface.messages import Actor, Heartbeat
 from executor.core.state.fleet_state import FleetState

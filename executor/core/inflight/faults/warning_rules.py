@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executor.core.inflight.faults import battery_watchpoints, stream_watch
-from executor.core.inflight.faults.battery_watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
-from executor.core.inflight.faults.watchpoint_types import WatchView
-from executor.core.state import landing_projection
+from executor.core.inflight.faults import watch_view, watchpoints
+from executor.core.inflight.faults.watch_view import WatchView
+from executor.core.inflight.faults.watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
+from executor.core.lines import battery, height, link, position, speed
+from executor.core.state import legs
 from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.mission_height import find_mission_height
 from executor.core.state.vehicle_position import describe_position, last_fix
@@ -36,18 +37,18 @@ def describe_silence(view: WatchView) -> str:
     """Nothing was heard for a while."""
     heard_s = view.state.link.heard_s
     age_s = 0.0 if heard_s is None else view.now_s - heard_s
-    return f"no message for {age_s:.1f} s" if age_s >= view.context.limits.link_stale_s else ""
+    return link.SILENT.format(age_s=age_s) if age_s >= view.context.limits.link_stale_s else ""
 
 
 def describe_missing_items(view: WatchView) -> str:
     """It speaks, and not of where it flies to."""
-    return stream_watch.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
+    return watch_view.ITEM.describe_missing(view) if view.state.stage is Stage.FLYING else ""
 
 
 def describe_doubtful_disarm(view: WatchView) -> str:
     """A HEARTBEAT says what its positions refute."""
     doubted = view.state.telemetry.doubted is not None
-    return "HEARTBEAT reports disarmed, but it is flying: sent by another station?" if doubted else ""
+    return link.DISARMED_IN_FLIGHT if doubted else ""
 
 
 def describe_frame_loss(view: WatchView) -> str:
@@ -55,7 +56,7 @@ def describe_frame_loss(view: WatchView) -> str:
     quality = view.state.link.quality
     if quality.lost is None or quality.worse < view.context.limits.loss_warn:
         return ""
-    return f"{100 * quality.lost:.0f} % of its frames are lost, where {100 * (quality.usual or 0.0):.0f} % is usual"
+    return link.FRAMES_LOST.format(lost_pct=100 * quality.lost, usual_pct=100 * (quality.usual or 0.0))
 
 
 def describe_radio_trouble(view: WatchView) -> str:
@@ -67,14 +68,15 @@ def describe_radio_trouble(view: WatchView) -> str:
 def describe_low_battery(view: WatchView) -> str:
     """The autopilot calls it low, or not healthy."""
     if view.state.power.battery.charge_state == LOW:
-        return "the autopilot reports its battery low"
-    return "the autopilot reports its battery not healthy" if view.state.sensors.unhealthy & BATTERY_SENSOR else ""
+        return battery.REPORTED_STATE.format(state=battery.LOW)
+    sick = view.state.sensors.unhealthy & BATTERY_SENSOR
+    return battery.REPORTED_STATE.format(state=battery.NOT_HEALTHY) if sick else ""
 
 
 def describe_doubtful_pack(view: WatchView) -> str:
     """Its resting voltage does not fit its percentage."""
     found = assess_pack_in_flight(view)
-    return f"its pack {found.words}" if found is not None and found.doubtful else ""
+    return battery.PACK.format(condition=found.words) if found is not None and found.doubtful else ""
 
 
 def describe_second_battery_fault(view: WatchView) -> str:
@@ -82,12 +84,8 @@ def describe_second_battery_fault(view: WatchView) -> str:
     fault = view.state.fault
     if not view.setup.planned or fault is None or fault.kind is FaultKind.BATTERY or not view.state.armed:
         return ""
-    looks = (
-        battery_watchpoints.check_battery_failsafe,
-        battery_watchpoints.check_battery_status,
-        battery_watchpoints.check_cells,
-    )
-    return next((f"besides, {found}" for look in looks if (found := look(view))), "")
+    looks = (watchpoints.check_battery_failsafe, watchpoints.check_battery_status, watchpoints.check_cells)
+    return next((battery.BESIDES.format(finding=found) for look in looks if (found := look(view))), "")
 
 
 def describe_reserve_risk(view: WatchView) -> str:
@@ -95,10 +93,10 @@ def describe_reserve_risk(view: WatchView) -> str:
     leg = view.state.leg
     if view.setup.planned and (not view.state.armed or (leg is not None and leg.phase is Phase.LAND)):
         return ""  # it lands: nothing more can be done about it
-    chance = landing_projection.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
+    chance = legs.landing_chance_below(view.context, view.state, view.setup, view.setup.reserve_pct)
     if chance is None or chance < view.context.limits.reserve_warn_chance:
         return ""
-    return f"below its reserve at landing with {100 * chance:.0f} % probability"
+    return battery.MAY_LAND_BELOW_RESERVE.format(chance_pct=100 * chance)
 
 
 ESTIMATOR_S = 2.0
@@ -110,7 +108,7 @@ def gps_lost(view: WatchView) -> str:
     known = view.state.sensors.positioning
     if known.lost_s is None or (known.adrift_s is not None and view.now_s - known.lost_s < ESTIMATOR_S):
         return ""
-    return f"GPS lost ({known.why}): position is dead-reckoned from now on; {last_fix(view.context, view.state)}"
+    return position.GPS_LOST.format(why=known.why, last_fix=last_fix(view.context, view.state))
 
 
 def describe_position_jump(view: WatchView) -> str:
@@ -118,7 +116,7 @@ def describe_position_jump(view: WatchView) -> str:
     off_m, at_s = view.state.motion.jump
     limits = view.context.limits
     jumped = off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s
-    return f"its position jumped by {off_m:.0f} m" if jumped else ""
+    return position.JUMPED.format(off_m=off_m) if jumped else ""
 
 
 def describe_stuck_return(view: WatchView) -> str:
@@ -128,7 +126,7 @@ def describe_stuck_return(view: WatchView) -> str:
         return ""
     if stood_s < limits.hangs_s or fix.alt_rel_m < limits.airborne_m:
         return ""
-    return f"has not moved for {stood_s:.0f} s on its way home, {describe_position(view.context, state)}"
+    return speed.HANGS.format(stood_s=stood_s, position=describe_position(view.context, state))
 
 
 def low(view: WatchView) -> str:
@@ -139,7 +137,7 @@ def low(view: WatchView) -> str:
     asked = find_mission_height(view.context, view.setup, state)
     if asked is None or asked.below_m < limits.below_mission_m or state.motion.climbs_m_s > CLIMBS_M_S:
         return ""
-    return f"flies {asked.below_m:.0f} m below its mission"
+    return height.FLIES_LOW.format(below_m=asked.below_m)
 
 
 CLIMBS_M_S = 0.1
@@ -147,13 +145,13 @@ CLIMBS_M_S = 0.1
 
 TABLE: tuple[WarningRule, ...] = (
     WarningRule("silent", FaultKind.LINK, describe_silence),
-    WarningRule("heartbeat", FaultKind.LINK, stream_watch.HEARTBEAT.describe_missing),
+    WarningRule("heartbeat", FaultKind.LINK, watch_view.HEARTBEAT.describe_missing),
     WarningRule("disarmed", FaultKind.INTERRUPTION, describe_doubtful_disarm),
-    WarningRule("positions", FaultKind.INTERRUPTION, stream_watch.POSITION.describe_missing),
+    WarningRule("positions", FaultKind.INTERRUPTION, watch_view.POSITION.describe_missing),
     WarningRule("items", FaultKind.INTERRUPTION, describe_missing_items),
     WarningRule("loss", FaultKind.LINK, describe_frame_loss),
     WarningRule("radio", FaultKind.LINK, describe_radio_trouble),
-    WarningRule("battery-silent", FaultKind.BATTERY, stream_watch.BATTERY.describe_missing),
+    WarningRule("battery-silent", FaultKind.BATTERY, watch_view.BATTERY.describe_missing),
     WarningRule("battery-low", FaultKind.BATTERY, describe_low_battery),
     WarningRule("pack", FaultKind.BATTERY, describe_doubtful_pack),
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),
@@ -168,14 +166,14 @@ TABLE: tuple[WarningRule, ...] = (
 def find_new_warnings(view: WatchView, before: ReportedWarnings) -> tuple[ReportedWarnings, tuple[str, ...]]:
     """Return what is not well and was not said yet, for the operator of a live flight.
 
-    A silence is told by `silence`; what comes back within `AGAIN_S` is the same.
+    A silence is told by `link_loss`; what comes back within `AGAIN_S` is the same.
     """
     now = [(row.name, words) for row, words in find_warnings(view) if row.look is not describe_silence]
-    if not now and not before.at_s:
+    if not now and not before:
         return before, ()
-    known = {name: at_s for name, at_s in before.at_s if view.now_s - at_s < AGAIN_S}
+    known = {name: at_s for name, at_s in before if view.now_s - at_s < AGAIN_S}
     new = tuple(f"{view.state.name}: {words}" for name, words in now if name not in known)
-    return ReportedWarnings(tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items())), new
+    return tuple({**known, **dict.fromkeys((name for name, _ in now), view.now_s)}.items()), new
 
 
 def find_warnings(view: WatchView) -> tuple[tuple[WarningRule, str], ...]:

@@ -2,24 +2,29 @@
 
 Each answers OK, FAIL or STALE. FAIL must last `raise_after_s` before it is a fault; STALE neither starts nor ends that
 time, so that a silent vehicle's last battery report raises nothing by itself. One arbiter picks one reason.
+
+A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may say no word of it: it is held against
+the height that is asked of it by its mission, and by its own autopilot.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
+from executor.core.battery import account, cusum
+from executor.core.battery.pack_condition import PackCondition, assess_pack
 from executor.core.context import Scene, VehicleSetup
-from executor.core.inflight.custody.mode_attribution import (
+from executor.core.inflight.custody.mode_causes import (
     GEOFENCE_SENSOR,
     attribute_mode_change,
     describe_fence_action,
     is_attribution_final,
 )
-from executor.core.inflight.faults import battery_watchpoints as battery
-from executor.core.inflight.faults import height_watch
-from executor.core.inflight.faults import stream_watch as streams
-from executor.core.inflight.faults.watchpoint_types import (
+from executor.core.inflight.faults import watch_view
+from executor.core.inflight.faults.watch_view import (
     OK,
     STALE,
     Finding,
@@ -27,16 +32,289 @@ from executor.core.inflight.faults.watchpoint_types import (
     WatchView,
     alarm_words,
     describe_reported_failure,
+    has_failed_lately,
     is_estimate_lost,
     is_in_mission_mode,
 )
 from executor.core.interface.messages import Actor
+from executor.core.limits import Limits
+from executor.core.lines import battery, failsafe, height, landing, link, position, speed
+from executor.core.state import legs
+from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of
 from executor.core.state.onboard_fence import describe_fence_departure
-from executor.core.state.positioning import is_dead_reckoning
-from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
-from executor.core.state.vehicle_position import has_fallen, has_mission_ended, is_resting_place_known
+from executor.core.state.vehicle_parts import ModeCause
+from executor.core.state.vehicle_position import (
+    describe_down_place,
+    has_fallen,
+    has_mission_ended,
+    is_dead_reckoning,
+    is_resting_place_known,
+)
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
+from executor.core.telemetry.battery_reports import pack_facts_of
+from missions import Phase
 from missions.autopilots.dialect import is_home_mode, is_manual_mode, mode_name
+
+LOW = 2
+"""MAV_BATTERY_CHARGE_STATE_LOW."""
+BATTERY_SENSOR = 0x2000000
+"""MAV_SYS_STATUS_SENSOR_BATTERY."""
+NEAR_PCT = 15.0
+"""So near to its reserve a battery may well be low by its voltage."""
+PLUNGE = 1.7
+"""Times the threshold of a drain."""
+
+
+def check_battery_step(view: WatchView) -> Finding:
+    """Much was lost at once."""
+    limits, power, known = view.context.limits, view.state.power, view.state.power.battery
+    # A percentage that does not follow its counter is no use where the voltage did not fall with it.
+    refuted = account.is_blind(known) and account.has_running_counter(known) and power.volts.dropped_s is None
+    if not _is_battery_fresh(view) or refuted:
+        return STALE
+    window_s = limits.battery_step_window_s
+    long_s = 4 * window_s
+    # While it fails the window moves on; and nobody may have looked while a step was in it.
+    fell = known.drift.jumped_pct >= limits.battery_step_pct and view.now_s - known.drift.jumped_s <= long_s
+    excess, expected = account.excess_pct(known, long_s if view.failing or fell else window_s)
+    if excess < limits.battery_step_pct:
+        return OK
+    return battery.STEP.format(lost_pct=excess + expected, usual_pct=expected)
+
+
+def _check_drain(view: WatchView, *, hurried: bool) -> Finding:
+    if not _is_battery_fresh(view):
+        return STALE
+    limits, known, fix = view.context.limits, view.state.power.battery, view.state.motion.fix
+    climbs = fix is not None and fix.velocity_m_s[2] > limits.climbs_m_s
+    eased = (2.0 if climbs else 1.0) * (0.8 if view.failing else 1.0)
+    for found, threshold, which in _iterate_excesses(known, limits, hurried=hurried):
+        if cusum.is_drain(found, eased * threshold, limits.battery_step_pct):
+            lasts_s, usual_pct = found.duration_s(view.now_s), found.expected_pct
+            return battery.DRAIN.format(used_pct=found.used_pct, time_s=lasts_s, usual_pct=usual_pct, counted=which)
+    return OK
+
+
+check_battery_drain = partial(_check_drain, hurried=False)
+"""More is used than the flight should cost, by more than a climb or a gust explains."""
+check_battery_plunge = partial(_check_drain, hurried=True)
+"""So much more is used that there is no time to wait for one more report."""
+
+
+def _iterate_excesses(
+    known: account.BatteryState, limits: Limits, *, hurried: bool
+) -> Iterator[tuple[cusum.Drift, float, str]]:
+    """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
+    share = PLUNGE if hurried else 1.0
+    yield known.charge.drift, share * limits.charge_excess_pct, battery.BY_COUNTER
+    if account.is_blind(known) and account.has_running_counter(known):
+        return  # what the percentage says is something else than what the counter counts
+    if not account.is_blind(known):
+        yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
+    else:
+        yield known.drift, limits.blind_excess_pct, ""
+    if not hurried:
+        yield (
+            known.slow,
+            limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct,
+            battery.OVER_MINUTES,
+        )
+
+
+def check_voltage_step(view: WatchView) -> Finding:
+    """The voltage fell at once by more than the load explains."""
+    volts, limits = view.state.power.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    threshold = limits.voltage_step if volts.known_load else limits.voltage_step_blind
+    if not volts.known_load and not view.setup.planned and _is_driven_hard(view):
+        return STALE  # nobody knows its load, and it is another one than usual
+    if view.failing:
+        threshold *= 0.7
+    if volts.usual_v is None or volts.voltage_v is None or volts.dropped_s is None or volts.drop < threshold:
+        return OK
+    expected_v = volts.usual_v if volts.expected_v is None else volts.expected_v
+    return battery.VOLTAGE_STEP.format(voltage_v=volts.voltage_v, usual_v=expected_v)
+
+
+def _is_driven_hard(view: WatchView) -> bool:
+    """Return whether it climbs, falls, or says that something else has failed: its motors give what they never do."""
+    fix, failed = view.state.motion.fix, view.state.evidence.failed
+    moves = fix is not None and abs(fix.velocity_m_s[2]) > view.context.limits.climbs_m_s
+    said_s = max((at_s for one, at_s in failed if one.what != "battery"), default=float("-inf"))
+    return moves or view.now_s - max(said_s, view.state.telemetry.alarm[1]) <= view.context.limits.alarm_s
+
+
+def check_cells(view: WatchView) -> Finding:
+    """A cell is near its end, or far below the others, for longer than a climb."""
+    volts, limits = view.state.power.volts, view.context.limits
+    if view.now_s - volts.reported_s > limits.battery_stale_s:
+        return STALE
+    if volts.spread_since_s is not None and view.now_s - volts.spread_since_s >= limits.cell_low_s:
+        return battery.CELL_BELOW_OTHERS.format(cell_v=min(volts.cells_v), below_v=volts.spread_v)
+    if volts.low_since_s is not None and view.now_s - volts.low_since_s >= limits.cell_low_s:
+        return battery.CELL_LOW.format(cell_v=volts.weakest_v or 0.0)
+    return OK
+
+
+def check_reserve(view: WatchView) -> Finding:
+    """The mission on board, or where none is known the way home, would end below the reserve."""
+    leg, limits = view.state.leg, view.context.limits
+    if leg is not None and leg.phase in {Phase.RETURN, Phase.LAND}:
+        return OK  # it is on its way home already: nothing else could be ordered
+    floor_pct = view.setup.reserve_pct - limits.reserve_slack_pct
+    chance = legs.landing_chance_below(view.context, view.state, view.setup, floor_pct)
+    if chance is None or not _is_battery_fresh(view):
+        return STALE
+    if chance < (limits.reserve_clear_chance if view.failing else limits.reserve_chance):
+        return OK
+    ahead = legs.project_landing(view.context, view.state, view.setup)
+    if ahead is None:
+        return STALE
+    return battery.LANDS_BELOW_RESERVE.format(
+        left_pct=ahead.mean_pct, band_pct=ahead.band_pct, reserve_pct=view.setup.reserve_pct, chance_pct=100 * chance
+    )
+
+
+def check_pack_charge(view: WatchView) -> Finding:
+    """Its resting voltage says that there is much less in it than is counted."""
+    if view.now_s - view.state.power.volts.reported_s > view.context.limits.battery_stale_s:
+        return STALE
+    found = assess_pack_in_flight(view)
+    if found is None or not found.in_flight:
+        return OK if found is None else STALE
+    fails = found.nearly_empty or (found.falls_short and not _is_pack_sufficient(view, found))
+    return battery.PACK.format(condition=found.words) if fails else OK
+
+
+def _is_pack_sufficient(view: WatchView, found: PackCondition) -> bool:
+    """Return whether a plan is flown for which even a pack that gives less than it counts is enough.
+
+    That it gives less is sure by then, so that by how much is taken as it is likely: a real ArduPilot with half a pack
+    fell where the lenient figure, of a chemistry that nobody had named, still called the rest enough.
+    """
+    rest = view.state.power.pack.rest
+    ahead = legs.project_landing(view.context, view.state, view.setup) if view.setup.planned else None
+    if ahead is None or rest is None or found.times is None or found.likely_times is None:
+        return False
+    honest_pct = view.setup.pack.honest_pct
+    began_pct, reserve_pct = honest_pct(rest.claimed_pct), honest_pct(view.setup.reserve_pct)
+    times = max(found.times, found.likely_times)
+    return began_pct - times * (began_pct - honest_pct(ahead.mean_pct)) >= reserve_pct
+
+
+def assess_pack_in_flight(view: WatchView) -> PackCondition | None:
+    """Return how its pack's voltage stands to its percentage; None where nothing can be said."""
+    power, dialect = view.state.power, view.setup.dialect
+    if dialect.rounds_twice and account.is_blind(power.battery):
+        return None  # PX4 without a counter reads its percentage off the very same voltage
+    facts = pack_facts_of(view.context, view.state)
+    return assess_pack(power.pack, power.volts.cells, facts, power.battery.remaining_pct, view.now_s)
+
+
+def check_battery_failsafe(view: WatchView) -> Finding:
+    """The autopilot itself says that it acts on its battery."""
+    said = describe_reported_failure(view, "battery")
+    # A text is the one thing that anybody can send: what it says must show somewhere else as well.
+    return said if said and (not view.setup.planned or _is_alarm_confirmed(view)) else OK
+
+
+def _is_alarm_confirmed(view: WatchView) -> bool:
+    """Return whether an alarm of the battery shows in anything besides its text."""
+    state, power, volts = view.state, view.state.power, view.state.power.volts
+    if state.is_critical or (state.mode is not None and not is_in_mission_mode(view)):
+        return True
+    left_pct = power.battery.remaining_pct
+    low = left_pct is None or left_pct <= view.setup.reserve_pct + NEAR_PCT
+    sick = power.battery.charge_state >= LOW or power.battery_faults or state.sensors.unhealthy & BATTERY_SENSOR
+    return bool(low or sick or volts.low_since_s is not None or volts.spread_since_s is not None or volts.dropped_s)
+
+
+def check_battery_status(view: WatchView) -> Finding:
+    """The autopilot itself calls the battery critical, failed or unhealthy."""
+    if not _is_battery_fresh(view):
+        return STALE
+    if state := battery.STATES.get(view.state.power.battery.charge_state):
+        return battery.REPORTED_STATE.format(state=state)
+    bits = [words for bit, words in battery.FAULTS.items() if view.state.power.battery_faults & bit]
+    return battery.REPORTED_FAULTS.format(faults=", ".join(bits)) if bits else OK
+
+
+def _is_battery_fresh(view: WatchView) -> bool:
+    # 2 s is PX4's own interval of BATTERY_STATUS; three are waited for.
+    fresh = view.now_s - view.state.power.battery.reported_s <= view.context.limits.battery_stale_s
+    # Without positions nobody knows what the flight should have cost.
+    positions_come = view.state.motion.fix is None or view.fresh_fix is not None
+    return fresh and (positions_come or not view.setup.planned)
+
+
+MOST_WORDS_S = 10.0
+"""An autopilot's word of lost thrust, which by itself decides nothing, is about what is seen within this."""
+LEAST_TARGET_M_S = 0.8
+"""Sinking like this, a vehicle that is metres below its autopilot's target has none of it under control."""
+TARGET_S = 3.5
+LYING_UP_M = 1.5
+"""So near to the height of its home it may lie on the ground."""
+LYING_S = 5.0
+DROPPED_S = 4.0
+"""It came down so shortly before it lay still."""
+
+
+def check_sinking(view: WatchView) -> Finding:
+    """It is far below its mission and sinks on, faster than the mission asks."""
+    if view.fresh_fix is None:
+        return STALE
+    asked = find_mission_height(view.context, view.setup, view.state)
+    if asked is None or (not view.setup.planned and is_estimate_lost(view)):
+        return OK
+    limits, climbs_m_s = view.context.limits, view.state.motion.climbs_m_s
+    least_m = limits.below_mission_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
+    if asked.below_m < least_m or climbs_m_s >= -asked.sinks_m_s - limits.sinks_m_s:
+        return OK
+    return height.SINKS.format(sinks_m_s=-climbs_m_s, below_m=asked.below_m, says=alarm_words(view))
+
+
+def check_thrust(view: WatchView) -> Finding:
+    """It sinks though its autopilot wants to be higher."""
+    own = view.state.own
+    if view.fresh_fix is None:
+        return STALE
+    if not is_in_mission_mode(view) or not view.state.sortie.took_off or view.now_s - own.below_s > TARGET_S:
+        return OK
+    if _is_taking_off_or_landing(view) or (not view.setup.planned and is_estimate_lost(view)):
+        return OK
+    limits, climbs_m_s = view.context.limits, view.state.motion.climbs_m_s
+    least_m = limits.below_target_m * (0.5 if has_failed_lately(view, {"motor"}, MOST_WORDS_S) else 1.0)
+    if own.below_m < least_m or climbs_m_s >= -LEAST_TARGET_M_S:
+        return OK
+    return height.SINKS_UNWANTED.format(sinks_m_s=-climbs_m_s, below_m=own.below_m, says=alarm_words(view))
+
+
+def check_grounded_on_mission(view: WatchView) -> Finding:
+    """It lies on the ground in the middle of its mission, armed."""
+    fix, state, stood_s = view.fresh_fix, view.state, view.state.motion.stood_s
+    if fix is None or state.motion.anchor is None:
+        return STALE
+    if view.setup.planned:
+        lies = is_stopped_below_mission(view.context, view.setup, state)
+        return landing.STOPPED.format(down=describe_down_place(view.context, state)) if lies else OK
+    if not is_in_mission_mode(view) or not state.sortie.took_off or _is_taking_off_or_landing(view):
+        return OK
+    if stood_s < LYING_S:
+        return OK
+    dropped = state.motion.drops_s >= view.now_s - stood_s - DROPPED_S and fix.alt_rel_m <= LYING_UP_M
+    if not dropped and not is_stopped_below_mission(view.context, view.setup, state):
+        return OK
+    line = height.LIES_AFTER_DROP if dropped else height.LIES
+    return line.format(stood_s=stood_s, up_m=max(0.0, fix.alt_rel_m), says=alarm_words(view))
+
+
+def _is_taking_off_or_landing(view: WatchView) -> bool:
+    """Return whether it takes off or lands as its mission has it."""
+    leg, item = view.state.leg, item_of(view.state.own, view.state.own.leads_to)
+    if leg is not None and leg.phase in {Phase.TAKEOFF, Phase.LAND}:
+        return True
+    return item is not None and item.command in GROUND_ITEMS
 
 
 def check_link_silence(view: WatchView) -> Finding:
@@ -46,10 +324,10 @@ def check_link_silence(view: WatchView) -> Finding:
         return STALE
     age_s = view.now_s - heard_s
     if age_s >= view.setup.link_timeout_s:
-        return f"link lost for {age_s:.1f} s, time-out {view.setup.link_timeout_s:g} s"
-    unseen_s = streams.state_silence_s(view)
-    unseen = view.setup.planned and unseen_s >= max(streams.UNSEEN_S, view.setup.link_timeout_s)
-    return f"neither HEARTBEAT nor position for {unseen_s:.0f} s" if unseen else OK
+        return link.LOST.format(age_s=age_s, timeout_s=view.setup.link_timeout_s)
+    unseen_s = watch_view.state_silence_s(view)
+    unseen = view.setup.planned and unseen_s >= max(watch_view.UNSEEN_S, view.setup.link_timeout_s)
+    return link.UNSEEN.format(age_s=unseen_s) if unseen else OK
 
 
 def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 - one return for each reason
@@ -61,23 +339,23 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return OK
     if not view.setup.planned:
         return _check_disarm_in_flight(view)
-    away_m = math.dist(state.motion.fix.place_m, view.setup.pad_m)
+    away_m, says = math.dist(state.motion.fix.place_m, view.setup.pad_m), alarm_words(view)
     if not is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
         return OK  # its pilot may disarm it anywhere
     if is_dead_reckoning(state):
-        return f"disarmed without GPS, position unknown{alarm_words(view)}"
+        return landing.DISARMED_WITHOUT_GPS.format(says=says)
     if away_m > limits.off_pad_m:
-        return f"disarmed {away_m:.0f} m from its pad, {state.motion.fix.alt_rel_m:.0f} m high{alarm_words(view)}"
+        return landing.DISARMED_OFF_PAD.format(away_m=away_m, up_m=state.motion.fix.alt_rel_m, says=says)
     # An old position says nothing of its height: it may have come down since.
     if has_fallen(view.context, state) and view.now_s - state.motion.fix.at_s <= limits.link_stale_s:
-        return f"disarmed {state.motion.fix.alt_rel_m:.0f} m above its pad{alarm_words(view)}"
+        return landing.DISARMED_OVER_PAD.format(up_m=state.motion.fix.alt_rel_m, says=says)
     if not state.sortie.took_off and state.stage is Stage.FLYING:
-        return f"disarmed on its pad before it took off{alarm_words(view)}"
+        return landing.DISARMED_BEFORE_TAKEOFF.format(says=says)
     if state.sortie.rebooted_s is not None:
-        return f"its autopilot has rebooted, and it is disarmed{alarm_words(view)}"
-    return OK if has_mission_ended(view.context, state) else f"disarmed over its pad in mid-mission{alarm_words(view)}"
+        return landing.DISARMED_BY_REBOOT.format(says=says)
+    return OK if has_mission_ended(view.context, state) else landing.DISARMED_IN_MISSION.format(says=says)
 
 
 def _check_disarm_in_flight(view: WatchView) -> Finding:
@@ -88,7 +366,7 @@ def _check_disarm_in_flight(view: WatchView) -> Finding:
     speed_m_s = math.hypot(*fix.velocity_m_s)
     if fix.alt_rel_m <= limits.off_pad_up_m or speed_m_s <= limits.at_rest_m_s:
         return OK
-    return f"disarmed {fix.alt_rel_m:.0f} m over its home at {speed_m_s:.1f} m/s{alarm_words(view)}"
+    return landing.DISARMED_MOVING.format(up_m=fix.alt_rel_m, speed_m_s=speed_m_s, says=alarm_words(view))
 
 
 def check_termination(view: WatchView) -> Finding:
@@ -96,9 +374,8 @@ def check_termination(view: WatchView) -> Finding:
     heartbeat = view.state.telemetry.heartbeat
     if heartbeat is None:
         return STALE
-    names = {6: "an emergency", 8: "that its flight is terminated"}  # MAV_STATE
-    what = names.get(heartbeat.system_status) if heartbeat.armed else None
-    return f"reports {what}{alarm_words(view)}" if what else OK
+    state = failsafe.STATES.get(heartbeat.system_status) if heartbeat.armed else None
+    return failsafe.REPORTS.format(state=state, says=alarm_words(view)) if state else OK
 
 
 def check_fall(view: WatchView) -> Finding:
@@ -109,7 +386,7 @@ def check_fall(view: WatchView) -> Finding:
     if not view.setup.planned and not _is_sinking(view):
         return OK
     up_m_s = fix.velocity_m_s[2]
-    return f"falls at {-up_m_s:.1f} m/s" if up_m_s < -view.context.limits.fall_m_s else OK
+    return height.FALLS.format(sinks_m_s=-up_m_s) if up_m_s < -view.context.limits.fall_m_s else OK
 
 
 def check_mission_mode(view: WatchView) -> Finding:
@@ -123,7 +400,7 @@ def check_mission_mode(view: WatchView) -> Finding:
     if view.setup.planned:
         if not state.armed or state.custody.cause is not ModeCause.FAILSAFE:
             return OK
-        return f"{mode_name(dialect, state.mode)} by its own failsafe{alarm_words(view)}"
+        return failsafe.MODE.format(mode=mode_name(dialect, state.mode), says=alarm_words(view))
     return OK if is_in_mission_mode(view) or not state.armed else _check_unplanned_mode(view, state.mode)
 
 
@@ -132,13 +409,14 @@ def _check_unplanned_mode(view: WatchView, mode: int) -> Finding:
     state, who, name = view.state, attribute_mode_change(view.setup, view.state), mode_name(view.setup.dialect, mode)
     if who.by is Actor.FAILSAFE and who.failed is not None:
         # A battery's failsafe is said by its own name. Any other takes a vehicle from whoever flies it.
-        return OK if who.failed.what == "battery" else f"went to mode {name} by its own failsafe: {who.failed.words}"
+        is_battery = who.failed.what == "battery"
+        return OK if is_battery else failsafe.WENT_TO_MODE.format(mode=name, why=who.failed.words)
     if not state.sortie.flew_mission:
         return OK  # it never was on a mission, or a person had it before
     if who.by is Actor.FAILSAFE and view.now_s - state.telemetry.mode_since_s >= UNNAMED_S:
-        return f"went to mode {name} by its own failsafe: {who.why or 'it does not say which'}"
+        return failsafe.WENT_TO_MODE.format(mode=name, why=who.why or failsafe.UNNAMED)
     if who.by is Actor.UNKNOWN and is_home_mode(view.setup.dialect, mode) and is_attribution_final(state, view.now_s):
-        return f"went to mode {name}, by an unknown source"
+        return failsafe.MODE_OF_UNKNOWN.format(mode=name)
     return OK
 
 
@@ -162,7 +440,7 @@ def check_fence_breach(view: WatchView) -> Finding:
     led = "" if said or told or off or not newly else describe_fence_action(view.setup, state)
     if not said and not told and not off and not led:
         return OK
-    parts = ("its fence was breached" if led else "its fence is breached", off, said)
+    parts = (position.FENCE_WAS_BREACHED if led else position.FENCE_BREACHED, off, said)
     return "; ".join(part for part in parts if part)
 
 
@@ -182,7 +460,7 @@ def check_crash(view: WatchView) -> Finding:
     disarmed = not view.state.armed and view.now_s - since_s >= 0.0
     if not disarmed and view.now_s - since_s < view.context.limits.tilt_s:
         return OK
-    return f"lies or hangs tilted by {max(abs(attitude.roll_deg), abs(attitude.pitch_deg)):.0f} degrees"
+    return landing.TILTED.format(tilt_deg=max(abs(attitude.roll_deg), abs(attitude.pitch_deg)))
 
 
 def _is_sinking(view: WatchView) -> bool:
@@ -210,7 +488,7 @@ def check_position_jump(view: WatchView) -> Finding:
     if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
     jumped = off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s
-    return f"its position jumped by {off_m:.0f} m" if jumped else OK
+    return position.JUMPED.format(off_m=off_m) if jumped else OK
 
 
 def check_stall(view: WatchView) -> Finding:
@@ -226,7 +504,7 @@ def check_stall(view: WatchView) -> Finding:
     # By its own clock: a simulator that the computer lets wait stands still, and so does its time.
     stood_s = state.motion.stood_s
     stalls = stood_s >= (limits.stall_s if view.setup.planned else limits.unplanned_stall_s)
-    return f"has not moved for {stood_s:.0f} s" if stalls else OK
+    return speed.STALLS.format(stood_s=stood_s) if stalls else OK
 
 
 _IN_THE_AIR = frozenset({Stage.FLYING, Stage.RETURNING})
@@ -236,25 +514,25 @@ CRASH = Watchpoint("crash", FaultKind.INTERRUPTION, check_crash, 0.0, FaultCode.
 TABLE: tuple[Watchpoint, ...] = (
     Watchpoint("off-pad", FaultKind.INTERRUPTION, check_unexpected_disarm, 0.0, FaultCode.DISARMED, _IN_THE_AIR),
     Watchpoint("falling", FaultKind.INTERRUPTION, check_fall, 0.4, FaultCode.FALLING, _IN_THE_AIR),
-    Watchpoint("sinking", FaultKind.INTERRUPTION, height_watch.check_sinking, 2.0, FaultCode.SINKING),
-    Watchpoint("thrust", FaultKind.INTERRUPTION, height_watch.check_thrust, 3.5, FaultCode.THRUST_LOST),
-    Watchpoint("lies", FaultKind.DOWN, height_watch.check_grounded_on_mission, 0.0, FaultCode.DOWN),
+    Watchpoint("sinking", FaultKind.INTERRUPTION, check_sinking, 2.0, FaultCode.SINKING),
+    Watchpoint("thrust", FaultKind.INTERRUPTION, check_thrust, 3.5, FaultCode.THRUST_LOST),
+    Watchpoint("lies", FaultKind.DOWN, check_grounded_on_mission, 0.0, FaultCode.DOWN),
     CRASH,
     Watchpoint("terminated", FaultKind.INTERRUPTION, check_termination, 0.0, FaultCode.TERMINATED, _IN_THE_AIR),
     Watchpoint("link", FaultKind.LINK, check_link_silence, 0.0, FaultCode.LINK_LOST, _OUT_THERE),
-    Watchpoint("heartbeat", FaultKind.INTERRUPTION, streams.HEARTBEAT.check, 0.0, FaultCode.HEARTBEAT_LOST),
-    Watchpoint("positions", FaultKind.INTERRUPTION, streams.POSITION.check, 0.0, FaultCode.POSITION_LOST),
-    Watchpoint("battery-step", FaultKind.BATTERY, battery.check_battery_step, 2.5, FaultCode.BATTERY_STEP),
-    Watchpoint("voltage-step", FaultKind.BATTERY, battery.check_voltage_step, 3.0, FaultCode.VOLTAGE_STEP),
-    Watchpoint("cells", FaultKind.BATTERY, battery.check_cells, 0.0, FaultCode.CELL_WEAK),
-    Watchpoint("battery-critical", FaultKind.BATTERY, battery.check_battery_status, 3.0, FaultCode.BATTERY_CRITICAL),
-    Watchpoint("battery-failsafe", FaultKind.BATTERY, battery.check_battery_failsafe, 1.0, FaultCode.BATTERY_FAILSAFE),
-    Watchpoint("battery-plunge", FaultKind.BATTERY, battery.check_battery_plunge, 0.4, FaultCode.BATTERY_PLUNGE),
-    Watchpoint("battery-drain", FaultKind.BATTERY, battery.check_battery_drain, 2.5, FaultCode.BATTERY_DRIFT),
-    Watchpoint("pack", FaultKind.BATTERY, battery.check_pack_charge, 15.0, FaultCode.PACK_SHORT),
-    Watchpoint("reserve", FaultKind.BATTERY, battery.check_reserve, 5.0, FaultCode.BATTERY_LOW),
-    Watchpoint("battery-reports", FaultKind.BATTERY, streams.BATTERY.check, 0.0, FaultCode.BATTERY_REPORT_LOST),
-    Watchpoint("items", FaultKind.INTERRUPTION, streams.ITEM.check, 0.0, FaultCode.ITEM_LOST),
+    Watchpoint("heartbeat", FaultKind.INTERRUPTION, watch_view.HEARTBEAT.check, 0.0, FaultCode.HEARTBEAT_LOST),
+    Watchpoint("positions", FaultKind.INTERRUPTION, watch_view.POSITION.check, 0.0, FaultCode.POSITION_LOST),
+    Watchpoint("battery-step", FaultKind.BATTERY, check_battery_step, 2.5, FaultCode.BATTERY_STEP),
+    Watchpoint("voltage-step", FaultKind.BATTERY, check_voltage_step, 3.0, FaultCode.VOLTAGE_STEP),
+    Watchpoint("cells", FaultKind.BATTERY, check_cells, 0.0, FaultCode.CELL_WEAK),
+    Watchpoint("battery-critical", FaultKind.BATTERY, check_battery_status, 3.0, FaultCode.BATTERY_CRITICAL),
+    Watchpoint("battery-failsafe", FaultKind.BATTERY, check_battery_failsafe, 1.0, FaultCode.BATTERY_FAILSAFE),
+    Watchpoint("battery-plunge", FaultKind.BATTERY, check_battery_plunge, 0.4, FaultCode.BATTERY_PLUNGE),
+    Watchpoint("battery-drain", FaultKind.BATTERY, check_battery_drain, 2.5, FaultCode.BATTERY_DRIFT),
+    Watchpoint("pack", FaultKind.BATTERY, check_pack_charge, 15.0, FaultCode.PACK_SHORT),
+    Watchpoint("reserve", FaultKind.BATTERY, check_reserve, 5.0, FaultCode.BATTERY_LOW),
+    Watchpoint("battery-reports", FaultKind.BATTERY, watch_view.BATTERY.check, 0.0, FaultCode.BATTERY_REPORT_LOST),
+    Watchpoint("items", FaultKind.INTERRUPTION, watch_view.ITEM.check, 0.0, FaultCode.ITEM_LOST),
     Watchpoint("position", FaultKind.INTERRUPTION, check_position_jump, 0.0, FaultCode.POSITION_JUMP),
     Watchpoint("fence", FaultKind.FENCE, check_fence_breach, FENCE_SEEN_S, FaultCode.FENCE_BREACHED),
     Watchpoint("mode", FaultKind.INTERRUPTION, check_mission_mode, 1.0, FaultCode.MODE_CHANGED),
@@ -273,12 +551,12 @@ def judge_watchpoints(
     The most important comes first, each with its evidence.
     """
     old = dict(state.watches)
-    watches: list[tuple[str, WatchpointMemory]] = []
+    watches: list[tuple[str, float]] = []
     raised: list[tuple[Watchpoint, str]] = []
     fine = WatchView(context, setup, state, False, now_s)
     failing = replace(fine, failing=True) if old else fine
     for point in _BY_STAGE[state.stage]:
-        since = old[point.name].failing_since_s if point.name in old else None
+        since = old.get(point.name)
         finding = point.judge(fine if since is None else failing)
         if finding:
             since = now_s if since is None else since
@@ -287,5 +565,5 @@ def judge_watchpoints(
         elif finding == OK:
             since = None
         if since is not None:
-            watches.append((point.name, WatchpointMemory(since)))
+            watches.append((point.name, since))
     return state if tuple(watches) == state.watches else replace(state, watches=tuple(watches)), raised

@@ -16,7 +16,7 @@ from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCo
 from executor.adapters.mavlink.frame_layout import has_valid_checksum
 from executor.adapters.mavlink.tlog_reader import TelemetryFile
 from executor.core.interface.messages import Actor, Heartbeat, Message, ModeChange, OwnFailsafe
-from executor.core.telemetry.px4_event_meanings import compute_event_id
+from executor.core.telemetry.mode_evidence import compute_event_id
 from tests.onboard import UlogWriter
 from tests.recorded import BEGAN_USEC, real_logs
 

@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executor.core.battery import account
-from executor.core.battery.account import FACTOR_RANGE, BatteryState
+from executor.core.battery.account import FACTOR_RANGE, BatteryState, PercentRounding
 from executor.core.battery.charge_counter import PercentTransition
-from executor.core.battery.percent_rounding import PercentRounding
-from executor.core.inflight.faults import battery_watchpoints
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults import watchpoints
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Battery, SystemStatus
 from executor.core.state.vehicle_state import Stage
 from executor.core.telemetry.message_update import apply_message
@@ -58,7 +57,7 @@ def first_failure_s(judge: object, history: Iterator[tuple[float, BatteryState]]
 @pytest.mark.parametrize("period_s", [1.0, 2.0])
 @pytest.mark.parametrize("consumption", [0.8, 1.0, 1.3, 1.5])
 def test_a_constant_wind_is_no_fault(consumption: float, period_s: float) -> None:
-    for judge in (battery_watchpoints.check_battery_step, battery_watchpoints.check_battery_drain):
+    for judge in (watchpoints.check_battery_step, watchpoints.check_battery_drain):
         assert first_failure_s(judge, reports(25, consumption=consumption, period_s=period_s)) is None
 
 
@@ -88,9 +87,7 @@ def test_nothing_is_learned_from_nothing() -> None:
 
 @pytest.mark.parametrize("period_s", [1.0, 2.0])
 def test_a_step_is_found_at_its_first_report(period_s: float) -> None:
-    found_s = first_failure_s(
-        battery_watchpoints.check_battery_step, reports(10, step_pct=30, step_s=300.0, period_s=period_s)
-    )
+    found_s = first_failure_s(watchpoints.check_battery_step, reports(10, step_pct=30, step_s=300.0, period_s=period_s))
     assert found_s is not None
     assert 300.0 <= found_s <= 300.0 + period_s
 
@@ -103,21 +100,19 @@ def test_a_step_that_falls_into_lost_reports_is_found_as_a_drain() -> None:
             replace(state, modelled_pct=known.modelled_pct), known.remaining_pct or 0.0, 1, now_s
         )
         history.append((now_s, state))
-    assert first_failure_s(battery_watchpoints.check_battery_step, iter(history)) is None
-    assert first_failure_s(battery_watchpoints.check_battery_drain, iter(history)) == 310.0
+    assert first_failure_s(watchpoints.check_battery_step, iter(history)) is None
+    assert first_failure_s(watchpoints.check_battery_drain, iter(history)) == 310.0
 
 
 @pytest.mark.parametrize("drain", [2.5, 3.0, 5.0])
 def test_a_drain_is_found_within_its_window(drain: float) -> None:
-    found_s = first_failure_s(battery_watchpoints.check_battery_drain, reports(15, drain=drain, drain_s=300.0))
+    found_s = first_failure_s(watchpoints.check_battery_drain, reports(15, drain=drain, drain_s=300.0))
     assert found_s is not None
     assert 300.0 < found_s <= 300.0 + FLEET.context.limits.slow_window_s / 3
 
 
 def test_a_drain_in_a_head_wind_is_found_too() -> None:
-    found_s = first_failure_s(
-        battery_watchpoints.check_battery_drain, reports(15, consumption=1.3, drain=3.0, drain_s=300.0)
-    )
+    found_s = first_failure_s(watchpoints.check_battery_drain, reports(15, consumption=1.3, drain=3.0, drain_s=300.0))
     assert found_s is not None
     assert 300.0 < found_s <= 400.0
 
@@ -130,7 +125,7 @@ def test_a_drain_in_a_head_wind_is_found_too() -> None:
 )
 def test_no_honest_battery_is_a_fault(consumption: float, period_s: float, quantum_pct: float) -> None:
     history = list(reports(20, consumption=consumption, period_s=period_s, quantum_pct=quantum_pct))
-    for judge in (battery_watchpoints.check_battery_step, battery_watchpoints.check_battery_drain):
+    for judge in (watchpoints.check_battery_step, watchpoints.check_battery_drain):
         assert first_failure_s(judge, iter(history)) is None
 
 

@@ -10,7 +10,7 @@ import pytest
 from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, add_usage, is_drain
 from executor.core.battery.kalman import BatteryEstimate, Prior, Projection
-from executor.core.battery.load_voltage import VoltageReport, VoltageState, apply_voltage_report
+from executor.core.battery.voltage import VoltageReport, VoltageState, apply_voltage_report
 from executor.core.limits import Limits
 
 RATE = 0.04

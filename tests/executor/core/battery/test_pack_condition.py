@@ -6,10 +6,9 @@ import random
 
 import pytest
 
-from executor.core.battery import pack_condition, resting_voltage, voltage_sag
+from executor.core.battery import pack_condition, voltage
 from executor.core.battery.pack_condition import PackCondition, PackState
-from executor.core.battery.resting_voltage import NO_FACTS, Chemistry, PackFacts
-from executor.core.battery.voltage_sag import SagEstimate
+from executor.core.battery.voltage import NO_FACTS, Chemistry, PackFacts, SagEstimate
 
 CELLS, OHM = 3, 0.03
 HOVER_A = 20.0
@@ -39,7 +38,7 @@ def flown(
         flies = second >= 20
         amps = HOVER_A * (1 + 0.08 * chance.gauss(0, 1)) if flies else 0.4
         claimed -= 0.1 if flies else 0.0
-        rest_v = CELLS * resting_voltage.rest_cell_v(100.0 - (100.0 - claimed) / capacity, chemistry)
+        rest_v = CELLS * voltage.rest_cell_v(100.0 - (100.0 - claimed) / capacity, chemistry)
         volts = rest_v - amps * OHM + 0.01 * chance.gauss(0, 1)
         now_s = float(second)
         known = pack_condition.apply_pack_voltage(known, volts, amps, round(claimed), now_s, idle=not flies)
@@ -89,7 +88,7 @@ def test_a_worn_pack_that_is_known_is_not_found_again_and_one_that_is_worse_is(c
 
 def test_a_resistance_that_is_known_is_there_before_any_load_step() -> None:
     """A first report under load: without it nobody knows what the pack would rest at."""
-    first = [voltage_sag.update_sag(None, 10.8, HOVER_A, 0.0, ohm) for ohm in (None, (0.03, 0.006))]
+    first = [voltage.update_sag(None, 10.8, HOVER_A, 0.0, ohm) for ohm in (None, (0.03, 0.006))]
     assert [one.rest_sd_v < 0.2 for one in first] == [False, True]
     assert first[1].rest_v == pytest.approx(10.8 + HOVER_A * OHM, abs=0.1)
 
@@ -127,15 +126,15 @@ def test_a_pack_at_its_end_is_nearly_empty_whatever_it_counts() -> None:
 def test_a_load_step_tells_the_resistance_and_what_follows_the_resting_voltage() -> None:
     known: SagEstimate | None = None
     for second in range(10):
-        known = voltage_sag.update_sag(known, 12.6, 0.0, float(second))
+        known = voltage.update_sag(known, 12.6, 0.0, float(second))
     assert known is not None
     assert known.ohm_sd > 0.1  # at rest nothing is known of it
     for second in range(10, 60):
-        known = voltage_sag.update_sag(known, 12.6 - 0.002 * (second - 10) - 20.0 * OHM, 20.0, float(second))
+        known = voltage.update_sag(known, 12.6 - 0.002 * (second - 10) - 20.0 * OHM, 20.0, float(second))
     assert known.ohm == pytest.approx(OHM, abs=2.5 * known.ohm_sd)
     assert known.rest_v == pytest.approx(12.5, abs=0.06)
     assert known.rest_sd_v < 0.05
-    gone = voltage_sag.update_sag(known, 11.4, 20.0, 200.0)
+    gone = voltage.update_sag(known, 11.4, 20.0, 200.0)
     assert gone.rest_sd_v > known.rest_sd_v  # what it rests at after a silence is another thing
     assert gone.ohm == pytest.approx(known.ohm, abs=0.01)
 
@@ -153,7 +152,7 @@ def test_a_load_step_tells_the_resistance_and_what_follows_the_resting_voltage()
     ],
 )
 def test_what_a_parameter_says_of_a_pack(name: str, value: float, expected: PackFacts) -> None:
-    assert resting_voltage.apply_pack_parameter(NO_FACTS, name, value) == expected
+    assert voltage.apply_pack_parameter(NO_FACTS, name, value) == expected
 
 
 def test_the_site_files_word_counts_more_than_a_parameter() -> None:
@@ -164,8 +163,8 @@ def test_the_site_files_word_counts_more_than_a_parameter() -> None:
 def test_curves_go_both_ways() -> None:
     for chemistry in Chemistry:
         for percent in (0.0, 3.0, 12.0, 47.0, 88.0, 100.0):
-            cell_v = resting_voltage.rest_cell_v(percent, chemistry)
-            assert resting_voltage.rest_charge_pct(cell_v, chemistry) == pytest.approx(percent)
-    assert resting_voltage.rest_cell_v(50.0, None) == resting_voltage.rest_cell_v(50.0, Chemistry.LI_ION)
-    assert resting_voltage.rest_charge_pct(5.0, None) == 100.0
-    assert resting_voltage.rest_charge_pct(1.0, None) == 0.0
+            cell_v = voltage.rest_cell_v(percent, chemistry)
+            assert voltage.rest_charge_pct(cell_v, chemistry) == pytest.approx(percent)
+    assert voltage.rest_cell_v(50.0, None) == voltage.rest_cell_v(50.0, Chemistry.LI_ION)
+    assert voltage.rest_charge_pct(5.0, None) == 100.0
+    assert voltage.rest_charge_pct(1.0, None) == 0.0

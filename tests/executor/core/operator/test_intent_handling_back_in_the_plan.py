@@ -11,7 +11,7 @@ import pytest
 from executor.core.interface.commands import Level, Resume, Say
 from executor.core.interface.intents import Action, Outcome
 from executor.core.state.fleet_state import TakeoffOffer
-from executor.core.state.vehicle_parts import ModeCause, WatchpointMemory
+from executor.core.state.vehicle_parts import ModeCause
 from executor.core.state.vehicle_state import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -34,7 +34,7 @@ def again(**given: Any) -> VehicleState:
     """Return a vehicle on its pad of which all that a flight leaves is still known."""
     left = {
         "fault": BATTERY_FAULT, "stubborn": True, "lands": True, "held_s": 5.0,
-        "watches": (("mode", WatchpointMemory(5.0)),),
+        "watches": (("mode", 5.0),),
         "alarm": ("crash", 5.0), "failures": 2, "armed_once": True, "taken": TAKEN, "excluded": True,
     }  # fmt: skip
     return landed(stage=Stage.LANDED, **{**left, **given})

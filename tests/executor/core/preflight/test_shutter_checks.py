@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.codes import CheckCode
 from executor.core.preflight import vehicle_checks
 from executor.core.preflight.vehicle_checks import Severity
 from missions import ARDUPILOT, PX4, Dialect, FlightPath, Inspection, build_flight_path, plan_flight_setup

@@ -12,7 +12,7 @@ from executor.core.interface.commands import Solve, Survivor
 from executor.core.replanning import loss_preview, replan_cycle
 from executor.core.replanning.flying_hours import find_remaining_hours, limit_to_hours, min_draw_pct
 from executor.core.replanning.survivors import build_survivor
-from executor.core.state import landing_projection
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import CLEARED_S
 from executor.core.state.vehicle_state import Stage
@@ -25,7 +25,7 @@ FLOWN_S = 100.0
 """Since the launch."""
 ON_ITS_WAY = flying()
 STATE = flight_of(ON_ITS_WAY, launched_s=NOW_S - FLOWN_S)
-HOME_S = landing_projection.time_to_reach_s(ON_ITS_WAY, 99)
+HOME_S = legs.time_to_reach_s(ON_ITS_WAY, 99)
 
 
 def until(*windows_s: tuple[float, float]) -> Context:
@@ -71,7 +71,7 @@ def test_near_the_end_of_its_hours_it_offers_what_is_flown_in_them() -> None:
     left_s = HOME_S + 5.0
     context = until((0.0, FLOWN_S + left_s))
     by_battery, in_hours = offered(context)
-    free_s = landing_projection.time_to_reach_s(ON_ITS_WAY, by_battery.kept - 1)
+    free_s = legs.time_to_reach_s(ON_ITS_WAY, by_battery.kept - 1)
     assert 0.0 < free_s < left_s
     assert in_hours.budget_pct == pytest.approx(min_draw_pct(context, left_s - free_s))
     assert in_hours.budget_pct < by_battery.budget_pct

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Level, ReadMission, Upload
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.interface.intents import Action
 from executor.core.replanning import mission_retry

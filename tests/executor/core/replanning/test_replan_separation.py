@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from executor.core import fleet_step
 from executor.core.context import Context
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, Solve, Upload
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import NewRoute, SolveEnded, UploadEnded
 from executor.core.interface.messages import Heartbeat
 from executor.core.preflight.failsafe_parameters import LinkFailsafe

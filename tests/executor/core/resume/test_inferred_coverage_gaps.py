@@ -13,7 +13,7 @@ from executor.core.resume import inferred_coverage
 from executor.core.resume.inferred_coverage import InferredCoverage
 from executor.core.state import inspection_run
 from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
-from executor.core.state.landing_projection import remaining_leg_share
+from executor.core.state.legs import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
 from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying, mission, pack

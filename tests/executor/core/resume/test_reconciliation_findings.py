@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Found, Match, Reopened, StartEnded
 from executor.core.resume import reconciliation
@@ -18,7 +18,7 @@ from executor.core.state import inspection_run
 from executor.core.state.fleet_state import GroundStationAbsence, Replan
 from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
 from executor.core.state.link_quality import LinkQuality
-from executor.core.state.vehicle_parts import HomingOrder, LastKnown, WatchpointMemory
+from executor.core.state.vehicle_parts import HomingOrder, LastKnown
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightPath, MissionItem, encode
 from tests.executor.builders import with_facts
@@ -52,7 +52,7 @@ WAS = LastKnown(at(age_s=60.0), 2, None, None, 95.0, -math.inf)
 RUN = inspection_run.join_run(OUR_BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 LEFT: Changes = {
     "errand": HomingOrder(5.0, land=True, told=True), "run": RUN, "stale": True,
-    "watches": (("mode", WatchpointMemory(5.0)),), "heard_s": NOW_S - 99.0,
+    "watches": (("mode", 5.0),), "heard_s": NOW_S - 99.0,
     "quality": LinkQuality(lost=0.1), "volts": VoltageState(highest_v=16.0, voltage_v=15.0),
 }  # fmt: skip
 OURS = Match(0, 10, whole=True)

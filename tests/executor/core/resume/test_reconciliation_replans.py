@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Level, Say, SendHome
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Match, NewRoute, StartEnded, UploadEnded
 from executor.core.state.fleet_state import ReplanRecord
 from executor.core.state.vehicle_state import Stage

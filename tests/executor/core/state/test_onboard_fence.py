@@ -10,9 +10,9 @@ from executor.core import fleet_step
 from executor.core.context import Context, FenceRules
 from executor.core.inflight.custody.mode_causes import determine_mode_cause
 from executor.core.inflight.faults import watchpoints
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
+from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Upload
-from executor.core.interface.endings import Ending
 from executor.core.interface.events import Found, Heard, MissionsWanted, NewRoute, Resumed, UploadEnded
 from executor.core.interface.messages import OwnFailsafe, StatusText
 from executor.core.replanning import new_missions

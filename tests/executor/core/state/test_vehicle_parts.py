@@ -7,18 +7,18 @@ from collections.abc import Callable
 
 import pytest
 
+from executor.core.battery.account import PercentRounding
 from executor.core.battery.charge_counter import ChargeCounter
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import Prior
-from executor.core.battery.load_voltage import VoltageState
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.interface.ports import LinkCounts
 from executor.core.interface.recorded_log import SkippedRecords
-from executor.core.state.fleet_state import Briefing, GroundStationAbsence, ReportedWarnings
+from executor.core.state.fleet_state import Briefing, GroundStationAbsence
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
-from executor.core.state.vehicle_parts import HomingOrder, Takeover, TextWindow, WatchpointMemory
-from executor.core.telemetry.autopilot_component import AutopilotComponent
+from executor.core.state.vehicle_parts import HomingOrder, Takeover, TextWindow
+from executor.core.telemetry.vehicle_identity import AutopilotComponent
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
 
@@ -37,11 +37,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 TextWindow(),
                 HomingOrder(5.0),
                 Takeover(5.0),
-                WatchpointMemory(),
                 Prior(),
                 GroundStationAbsence(5.0, 5.0, restarted=True),
                 Briefing(),
-                ReportedWarnings(),
                 SkippedRecords(),
                 AutopilotComponent(),
                 LinkCounts(),
@@ -105,11 +103,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             {"last": ("", -math.inf), "since_s": -math.inf, "shown": (0, 0, 0), "passed_over": 0},
             {"since_s": 5.0, "land": False, "told": False, "not_before_s": -math.inf, "force": False},
             {"since_s": 5.0, "given_away": False, "returned_s": None},
-            {"failing_since_s": None},
             {"factor": 1.0, "sd": 0.12, "slack": 0.0},
             {"until_s": 5.0, "pause_s": 5.0, "restarted": True, "deaf": False},
             {"checks": (), "question": None, "answered": ""},
-            {"at_s": ()},
             {
                 "garbage_runs": 0,
                 "bad_checksums": 0,

@@ -7,13 +7,11 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.battery.account import BatteryState
-from executor.core.battery.load_voltage import VoltageState
+from executor.core.battery.account import BatteryState, PercentRounding
 from executor.core.battery.pack_condition import PackState
-from executor.core.battery.percent_rounding import PercentRounding
+from executor.core.battery.voltage import VoltageState
 from executor.core.payload.camera_state import PayloadState
-from executor.core.state.duplicate_ids import DuplicateIdWatch
-from executor.core.state.link_quality import LinkQuality
+from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import ModeCause, Positioning, TextWindow
 from executor.core.state.vehicle_state import Stage, VehicleState

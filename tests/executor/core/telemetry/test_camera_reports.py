@@ -95,7 +95,7 @@ def test_one_picture_from_the_layer_is_of_all_viewpoints_above_each_other() -> N
     assert state.coverage.caught[2] == (("rgb", 0.0), ("rgb", 1.0))
 
 
-@pytest.mark.parametrize(("apart_s", "flaws"), [(4.0, ["another one of it follows 4 s later", ""]), (30.0, ["", ""])])
+@pytest.mark.parametrize(("apart_s", "flaws"), [(4.0, ["taken again 4 s later", ""]), (30.0, ["", ""])])
 @pytest.mark.parametrize("late", [False, True], ids=["in order", "the first one late"])
 def test_of_two_pictures_of_a_stop_in_one_pass_the_last_counts(apart_s: float, flaws: list[str], late: bool) -> None:
     context, vehicle = flying(low=True)

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.battery.account import BatterySample
+from executor.core.battery.account import BatterySample, PercentRounding
 from executor.core.battery.charge_counter import ChargeCounter, PercentTransition
 from executor.core.battery.cusum import Drift
 from executor.core.battery.kalman import BatteryEstimate
 from executor.core.battery.pack_condition import PackState
-from executor.core.battery.percent_rounding import PercentRounding
-from executor.core.battery.voltage_sag import SagEstimate
+from executor.core.battery.voltage import SagEstimate
 from executor.core.interface.messages import (
     Battery,
     SystemStatus,

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.interface.messages import Heartbeat, OrderSeen, OwnFailsafe, RcChannels, VehicleSetting
+from executor.core.interface.messages import (
+    EvidenceMessage,
+    Heartbeat,
+    OrderSeen,
+    OwnFailsafe,
+    RcChannels,
+    VehicleSetting,
+)
 from executor.core.state.vehicle_parts import ModeEvidence, Orders, SwitchMove
 from executor.core.telemetry.mode_evidence import (
-    EvidenceMessage,
     may_be_ours,
     record_critical_heartbeat,
     record_evidence,

@@ -6,8 +6,8 @@ from executor.core import fleet_step
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Heard, Tick
 from executor.core.interface.messages import ComponentText, DoubleHeard, StationHeard, StatusText
-from executor.core.telemetry.foreign_systems import MOST_NAMED
 from executor.core.telemetry.status_texts import MOST_LINES, WINDOW_S, TextRank
+from executor.core.telemetry.vehicle_identity import MOST_NAMED
 from tests.executor.builders import with_facts
 from tests.executor.core.stories import FLEET, story
 from tests.fakes.flight import Story

@@ -21,9 +21,9 @@ def shown(*said: tuple[float, int, str], alarmed: bool = False, aboard: bool = F
     for at_s, severity, what in said:
         one = with_facts(state.vehicles["uav1"], alarm=(what, at_s)) if alarmed else state.vehicles["uav1"]
         if aboard:
-            state, more = status_texts.show_component_text(state, one, ComponentText(100, severity, what), at_s)
+            state, more = status_texts.show_text(state, one, ComponentText(100, severity, what), at_s)
         else:
-            state, more = status_texts.show_status_text(state, one, StatusText(severity, what), at_s)
+            state, more = status_texts.show_text(state, one, StatusText(severity, what), at_s)
         found += more
     found += status_texts.report_suppressed_texts(CONTEXT, state, 110.0)[1]
     return [one.text for one in found if isinstance(one, Say)]

@@ -13,7 +13,6 @@ from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.passive_watch import Degradation
 from executor.core.interface.events import Heard
 from executor.core.interface.messages import FlightMessage, MissionCurrent
-from executor.core.state.vehicle_parts import WatchpointMemory
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from tests.executor.core.inflight.faults.passive_flights import LOST, seen, watched
 from tests.executor.core.steps import (
@@ -71,7 +70,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 stage=Stage.LANDED,
                 fault=BATTERY_FAULT,
                 flew_mission=True,
-                watches=(("mode", WatchpointMemory(5.0)),),
+                watches=(("mode", 5.0),),
                 alarm=("crash", 5.0),
                 anchor=LOW,
             ),
@@ -113,7 +112,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a lost one flies on",
-        lambda: heard(replace(LOST, watches=(("link", WatchpointMemory(5.0)),)), beat()),
+        lambda: heard(replace(LOST, watches=(("link", 5.0),)), beat()),
         (
             (),
             {

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.inflight.faults.warning_rules import TABLE, find_new_warnings, find_warnings
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Heartbeat, Radio, Traffic
 from executor.core.state import link_quality
 from executor.core.state.fleet_state import ReportedWarnings
@@ -152,7 +152,7 @@ def told(state: VehicleState, before: ReportedWarnings, now_s: float) -> tuple[R
 def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
     low, well = flying(battery_faults=0, unhealthy=0x2000000), flying()
     line = "uav1: the autopilot reports its battery not healthy"
-    before, lines = told(low, ReportedWarnings(), NOW_S)
+    before, lines = told(low, (), NOW_S)
     assert line in lines
     before, lines = told(low, before, NOW_S + 1.0)
     assert line not in lines
@@ -164,7 +164,7 @@ def test_what_comes_back_within_half_a_minute_is_the_same() -> None:
 
 
 def test_a_silence_is_told_elsewhere() -> None:
-    assert told(flying(heard_s=NOW_S - 4.0), ReportedWarnings(), NOW_S)[1] == ()
+    assert told(flying(heard_s=NOW_S - 4.0), (), NOW_S)[1] == ()
 
 
 def test_a_loss_is_learned_slowly_and_an_improvement_at_once() -> None:

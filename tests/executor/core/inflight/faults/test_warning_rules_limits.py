@@ -8,9 +8,8 @@ from dataclasses import replace
 import pytest
 
 from executor.core.inflight.faults import warning_rules
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Radio
-from executor.core.state.fleet_state import ReportedWarnings
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.core.inflight.faults.watch_views import CONTEXT, PLANNED, warn
@@ -193,14 +192,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             warning_rules.find_new_warnings(
                 WatchView(CONTEXT, PLANNED, flying(fix=at(age_s=9.0)), False, NOW_S),
-                ReportedWarnings((("positions", NOW_S - age_s), ("items", NOW_S - 29.0))),
+                (("positions", NOW_S - age_s), ("items", NOW_S - 29.0)),
             )
             for age_s in (29.9, 30.0)
         ],
         [
-            (ReportedWarnings(at_s=(("positions", NOW_S), ("items", NOW_S - 29.0))), ()),
+            ((("positions", NOW_S), ("items", NOW_S - 29.0)), ()),
             (
-                ReportedWarnings(at_s=(("items", NOW_S - 29.0), ("positions", NOW_S))),
+                (("items", NOW_S - 29.0), ("positions", NOW_S)),
                 ("uav1: no position for 9 s, while other messages come",),
             ),
         ],
@@ -210,12 +209,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             warning_rules.find_new_warnings(WatchView(CONTEXT, PLANNED, flying(), False, NOW_S), told)
             for told in (
-                ReportedWarnings(),
-                ReportedWarnings((("items", NOW_S - 30.0),)),
-                ReportedWarnings((("items", NOW_S - 29.9),)),
+                (),
+                (("items", NOW_S - 30.0),),
+                (("items", NOW_S - 29.9),),
             )
         ],
-        [(ReportedWarnings(), ()), (ReportedWarnings(), ()), (ReportedWarnings(at_s=(("items", NOW_S - 29.9),)), ())],
+        [((), ()), ((), ()), ((("items", NOW_S - 29.9),), ())],
     ),
 ]
 

@@ -8,8 +8,8 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import BatteryState
-from executor.core.inflight.faults import battery_watchpoints, watchpoints
-from executor.core.inflight.faults.watchpoint_types import OK, Finding, Watchpoint, WatchView
+from executor.core.inflight.faults import watchpoints
+from executor.core.inflight.faults.watch_view import OK, Finding, Watchpoint, WatchView
 from executor.core.inflight.faults.watchpoints import TABLE, judge_watchpoints
 from executor.core.interface.messages import Heartbeat
 from executor.core.state.vehicle_parts import ModeCause
@@ -155,7 +155,7 @@ ROWS = [
     Row(
         "reserve",
         flying(battery=pack(14.0, 14.0)),
-        "would land with 9 % of its battery, give or take 2.5, reserve 15 %: below it by 100 % probability",
+        "would land with 9 % of its battery, give or take 2.5: 100 % likely to be below its reserve of 15 %",
         unknown=flying(battery=pack(14.0, age_s=7.5)),
         hangs=flying(battery=pack(17.3, 17.3)),
     ),
@@ -404,7 +404,7 @@ def test_a_drain_by_the_counter_of_charge() -> None:
         state = account.apply_consumed_report(state, used_ah, at_s)
         state = account.apply_remaining_report(state, round(100 - used_ah / 5.0 * 100), 1, at_s)
         known = flying(battery=state)
-        finding = battery_watchpoints.check_battery_drain(WatchView(CONTEXT, SETUP, known, False, at_s))
+        finding = watchpoints.check_battery_drain(WatchView(CONTEXT, SETUP, known, False, at_s))
         if finding:
             break
     assert 300 < second < 340

@@ -238,10 +238,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            "would land with 9 % of its battery, give or take 2.5, reserve 15 %: below it by 100 % probability",
-            "would land with 11 % of its battery, give or take 2.5, reserve 15 %: below it by 97 % probability",
+            "would land with 9 % of its battery, give or take 2.5: 100 % likely to be below its reserve of 15 %",
+            "would land with 11 % of its battery, give or take 2.5: 97 % likely to be below its reserve of 15 %",
             "ok",
-            "would land with 12 % of its battery, give or take 2.5, reserve 15 %: below it by 83 % probability",
+            "would land with 12 % of its battery, give or take 2.5: 83 % likely to be below its reserve of 15 %",
             "ok",
             "ok",
             "ok",

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Heartbeat
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState

@@ -8,7 +8,7 @@ from executor.core.interface.commands import Level
 from executor.core.interface.events import Heard
 from executor.core.interface.messages import OwnFailsafe, StatusText
 from executor.core.state.vehicle_state import FaultKind
-from executor.core.telemetry.px4_event_meanings import compute_event_id, parse_px4_event
+from executor.core.telemetry.mode_evidence import compute_event_id, parse_px4_event
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import under_way
 

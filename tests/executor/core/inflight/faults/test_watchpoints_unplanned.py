@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.inflight.faults.watchpoint_types import WatchView
+from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.messages import Actor, Attitude, Heartbeat, ModeChange, OrderSeen, OwnFailsafe
 from executor.core.state.vehicle_parts import SwitchMove
 from tests.executor.core.inflight.faults.watch_views import Verdict, point, verdict_of

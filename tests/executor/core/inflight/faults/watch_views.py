@@ -6,7 +6,7 @@ from enum import Enum
 
 from executor.core.context import VehicleSetup
 from executor.core.inflight.faults import warning_rules, watchpoints
-from executor.core.inflight.faults.watchpoint_types import Finding, Watchpoint, WatchView
+from executor.core.inflight.faults.watch_view import Finding, Watchpoint, WatchView
 from executor.core.state.vehicle_state import VehicleState
 from tests.executor.core.vehicles import FLEET, NOW_S
 

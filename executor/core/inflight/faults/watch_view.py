@@ -1,0 +1,179 @@
+"""What a watchpoint may look at: one vehicle at one moment, and each of its streams.
+
+One stream may stop while the others come. What stops is said and asked for again, and is a fault by its own name if it
+stays away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from executor.core.context import Scene, VehicleSetup
+from executor.core.limits import Limits
+from executor.core.lines import failsafe, link
+from executor.core.state.mission_height import ITEM_STALE_S
+from executor.core.state.vehicle_parts import PositionFix
+from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
+from executor.core.telemetry.mode_evidence import has_failsafe_action
+from missions.autopilots.dialect import is_mission_mode
+
+
+@dataclass(frozen=True, slots=True)
+class WatchView:
+    """What a watchpoint may look at."""
+
+    context: Scene
+    setup: VehicleSetup
+    state: VehicleState
+    failing: bool
+    """Whether it failed at the last look: the clear threshold may differ from the raise threshold."""
+    now_s: float
+
+    @property
+    def fresh_fix(self) -> PositionFix | None:
+        """Its newest position, if it is not old."""
+        fix = self.state.motion.fix
+        return None if fix is None or self.now_s - fix.at_s > self.context.limits.link_stale_s else fix
+
+
+Finding = str | None
+"""What a watchpoint says of one moment: its evidence in words where it fails."""
+OK: Finding = ""
+STALE: Finding = None
+"""Nobody knows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watchpoint:
+    """One row of the table; the first row that is raised gives the reason."""
+
+    name: str
+    kind: FaultKind
+    judge: Callable[[WatchView], Finding]
+    raise_after_s: float
+    code: FaultCode
+    stages: frozenset[Stage] = frozenset({Stage.FLYING})
+    """The stages in which it is looked at: by default on its mission."""
+
+
+def describe_reported_failure(view: WatchView, kind: str) -> str:
+    """Return in words what an autopilot said has failed and made it act; nothing if it did not."""
+    for failed, said_s in view.state.evidence.failed:
+        if failed.what == kind and view.now_s - said_s <= view.context.limits.alarm_s and has_failsafe_action(failed):
+            return failsafe.SAYS.format(words=failed.words)
+    return ""
+
+
+LOST_ITSELF_S = 30.0
+
+
+def is_estimate_lost(view: WatchView) -> bool:
+    """Return whether its autopilot says that it does not know where it is, nor how fast it moves."""
+    return has_failed_lately(view, {"ekf", "gps"}, LOST_ITSELF_S)
+
+
+def has_failed_lately(view: WatchView, kinds: Collection[str], within_s: float) -> bool:
+    """Return whether its autopilot said within a time that something of these kinds has failed."""
+    return any(one.what in kinds and view.now_s - said_s <= within_s for one, said_s in view.state.evidence.failed)
+
+
+def is_in_mission_mode(view: WatchView) -> bool:
+    """Return whether it says that it is in mission mode."""
+    return is_mission_mode(view.setup.dialect, view.state.mode)
+
+
+def alarm_words(view: WatchView) -> str:
+    """Return what the vehicle said of it, if it did."""
+    text, said_s = view.state.telemetry.alarm
+    return failsafe.ALSO_SAYS.format(words=text) if view.now_s - said_s <= view.context.limits.alarm_s else ""
+
+
+LEAST_GONE_S = 20.0
+"""What was asked for three times and has not come does not come."""
+BATTERY_GONE_S = 60.0
+"""A pack that was well may be unseen for so long: it loses 4 % in a minute, and 12 if it drains three times as fast."""
+ASK_AGAIN_S = 6.0
+UNSEEN_S = 60.0
+"""Who says neither where it is nor whether it is armed for so long is as good as silent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One of a vehicle's streams."""
+
+    words: str
+    """What is missing, in words, where it does not come."""
+    last_s: Callable[[WatchView], float | None]
+    """When it came last; None if it never did."""
+    stale_s: Callable[[Limits], float]
+    """An age that is worth a word."""
+    gone_s: float = LEAST_GONE_S
+    """An age that is a fault, or the link's time-out if that is longer."""
+
+    def age_s(self, view: WatchView) -> float:
+        """Return for how long it has not come; not a number if it never came."""
+        last_s = self.last_s(view)
+        return math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
+
+    def describe_missing(self, view: WatchView) -> str:
+        """Return in words that it does not come while others do; nothing if it comes."""
+        age_s, stale_s, heard_s = self.age_s(view), self.stale_s(view.context.limits), view.state.link.heard_s
+        if not age_s >= stale_s or heard_s is None or not is_link_alive(view):
+            return ""
+        if view.now_s - heard_s > age_s - stale_s:
+            return ""  # nothing else came since this was due: a silence of everything begins with one of them
+        return link.MISSING.format(stream=self.words, age_s=age_s)
+
+    def check(self, view: WatchView) -> Finding:
+        """Return whether it stays away for longer than is usual, and than a silence of everything lasts."""
+        age_s, heard_s, after_s = self.age_s(view), view.state.link.heard_s, max(self.gone_s, view.setup.link_timeout_s)
+        if not view.setup.planned or math.isnan(age_s) or heard_s is None or not is_link_alive(view):
+            return STALE
+        if age_s < after_s:
+            return OK
+        if view.now_s - heard_s > age_s - after_s:
+            return STALE  # nothing at all came since it was due: that may be the link
+        return self.describe_missing(view)
+
+
+HEARTBEAT = Stream(link.NO_HEARTBEAT, lambda view: view.state.link.heartbeat_s, lambda limits: limits.heartbeat_stale_s)
+"""Without it nobody knows its mode, and whether it is armed."""
+POSITION = Stream(
+    link.NO_POSITION,
+    lambda view: None if view.state.motion.fix is None else view.state.motion.fix.at_s,
+    lambda limits: limits.link_stale_s,
+)
+"""GLOBAL_POSITION_INT: without it nobody knows where it is."""
+BATTERY = Stream(
+    link.NO_BATTERY_REPORT,
+    lambda view: None if view.state.power.battery.remaining_pct is None else view.state.power.battery.reported_s,
+    lambda limits: limits.battery_stale_s,
+    BATTERY_GONE_S,
+)
+"""BATTERY_STATUS or SYS_STATUS."""
+ITEM = Stream(
+    link.NO_WAYPOINT, lambda view: view.state.telemetry.item_s if view.setup.planned else None, lambda _: ITEM_STALE_S
+)
+"""MISSION_CURRENT: without it nobody knows which segment it flies to."""
+
+
+def is_link_alive(view: WatchView) -> bool:
+    """Return whether it is heard: a silence of everything is a matter of its link."""
+    heard_s = view.state.link.heard_s
+    return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
+
+
+def is_stream_request_due(view: WatchView) -> bool:
+    """Return whether it is to be asked for its streams again."""
+    if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
+        return False
+    limits, streams = view.context.limits, (HEARTBEAT, POSITION, BATTERY, ITEM)
+    return any(stream.age_s(view) >= stream.stale_s(limits) for stream in streams)
+
+
+def state_silence_s(view: WatchView) -> float:
+    """Return for how long neither HEARTBEAT nor a position has come; 0 before both came."""
+    ages_s = (HEARTBEAT.age_s(view), POSITION.age_s(view))
+    return 0.0 if any(map(math.isnan, ages_s)) else min(ages_s)

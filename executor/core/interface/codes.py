@@ -1,0 +1,77 @@
+"""Codes beside the words, to branch on: how a dialogue ended badly, and what a line of the checklist is about."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Self
+
+
+class ReasonCode(StrEnum):
+    """A code with what it means, as the reference lists both."""
+
+    meaning: str
+
+    def __new__(cls, value: str, meaning: str) -> Self:
+        """Take the value, and its meaning beside it."""
+        code = str.__new__(cls, value)
+        code._value_, code.meaning = value, meaning
+        return code
+
+
+class Ending(ReasonCode):
+    """Why an upload, a command or a parameter was not taken by a vehicle."""
+
+    NO_ANSWER = "no_answer", "Nothing came back, however often it was asked."
+    NOT_CONFIRMED = "not_confirmed", "It acknowledged, and its HEARTBEAT does not show it."
+    VALUE_STAYS = "value_stays", "A parameter keeps its value."
+    READ_BACK_DIFFERS = "read_back_differs", "The mission on board is not the one that was sent."
+    MODE_CHANGED = "mode_changed", "Somebody else changed its mode meanwhile."
+    LEFT_MISSION = "left_mission", "The vehicle left its mission, so that nothing is uploaded any more."
+    STOOD_STILL = "stood_still", "This computer stood still during a start: the crew's word for it is too old."
+    BROKEN_OFF = "broken_off", "Given up from here: something more important was to be said."
+    TEMPORARILY_REJECTED = "temporarily_rejected", "MAV_RESULT 1."
+    DENIED = "denied", "MAV_RESULT 2."
+    UNSUPPORTED = "unsupported", "MAV_RESULT 3; MAV_MISSION_RESULT 2 or 3, of a frame or a command."
+    FAILED = "failed", "MAV_RESULT 4."
+    CANCELLED = "cancelled", "MAV_RESULT 6, MAV_MISSION_RESULT 15: by the vehicle."
+    ERROR = "error", "MAV_MISSION_RESULT 1: an error, or busy with another transfer."
+    FENCE_DROPPED = "fence_dropped", "It took a fence and dropped it again: its home, or the vehicle, is not inside."
+    ABOVE_FENCE = "above_fence", "The mission leads above the fence, whose height is a parameter and stays in flight."
+    NO_SPACE = "no_space", "MAV_MISSION_RESULT 4."
+    INVALID_ITEM = "invalid_item", "MAV_MISSION_RESULT 5 to 12: an item, a parameter of it or its place."
+    INVALID_SEQUENCE = "invalid_sequence", "MAV_MISSION_RESULT 13."
+    OTHER_STATION = "other_station", "MAV_MISSION_RESULT 14: another ground station is uploading."
+    UNKNOWN_RESULT = "unknown_result", "A result that this program does not know."
+
+
+class CheckCode(ReasonCode):
+    """The subject of a check; its severity says how it went."""
+
+    NOT_READY = "not_ready", "The vehicle does not answer, or is not ready."
+    FIRMWARE = "firmware", "Type, autopilot and version, and whether they were tested."
+    VEHICLE_TYPE = "vehicle_type", "It is no multicopter."
+    AUTOPILOT = "autopilot", "It is another autopilot than the site file says."
+    DOUBLE_SYSID = "double_sysid", "Two vehicles have the same sysid."
+    ARMED = "armed", "It is armed already."
+    FAR_FROM_DEPOT = "far_from_depot", "It stands too far from the depot."
+    PAD_HEIGHT = "pad_height", "Its GPS and depot.alt_m differ."
+    LINK_FAILSAFE = "link_failsafe", "The GCS failsafe, and after how long the vehicle is declared lost."
+    WATCHED_STATION = "watched_station", "Its GCS failsafe watches another station."
+    OTHER_STATION = "other_station", "Another ground station is on its link."
+    BATTERY_FAILSAFE = "battery_failsafe", "What it does on a low battery, and whether that would act in the flight."
+    GEOFENCE = "geofence", "Whether the flight fits into its geofence."
+    ENERGY = "energy", "Whether the battery suffices for the flight."
+    PACK = "pack", "Whether its pack is the planned one, and holds what it reports, by its voltage at rest."
+    RTL_ALTITUDE = "rtl_altitude", "The RTL altitude after the parameters are set."
+    PARAMETER_CHANGE = "parameter_change", "A parameter that is to be set for the flight."
+    SIGNING = "signing", "Who could command the vehicles."
+    DISK = "disk", "Whether the record of the flight fits on the disk."
+    SEPARATION = "separation", "Whether heights and layers keep vehicles apart."
+    HEIGHTS = "heights", "By which heights is flown, and what looks wrong about them."
+    CLEARANCE = "clearance", "A mission, or one of a later plan, comes too near to the ground or a line."
+    CAMERA = "camera", "Whether its autopilot takes the pictures that its mission asks for."
+    TERRAIN = "terrain", "What an autopilot follows of the ground by itself."
+    CEILING = "ceiling", "A mission or an RTL goes above the ceiling."
+    AREAS = "areas", "Whether missions keep out of areas, and where a vehicle's own return leads through one."
+    PLAN = "plan", "What each vehicle flies."
+    LEFT_OVER = "left_over", "What the plan leaves over, or is not about."

@@ -1,0 +1,18 @@
+"""Lines about failsafes: what an autopilot says of itself, and who changed its mode."""
+
+SAYS = "it says: {words}"
+ALSO_SAYS = "; it says: {words}"
+REPORTS = "reports {state}{says}"
+STATES = {6: "an emergency", 8: "that its flight is terminated"}
+"""MAV_STATE."""
+MODE = "{mode} by its own failsafe{says}"
+WENT_TO_MODE = "went to mode {mode} by its own failsafe: {why}"
+UNNAMED = "it does not say which"
+MODE_OF_UNKNOWN = "went to mode {mode}, by an unknown source"
+
+ORDERED = "it was ordered"
+ORDER_ACCEPTED = "an order to change its mode was accepted"
+LAST_ITEM = "it was at its last item"
+RECORDED = "its own record"
+CRITICAL = "its HEARTBEAT is critical"
+SWITCHED = "channel {channel} of its transmitter went from {was_us} to {now_us}"
