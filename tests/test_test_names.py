@@ -220,13 +220,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
-    "tests/executor/core/replanning/test_loss_preview.py": ("executor/runtime/loss_judging.py",),
+    "tests/executor/core/replanning/test_replan_cycle_losses.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
     "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
-    "tests/executor/core/operator/test_intent_handling_back_in_the_plan.py": (
-        "executor/core/ground/return_to_service.py",
-    ),
     "tests/executor/core/state/test_vehicle_parts.py": (
         "executor/core/interface/ports.py",
         "executor/core/interface/recorded_log.py",

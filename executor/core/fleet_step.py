@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.ground import kill_switch, takeoff_offers, turnaround
+from executor.core.ground import out_of_service, takeoff_offers, turnaround
 from executor.core.imaging import camera_faults as faults_of_cameras
 from executor.core.imaging import picture_proof
 from executor.core.inflight import climb_conflicts
@@ -57,17 +57,10 @@ from executor.core.interface.messages import (
     PayloadMessage,
     Position,
 )
-from executor.core.launch import vehicle_start
+from executor.core.launch import upload_result, vehicle_start
 from executor.core.launch.upload_result import apply_upload_result
 from executor.core.operator import intent_handling
-from executor.core.replanning import (
-    lower_to_inspection_height,
-    mission_retry,
-    new_missions,
-    pilot_takeover,
-    replan_cycle,
-    survivors,
-)
+from executor.core.replanning import lower_to_inspection_height, new_missions, pilot_takeover, replan_cycle, survivors
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import leg_times
@@ -208,7 +201,7 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
     if folded.text is not None:
         state, more = status_texts.show_status_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
-        state, more = kill_switch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
+        state, more = out_of_service.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None:
         state = picture_proof.record_flown_segments(
@@ -521,7 +514,7 @@ PHASES: tuple[TickPhase, ...] = (
         "reassigned.",
     ),
     TickPhase(
-        "missions offered again", mission_retry.retry_declined_missions,
+        "missions offered again", upload_result.retry_declined_missions,
         "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
         "vehicle that answers again.",
     ),

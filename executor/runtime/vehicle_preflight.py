@@ -19,7 +19,7 @@ from executor.core.interface.messages import (
     Version,
 )
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import failsafe_parameters, prearm
+from executor.core.preflight import failsafe_parameters, vehicle_checks
 from executor.core.preflight.fence_checks import OnboardLists
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -86,7 +86,7 @@ class _VehicleAnswers:
         self.changed.set()
 
     def _note_prearm_text(self, text: str) -> None:
-        reason = prearm.parse_prearm_reason(text)
+        reason = vehicle_checks.parse_prearm_reason(text)
         if reason is not None:
             self.reasons_s.pop(reason, None)
             self.reasons_s[reason] = self.clock.now_s()
@@ -121,7 +121,7 @@ class _VehicleAnswers:
         if self.best_remaining_pct is None:
             return "no battery state"
         if self.is_unarmable:
-            return prearm.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
+            return vehicle_checks.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
         return ""
 
 

@@ -9,13 +9,7 @@ from dataclasses import replace
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level, Say
-from executor.core.replanning import (
-    lower_to_inspection_height,
-    reinspection,
-    replan_cycle,
-    replan_separation,
-    survivors,
-)
+from executor.core.replanning import lower_to_inspection_height, replan_cycle, replan_separation, survivors
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
 from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
@@ -95,7 +89,7 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state, ()
     ready = [one for one in state.vehicles.values() if is_idle(context, one, now_s) and one.orders.cleared_s is None]
     wanted = find_open_segments(context, state)
-    again = not wanted and reinspection.is_fleet_down(state)
+    again = not wanted and lower_to_inspection_height.is_fleet_down(state)
     able = {one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, one, wanted))}
     if again:
         able = _find_reinspections(context, state, ready, now_s)

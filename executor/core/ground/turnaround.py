@@ -18,7 +18,7 @@ from executor.core.battery.pack_condition import PackState, RestReading
 from executor.core.battery.percent_rounding import PercentRounding
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
-from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
+from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Say, Solve
 from executor.core.interface.events import Examined, SolveEnded
@@ -32,7 +32,7 @@ from executor.core.preflight.pack_checks import (
     pack_facts_from_parameters,
 )
 from executor.core.replanning import replan_cycle, survivors
-from executor.core.replanning.flying_hours import find_remaining_hours, min_draw_pct
+from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from executor.core.context import Context, RelaunchPolicy
-from executor.core.ground import kill_switch, turnaround
+from executor.core.ground import out_of_service, turnaround
 from executor.core.ground.turnaround import PLACELESS_S
 from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
 from executor.core.interface.commands import Command, HandsOff, Level, Say, Start
@@ -117,7 +117,7 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
         )
         return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
     if not vehicle.armed and is_kill_switch_text(event.reason):
-        return kill_switch.stand_down_vehicle(state, vehicle, now_s)
+        return out_of_service.stand_down_vehicle(state, vehicle, now_s)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
     may = context.fly_again is RelaunchPolicy.AUTO or (_is_clearance_fresh(state, vehicle, now_s) and not stopped)
     may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None

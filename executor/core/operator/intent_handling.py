@@ -8,10 +8,9 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.ground import base_closure, takeoff_offers, turnaround
-from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
-from executor.core.imaging import picture_proof
-from executor.core.imaging import reinspection_request as again
+from executor.core.ground import out_of_service, takeoff_offers, turnaround
+from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
+from executor.core.imaging import asset_status, picture_proof
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
 from executor.core.inflight.homing.return_home import bring_home, is_on_mission
@@ -240,15 +239,15 @@ def _swap(context: Context, state: FleetState, intent: Intent, now_s: float) -> 
 
 
 def _close(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
-    aloft = base_closure.find_airborne_names(base_closure.find_vehicles_at_base(context, state, intent.base))
-    state, told = base_closure.close_base(context, state, intent.base, now_s)
+    aloft = out_of_service.find_airborne_names(out_of_service.find_vehicles_at_base(context, state, intent.base))
+    state, told = out_of_service.close_base(context, state, intent.base, now_s)
     lands = f"; still to land there: {', '.join(aloft)}" if aloft else ""
     return _IntentResult(state, f"no take-off from it until it is opened{lands}", told, level=Level.WARNING)
 
 
 def _open(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:  # noqa: ARG001
     return _IntentResult(
-        base_closure.open_base(context, state, intent.base), "take-offs from it are allowed again; use `swap`"
+        out_of_service.open_base(context, state, intent.base), "take-offs from it are allowed again; use `swap`"
     )
 
 
@@ -277,18 +276,18 @@ def _prove(context: Context, state: FleetState, intent: Intent, now_s: float) ->
     if intent.assets:
         return _look_again(context, state, intent, now_s)
     wanted = state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state)
-    coverage = again.discard_proof(state.coverage, wanted)
+    coverage = asset_status.discard_proof(state.coverage, wanted)
     text = f"re-flying {format_segments(context, wanted)} for proof"
     return _order_replan(replace(state, coverage=coverage), f"proof requested by {intent.source}", text, now_s)
 
 
 def _look_again(context: Context, state: FleetState, intent: Intent, now_s: float) -> _IntentResult:
-    found = again.select_segments_to_reinspect(context, state, intent.assets)
+    found = asset_status.select_segments_to_reinspect(context, state, intent.assets)
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
     names = format_segments(context, found)
     trigger = f"re-inspection of {names} requested by {intent.source}"
-    state = replace(state, coverage=again.reopen_segments(state.coverage, found))
+    state = replace(state, coverage=asset_status.reopen_segments(state.coverage, found))
     return _order_replan(state, trigger, f"{names} reopened for re-inspection", now_s)
 
 

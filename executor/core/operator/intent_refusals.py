@@ -9,9 +9,9 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.ground import turnaround
-from executor.core.ground.base_closure import is_base_closed, list_bases
+from executor.core.ground.out_of_service import is_base_closed, list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
-from executor.core.imaging import picture_proof, reinspection_request
+from executor.core.imaging import asset_status, picture_proof
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
 from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, IntentReason
@@ -305,7 +305,7 @@ def _refuse_proof(context: Context, state: FleetState, now_s: float) -> Refusal:
 
 
 def _refuse_reinspection(context: Context, state: FleetState, intent: Intent, now_s: float) -> Refusal:
-    found = reinspection_request.select_segments_to_reinspect(context, state, intent.assets)
+    found = asset_status.select_segments_to_reinspect(context, state, intent.assets)
     return _refuse_without_vehicle(context, state, now_s) if isinstance(found, frozenset) else found
 
 

@@ -1,4 +1,4 @@
-"""What must be true before anything moves: plain checks over what the vehicles said."""
+"""What must be true before anything moves: plain checks over what the vehicles said, and why one does not arm."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from executor.core.interface.messages import (
     Heartbeat,
     Position,
     StationHeard,
+    SystemStatus,
     Version,
 )
 from executor.core.preflight import failsafe_parameters
@@ -39,6 +40,18 @@ FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
 GPS_M = 5.0
 """What a good GPS is off in height beside the raster."""
+PREARM_SENSORS = {
+    0x1: "gyroscope", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x20: "GPS", 0x10000: "remote control",
+    0x100000: "geofence", 0x200000: "attitude estimate", 0x1000000: "logging", 0x2000000: "battery",
+    0x40000000: "motors",
+}  # fmt: skip
+"""MAV_SYS_STATUS_SENSOR, as far as a multicopter's crew can do something about it."""
+PREARM_PREFIXES = ("PreArm:", "Arm:", "Preflight Fail:", "Arming denied:", "Arming denied!")
+"""What the autopilots put before a reason."""
+PREARM_VALID_S = 35.0
+"""ArduPilot repeats the reasons every 30 s: an older one is settled."""
+PREARM_SHOWN = 3
+"""More reasons than this are counted only."""
 
 
 class Severity(Enum):
@@ -404,3 +417,34 @@ def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: 
         return [Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near]
     text = f"any two vehicles stay at least {layer_m:g} m apart"
     return [Check(Severity.OK, "separation", text, CheckCode.SEPARATION)]
+
+
+def parse_prearm_reason(text: str) -> str | None:
+    """Return the reason that a text gives; None if it is about something else.
+
+    >>> parse_prearm_reason("PreArm: Compass not calibrated")
+    'Compass not calibrated'
+    """
+    for prefix in PREARM_PREFIXES:
+        if text.startswith(prefix):
+            return text.removeprefix(prefix).strip() or None
+    return None
+
+
+def describe_prearm_failure(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
+    """Return why the pre-arm checks fail.
+
+    Args:
+        reasons_s: What the vehicle said, and when last.
+        status: Its last SYS_STATUS.
+        now_s: The time.
+    """
+    fresh = [reason for reason, said_s in reasons_s.items() if now_s - said_s <= PREARM_VALID_S]
+    parts = fresh[:PREARM_SHOWN]
+    if len(fresh) > PREARM_SHOWN:
+        parts.append(f"{len(fresh) - PREARM_SHOWN} more")
+    if not parts and status is not None:
+        ill = [name for bit, name in PREARM_SENSORS.items() if status.unhealthy & bit]
+        if ill:
+            parts.append(f"not healthy: {', '.join(ill)}")
+    return "its own pre-arm checks fail" + (f": {'; '.join(parts)}" if parts else ", no reason reported")

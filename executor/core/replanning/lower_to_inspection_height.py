@@ -2,33 +2,44 @@
 
 What others may still fly becomes less with each leg. As soon as a vehicle may come down to a part of the line ahead of
 it, it is given the same visits again with that part at the asked distance. Nothing depends on when anybody flies: until
-then, and where the new mission does not come on board, it inspects from its layer. What was inspected so is flown once
-more by who has done its own part (`once_more`).
+then, and where the new mission does not come on board, it inspects from its layer.
+
+What was inspected so counts; but when the others have left, who has done its own part and is about to fly home with
+enough in its battery comes by again, lower. That is no re-plan: nothing is open, and whatever does become open comes
+before it. When everybody is down, who has enough left may take off for it, as for anything else: by the crew's word, or
+where the site says that nobody is asked.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
-from executor.core.replanning import reinspection, replan_cycle, replan_separation, survivors
-from executor.core.replanning.flying_hours import limit_to_hours
+from executor.core.replanning import replan_cycle, replan_separation, survivors
 from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.survivors import limit_to_hours
+from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_state import VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import build_flight_path, continue_path, estimate
-from missions.inspection_height import must_leave_layer
-from planner import is_reversed, segment_of
+from missions.inspection_height import must_leave_layer, visit_distances_m
+from planner import is_reversed, segment_of, visit_of
 
 LOOKED_S = 1.0
 LOOKED_AT, PAIRS_AT_ONCE = 3, 24
 """Vehicles at once, in a large fleet fewer: each is held against all others."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
+_DOWN = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST})
+AT_ONCE = 5
+"""Segments that it goes to again; more of them afterwards."""
+SPARE_PCT = 5.0
+"""Of its battery, which it keeps besides its reserve: nobody needs it to go there."""
 
 
 def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -45,7 +56,7 @@ def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Step
         or state.progress.launched_s is None
         or state.listening.silent_since_s is not None
         or now_s < known.wait_until_s
-        or (now_s < known.closer_s + LOOKED_S and not reinspection.is_fleet_down(state))
+        or (now_s < known.closer_s + LOOKED_S and not is_fleet_down(state))
         or replan_separation.is_line_occupied(context, state, now_s)
     ):
         return state, ()
@@ -67,7 +78,7 @@ def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> b
     ):
         return False
     return any(
-        vehicle.orders.cleared_s is not None and reinspection.find_distant_segments(context, state, vehicle)
+        vehicle.orders.cleared_s is not None and find_distant_segments(context, state, vehicle)
         for vehicle in state.vehicles.values()
         if survivors.build_survivor(context, vehicle, now_s) is not None
     )
@@ -84,14 +95,14 @@ def _find_candidates(context: Context, state: FleetState, now_s: float) -> Itera
             continue
         ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
         lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
-        if not lower and not reinspection.find_distant_segments(context, state, vehicle):
+        if not lower and not find_distant_segments(context, state, vehicle):
             continue
         offer = survivors.build_survivor(context, vehicle, now_s)
-        if offer is None or not (offer.airborne or (context.day is None and reinspection.is_fleet_down(state))):
+        if offer is None or not (offer.airborne or (context.day is None and is_fleet_down(state))):
             continue
         not_low = {segment_of(visit) for visit in offer.tail} - replan_separation.find_low_tail_segments(vehicle, offer)
         lower = name not in stays and any(must_leave_layer(context.setup, name, segment) for segment in not_low)
-        if lower or reinspection.has_done_its_part(state, vehicle, offer):
+        if lower or has_done_its_part(state, vehicle, offer):
             yield limit_to_hours(context, state, offer, now_s)
 
 
@@ -125,12 +136,12 @@ def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: floa
 def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
     """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
     name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
-    again = reinspection.find_distant_segments(context, state, vehicle)
-    if not again or not reinspection.has_done_its_part(state, vehicle, offer):
+    again = find_distant_segments(context, state, vehicle)
+    if not again or not has_done_its_part(state, vehicle, offer):
         return None
     [kept] = replan_separation.close_occupied_segments(context, state, [offer], again, now_s)
     begin_m = offer.start_m if not offer.tail else _tail_end_m(context, offer)
-    more = reinspection.build_nearest_visits(context, begin_m, again - set(kept.barred))
+    more = build_nearest_visits(context, begin_m, again - set(kept.barred))
     while more:
         plan = _build_plan(context, state, offer, (*offer.tail, *more), now_s)
         low = _choose_low(context, state, plan, now_s)
@@ -139,7 +150,7 @@ def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_
         )
         if stay != more:
             more = stay  # where one goes away, the others may be flown in one go, or not any more
-        elif _can_afford(context, vehicle, plan, low, reinspection.SPARE_PCT):
+        elif _can_afford(context, vehicle, plan, low, SPARE_PCT):
             return plan
         else:
             more = more[:-1]
@@ -192,5 +203,70 @@ def _can_afford(
     legs = estimate(path, model).legs[kept:]
     phases = (point.phase for point in path.waypoints[kept:])
     needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
-    needs_pct = offer.consumption * needs_pct + reinspection.turn_back_energy_pct(vehicle, offer)
+    needs_pct = offer.consumption * needs_pct + turn_back_energy_pct(vehicle, offer)
     return needs_pct + spare_pct <= offer.budget_pct
+
+
+def has_done_its_part(state: FleetState, vehicle: VehicleState, offer: Survivor) -> bool:
+    """Return whether all that a vehicle would be given anew counts already, and it has no sortie ahead."""
+    return not vehicle.turn.ahead and all(segment_of(visit) in state.coverage.inspected for visit in offer.tail)
+
+
+def is_fleet_down(state: FleetState) -> bool:
+    """Return whether nobody is in the air, or about to be, but for who is lost."""
+    return all(vehicle.stage in _DOWN for vehicle in state.vehicles.values())
+
+
+def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that count from farther away than asked, and that a vehicle may be sent to once more.
+
+    Not what somebody has before it, and not what it was sent to already: that was not proven, and may not be again.
+    """
+    coverage, asked_m = state.coverage, context.setup.inspection.height_m
+    found = {segment for segment in coverage.inspected if coverage.is_nearer_than_counted(segment, asked_m)}
+    if not found:
+        return frozenset()
+    for other in state.mission_vehicles():
+        found -= {segment_of(visit) for visit in other.remaining_visits()}
+    return frozenset(
+        found - _find_tried_segments(context, state, vehicle) - survivors.find_barred_segments(context, vehicle)
+    )
+
+
+def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleState) -> set[int]:
+    """Return what a vehicle was sent to for a nearer look by the mission on board."""
+    board = vehicle.assignment.board
+    if board is None:
+        return set()
+    at_m = visit_distances_m(context.setup, board.path, board.visits)
+    segments = map(segment_of, board.visits)
+    return {
+        segment
+        for segment, here_m in zip(segments, at_m, strict=True)
+        if state.coverage.is_nearer_than_counted(segment, here_m)
+    }
+
+
+def build_nearest_visits(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
+    """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest."""
+    left, here_m = set(segments), begin_m
+    visits: list[int] = []
+    while left and len(visits) < AT_ONCE:
+        _, segment, backwards = min(
+            (math.dist(here_m, end), segment, backwards)
+            for segment in left
+            for backwards, end in enumerate(context.setup.tracks_m[segment].tolist())
+        )
+        visits.append(visit_of(segment, bool(backwards)))
+        here_m = tuple(context.setup.tracks_m[segment][1 - backwards].tolist())
+        left.remove(segment)
+    return tuple(visits)
+
+
+def turn_back_energy_pct(vehicle: VehicleState, offer: Survivor) -> float:
+    """Return what turning back costs a vehicle on its way home: as much as it has flown of that leg."""
+    board = vehicle.assignment.board
+    if board is None or not offer.airborne or offer.kept > vehicle.assignment.waypoint:
+        return 0.0
+    whole_pct = offer.pace.factor_of(board.path.waypoints[offer.kept].phase) * board.legs[offer.kept].energy_pct
+    return offer.consumption * max(0.0, whole_pct - landing_projection.energy_to_reach_pct(vehicle, offer.kept))

@@ -1,4 +1,4 @@
-"""Who can take over what, and what becomes of the answer."""
+"""Who can take over what after a loss, what becomes of the answer, and what the next loss would mean."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from executor.core.formatting import format_count
 from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
 from executor.core.replanning import new_missions, replan_separation, survivors
-from executor.core.replanning.flying_hours import limit_to_hours
 from executor.core.replanning.replan_messages import (
     describe_short_budgets,
     describe_solution,
@@ -19,8 +18,9 @@ from executor.core.replanning.replan_messages import (
     find_passed_segments,
     format_segments,
 )
+from executor.core.replanning.survivors import limit_to_hours
 from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
 from planner import segment_of
 
 PROOF_GRACE_S = 5.0
@@ -243,3 +243,44 @@ def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
     return frozenset(plan.low[offer.vehicle]) != replan_separation.find_low_tail_segments(
         state.vehicles[offer.vehicle], offer
     )
+
+
+def select_vehicles_to_judge(state: FleetState) -> tuple[str, ...]:
+    """Return the vehicles whose loss can be judged; none while the plan is about to change anyway."""
+    if (
+        state.replanning.replan is not None
+        or state.replanning.urgent
+        or state.replanning.ordered
+        or state.progress.recalled
+        or state.progress.launched_s is None
+    ):
+        return ()
+    return tuple(vehicle.name for vehicle in state.mission_vehicles() if vehicle.stage is Stage.FLYING)
+
+
+def build_judgement_key(state: FleetState) -> tuple[object, ...]:
+    """Return what a judgement depends on: between two visits, and without a new plan, it stays as it is."""
+    doing = tuple(
+        (one.name, one.stage.value, one.orders.held_s is None, one.orders.excluded) for one in state.vehicles.values()
+    )
+    return (state.replanning.revision, len(state.coverage.inspected), len(state.coverage.given_up), doing)
+
+
+def build_loss_problem(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
+    """Return the re-plan that the loss of a vehicle would ask for, or what would surely be left over.
+
+    A held vehicle is taken to go on: the operator can let it.
+    """
+    state = state.put(suppose_lost(state.vehicles[name], now_s))
+    alone = find_orphan_segments(context, state)
+    if not alone:
+        return ()
+    free = (vehicle.with_orders(held_s=None) for vehicle in state.vehicles.values())
+    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in free)
+    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
+    if not offers:
+        return tuple(sorted(alone))
+    freed = {segment_of(visit) for offer in offers for visit in offer.tail}
+    wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
+    offers = replan_separation.close_occupied_segments(context, state, offers, wanted, now_s)
+    return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")

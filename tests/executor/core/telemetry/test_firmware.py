@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.preflight.prearm import SENSORS, parse_prearm_reason
+from executor.core.preflight.vehicle_checks import SENSORS, parse_prearm_reason
 from executor.core.telemetry.firmware import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, parse_banner_version
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from executor.core.battery.account import BatteryState
-from executor.core.resume import inferred_coverage
-from executor.core.resume.inferred_coverage import InferredCoverage
+from executor.core.resume import link_blackout
+from executor.core.resume.link_blackout import InferredCoverage
 from executor.core.state import inspection_run
 from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
 from executor.core.state.landing_projection import remaining_leg_share
@@ -34,7 +34,7 @@ def before(away_s: float, east_m: float = 150.0, **given: Any) -> LastKnown:
 def flew(away_s: float, *, waypoint: int = 3, was: Changes | None = None, **given: Any) -> InferredCoverage:
     """Return what is inferred of a vehicle in the midst of its second segment."""
     one = flying(**{"fix": THERE, "before": before(away_s, **was or {}), "waypoint": waypoint, **given})
-    return inferred_coverage.infer_coverage(CONTEXT, one, BOARD, waypoint)
+    return link_blackout.infer_coverage(CONTEXT, one, BOARD, waypoint)
 
 
 def stands(away_s: float, used_pct: float = 4.0, failsafe_s: float | None = None, **given: Any) -> InferredCoverage:
@@ -46,7 +46,7 @@ def stands(away_s: float, used_pct: float = 4.0, failsafe_s: float | None = None
         "before": before(away_s),
         "battery": pack(90.0 - used_pct),
     }
-    return inferred_coverage.infer_coverage(context, flying(**told | given), BOARD, 5)
+    return link_blackout.infer_coverage(context, flying(**told | given), BOARD, 5)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -123,7 +123,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "how far beside a slanted leg one is",
         lambda: [
-            inferred_coverage._lateral_offset_m(SLANTED, waypoint, place_m)
+            link_blackout._lateral_offset_m(SLANTED, waypoint, place_m)
             for waypoint, place_m in (
                 (1, (54.0, 58.0)),
                 (1, (2.0, 10.0)),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executor.core.interface.commands import Solve, Survivor
-from executor.core.replanning import loss_preview
+from executor.core.replanning import replan_cycle
 from executor.core.state.vehicle_state import Stage
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -26,7 +26,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose loss is worth a judgement",
         lambda: [
-            loss_preview.select_vehicles_to_judge(flight_of(flying(), SECOND, **given))
+            replan_cycle.select_vehicles_to_judge(flight_of(flying(), SECOND, **given))
             for given in (
                 {},
                 {"replan": plan_of()},
@@ -41,7 +41,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose loss is not worth a judgement",
         lambda: [
-            loss_preview.select_vehicles_to_judge(flight_of(flying(**given)))
+            replan_cycle.select_vehicles_to_judge(flight_of(flying(**given)))
             for given in ({"stage": Stage.STARTING}, {"fault": BATTERY_FAULT}, {"stage": Stage.PILOT, "taken": TAKEN})
         ],
         [(), (), ()],
@@ -49,7 +49,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a loss would ask for",
         lambda: [
-            loss_preview.build_loss_problem(
+            replan_cycle.build_loss_problem(
                 CONTEXT, flight_of(*vehicles, revision=4, inspected={5: "uav3"}), "uav1", NOW_S
             )
             for vehicles in (
@@ -104,14 +104,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a loss that leaves nothing",
-        lambda: loss_preview.build_loss_problem(
+        lambda: replan_cycle.build_loss_problem(
             CONTEXT, flight_of(flying(), SECOND, given_up=frozenset(range(6))), "uav1", NOW_S
         ),
         (),
     ),
     (
         "what a judgement depends on",
-        lambda: loss_preview.build_judgement_key(
+        lambda: replan_cycle.build_judgement_key(
             flight_of(flying(held_s=5.0), revision=4, inspected={5: "uav3"}, given_up=frozenset({1, 2}))
         ),
         (4, 1, 2, (("uav1", "flying", False, False), ("uav2", "ground", True, False), ("uav3", "ground", True, False))),

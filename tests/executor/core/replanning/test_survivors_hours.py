@@ -9,9 +9,8 @@ import pytest
 
 from executor.core.context import Context, DayRules
 from executor.core.interface.commands import Solve, Survivor
-from executor.core.replanning import loss_preview, replan_cycle
-from executor.core.replanning.flying_hours import find_remaining_hours, limit_to_hours, min_draw_pct
-from executor.core.replanning.survivors import build_survivor
+from executor.core.replanning import replan_cycle
+from executor.core.replanning.survivors import build_survivor, find_remaining_hours, limit_to_hours, min_draw_pct
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import CLEARED_S
@@ -102,7 +101,7 @@ def test_re_plans_and_the_window_ask_within_the_hours() -> None:
     flown_s = flight.now_s - (flight.state.progress.launched_s or 0.0)
     windows = dict.fromkeys(flight.context.vehicles, ((0.0, flown_s + 20.0),))
     context = replace(flight.context, day=DayRules(30.0, dict.fromkeys(windows, "depot"), windows))
-    judged = loss_preview.build_loss_problem(context, flight.state, "uav2", flight.now_s)
+    judged = replan_cycle.build_loss_problem(context, flight.state, "uav2", flight.now_s)
     lost = replace(flight.state.vehicles["uav2"], stage=Stage.LOST)
     needed = with_facts(flight.state.put(lost), urgent=True, trigger="why", trigger_s=flight.now_s)
     _, commands = replan_cycle.begin_replan(context, needed, flight.now_s)

@@ -9,14 +9,14 @@ import pytest
 from executor.core.interface.messages import (
     SystemStatus,
 )
-from executor.core.preflight import prearm
+from executor.core.preflight import vehicle_checks
 from tests.executor.core.steps import rounded
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "why it does not arm",
         lambda: [
-            prearm.describe_prearm_failure(reasons_s, status, 100.0)
+            vehicle_checks.describe_prearm_failure(reasons_s, status, 100.0)
             for reasons_s, status in (
                 ({}, None),
                 ({"a": 65.0}, None),
@@ -36,8 +36,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "which sensors are not healthy",
         lambda: [
-            prearm.describe_prearm_failure({}, SystemStatus(None, None, bit, None), 100.0)
-            for bit in (0, *prearm.SENSORS, 0x40, 0x3)
+            vehicle_checks.describe_prearm_failure({}, SystemStatus(None, None, bit, None), 100.0)
+            for bit in (0, *vehicle_checks.PREARM_SENSORS, 0x40, 0x3)
         ],
         [
             "its own pre-arm checks fail, no reason reported",
@@ -58,13 +58,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "which sensors there are",
-        lambda: sorted(prearm.SENSORS),
+        lambda: sorted(vehicle_checks.PREARM_SENSORS),
         [1, 2, 4, 8, 32, 65536, 1048576, 2097152, 16777216, 33554432, 1073741824],
     ),
     (
         "what gives a reason",
         lambda: [
-            prearm.parse_prearm_reason(text)
+            vehicle_checks.parse_prearm_reason(text)
             for text in (
                 "PreArm: a",
                 "Arm: b",

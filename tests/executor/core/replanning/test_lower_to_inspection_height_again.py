@@ -14,8 +14,7 @@ from executor.core.interface.commands import Command, Level, Say, Start
 from executor.core.interface.events import IntentReceived, Tick, UploadEnded
 from executor.core.interface.intents import Action, Intent
 from executor.core.interface.messages import Heartbeat
-from executor.core.replanning.lower_to_inspection_height import MOST_LOST, lower_one_vehicle
-from executor.core.replanning.reinspection import AT_ONCE, SPARE_PCT
+from executor.core.replanning.lower_to_inspection_height import AT_ONCE, MOST_LOST, SPARE_PCT, lower_one_vehicle
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_parts import PlannedSortie, PositionFix

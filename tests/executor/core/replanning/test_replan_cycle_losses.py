@@ -11,7 +11,7 @@ from executor.core.fleet_view import build_fleet_view
 from executor.core.interface.commands import Solve
 from executor.core.interface.events import LossJudged
 from executor.core.interface.intents import Action
-from executor.core.replanning import loss_preview
+from executor.core.replanning import replan_cycle
 from executor.runtime.loss_judging import keep_judging
 from missions import Pricing
 from tests.executor.builders import THREE, with_facts
@@ -21,8 +21,8 @@ from tests.fakes.flight import Story
 
 def test_the_question_is_the_re_plan_that_would_follow() -> None:
     flight = under_way()
-    assert loss_preview.select_vehicles_to_judge(flight.state) == tuple(THREE)
-    problem = loss_preview.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
+    assert replan_cycle.select_vehicles_to_judge(flight.state) == tuple(THREE)
+    problem = replan_cycle.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
     assert isinstance(problem, Solve)
     flight.crafts["uav2"].mute = True
     flight.run(lambda: bool(flight.solves()))
@@ -39,7 +39,7 @@ def test_the_question_is_the_re_plan_that_would_follow() -> None:
 def test_who_holds_is_taken_to_go_on() -> None:
     flight = under_way()
     flight.ask(Action.HOLD, "uav3")
-    problem = loss_preview.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
+    problem = replan_cycle.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s)
     assert isinstance(problem, Solve)
     assert {offer.vehicle for offer in problem.survivors} == {"uav1", "uav3"}
 
@@ -50,16 +50,16 @@ def test_without_anybody_else_everything_is_left_over() -> None:
         flight.crafts[name].mute = True
         state = flight.state.put(with_facts(flight.vehicle(name), excluded=True))
         flight.state = state
-    assert loss_preview.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
+    assert replan_cycle.build_loss_problem(flight.context, flight.state, "uav2", flight.now_s) == (2, 3)
 
 
 def test_while_the_plan_changes_nobody_is_asked() -> None:
     flight = under_way()
-    before = loss_preview.build_judgement_key(flight.state)
+    before = replan_cycle.build_judgement_key(flight.state)
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.state.replanning.replan is not None)
-    assert loss_preview.select_vehicles_to_judge(flight.state) == ()
-    assert loss_preview.build_judgement_key(flight.state) != before
+    assert replan_cycle.select_vehicles_to_judge(flight.state) == ()
+    assert replan_cycle.build_judgement_key(flight.state) != before
 
 
 class Beside:
