@@ -20,50 +20,16 @@ from executor.core.inflight.closest_approach import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, stream_watch, warning_rules, watchpoints
 from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
-from executor.core.inflight.homing import return_home
-from executor.core.inflight.homing.landing import (
-    apply_touchdown,
-    describe_unexpected_landing,
-    has_landed,
-    is_flying_again,
-)
-from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
+from executor.core.inflight.homing import landing, return_home
+from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
-from executor.core.interface.events import (
-    Asked,
-    Event,
-    Examined,
-    Heard,
-    IntentReceived,
-    LaunchOrdered,
-    LossJudged,
-    MissionRead,
-    MissionsWanted,
-    OrderEnded,
-    Reopened,
-    Resumed,
-    ReturnAllOrdered,
-    ReturnEnded,
-    SolveEnded,
-    StartEnded,
-    Tick,
-    UploadEnded,
-)
-from executor.core.interface.messages import (
-    ComponentText,
-    Heartbeat,
-    LandedState,
-    MissionCurrent,
-    PayloadMessage,
-    Position,
-)
 from executor.core.launch import upload_result, vehicle_start
 from executor.core.launch.upload_result import apply_upload_result
 from executor.core.operator import intent_handling
 from executor.core.replanning import lower_to_inspection_height, new_missions, pilot_takeover, replan_cycle, survivors
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
-from executor.core.state import leg_times
+from executor.core.state import leg_times, vehicle_position
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import (
     Briefing,
@@ -78,13 +44,6 @@ from executor.core.state.fleet_state import (
 )
 from executor.core.state.positioning import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
-from executor.core.state.vehicle_position import (
-    describe_down_place,
-    describe_last_position,
-    is_at_rest,
-    is_over_pad,
-    is_resting_place_known,
-)
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
 from executor.core.telemetry import status_texts
 from executor.core.telemetry.camera_reports import apply_payload_message
@@ -120,7 +79,7 @@ def build_initial_state(
     return FleetState(vehicles, crew=CrewDialogue(briefing=Briefing(checks)))
 
 
-def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+def step(context: Context, state: FleetState, event: events.Event, now_s: float) -> Stepped:
     """Apply one event."""
     state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
@@ -129,39 +88,49 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
     return (state.with_lines(lines) if lines else state), commands
 
 
-def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
-    context: Context, state: FleetState, event: Event, now_s: float
+def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of event
+    context: Context, state: FleetState, event: events.Event, now_s: float
 ) -> Stepped:
     match event:
-        case Heard():
+        case events.Heard():
             return _apply_message(context, state, event, now_s)
-        case Tick():
+        case events.Tick():
             return _apply_tick(context, state, event.late_s, now_s)
-        case LaunchOrdered():
+        case events.LaunchOrdered():
             return vehicle_start.launch_fleet(context, state, now_s)
-        case StartEnded():
+        case events.StartEnded():
             return vehicle_start.apply_start_result(context, state, event, now_s)
-        case UploadEnded():
+        case events.UploadEnded():
             return apply_upload_result(context, state, event, now_s)
-        case SolveEnded() | Examined():
-            return turnaround.apply_turnaround_event(context, state, event, now_s)
-        case MissionsWanted():
+        case events.SolveEnded():
+            return turnaround.apply_sortie_solution(context, state, event, now_s)
+        case events.Examined():
+            return turnaround.apply_examination(context, state, event, now_s)
+        case events.MissionsWanted():
             return new_missions.apply_missions_wanted(context, state, event, now_s)
-        case LossJudged():
+        case events.LossJudged():
             return _record_loss_judgement(state, event, now_s), ()
-        case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
-            return intent_handling.apply_operator_event(context, state, event, now_s)
-        case Reopened():
+        case events.IntentReceived(intent):
+            return intent_handling.apply_intent(context, state, intent, now_s)
+        case events.OrderEnded():
+            return intent_handling.apply_order_result(context, state, event, now_s)
+        case events.ReturnEnded():
+            return intent_handling.apply_return_result(state, event, now_s)
+        case events.ReturnAllOrdered():
+            return intent_handling.recall_fleet(context, state, now_s)
+        case events.Reopened():
             return reconciliation.apply_reopening(state, event, now_s)
-        case Resumed() | MissionRead():
+        case events.Resumed() | events.MissionRead():
             return _apply_mission_findings(context, state, event, now_s)
-        case Asked(question, text, lines):
+        case events.Asked(question, text, lines):
             asked = Question(question, text, lines)
             return state.with_crew(briefing=replace(state.crew.briefing, question=asked, answered="")), ()
 
 
-def _apply_mission_findings(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
-    if isinstance(event, MissionRead):
+def _apply_mission_findings(
+    context: Context, state: FleetState, event: events.Resumed | events.MissionRead, now_s: float
+) -> Stepped:
+    if isinstance(event, events.MissionRead):
         return mission_check.apply_mission_read(state, event.found, now_s)
     taken = reconciliation.resume_fleet(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
@@ -175,25 +144,25 @@ def _apply_mission_findings(context: Context, state: FleetState, event: Resumed 
     return state, tuple(commands)
 
 
-def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
+def _record_loss_judgement(state: FleetState, event: events.LossJudged, now_s: float) -> FleetState:
     if event.revision != state.replanning.revision:
         return state
     outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
     return state.with_replanning(outlook=MappingProxyType(outlook))
 
 
-def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
+def _apply_message(context: Context, state: FleetState, event: events.Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
-    if isinstance(event.message, ComponentText):
+    if isinstance(event.message, messages.ComponentText):
         return status_texts.show_component_text(state, before, event.message, now_s)
-    if isinstance(event.message, PayloadMessage):
+    if isinstance(event.message, messages.PayloadMessage):
         return apply_payload_message(context, state, before, event.message, now_s), ()
     folded = apply_message(context, before, event.message, now_s)
-    if isinstance(event.message, Heartbeat):
+    if isinstance(event.message, messages.Heartbeat):
         folded = replace(
             folded, state=mode_causes.update_mode_cause(context, state.listening.absences, before, folded.state, now_s)
         )
-    elif isinstance(event.message, MissionCurrent | LandedState | Position):
+    elif isinstance(event.message, messages.MissionCurrent | messages.LandedState | messages.Position):
         start = context.vehicles[event.vehicle].start
         folded = replace(folded, state=leg_times.track_legs(before, folded.state, now_s, start))
     state = state.put(folded.state)
@@ -212,10 +181,10 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
         state = state.with_coverage(inferred=state.coverage.inferred - broken)
-    if isinstance(event.message, Position):
+    if isinstance(event.message, messages.Position):
         state = record_separation(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
-    if isinstance(event.message, Heartbeat):
+    if isinstance(event.message, messages.Heartbeat):
         state, more = _apply_heartbeat(context, state, before, now_s)
         commands.extend(more)
     return state, tuple(commands)
@@ -255,16 +224,16 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = return_home.bring_home(context, state, vehicle, now_s)
-        if is_coming_home(context, vehicle):
+        if return_home.is_coming_home(context, vehicle):
             return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
         return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
-    if not is_over_pad(context, vehicle):
+    if not vehicle_position.is_over_pad(context, vehicle):
         state = state.put(
             change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
         )
-        return state, (Say(Level.FAULT, f"{heard}, {describe_down_place(context, vehicle)}"),)
+        return state, (Say(Level.FAULT, f"{heard}, {vehicle_position.describe_down_place(context, vehicle)}"),)
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
-    if not is_on_mission(context, vehicle):
+    if not return_home.is_on_mission(context, vehicle):
         return state, (Say(Level.INFO, f"{heard}, on the ground"),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
@@ -349,23 +318,23 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := describe_unexpected_landing(context, vehicle, now_s):
+    if why := landing.describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return vehicle_start.monitor_start(context, state, vehicle, now_s)
-    if has_landed(vehicle):
+    if landing.has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
     return return_home.issue_homing_order(context, state, name, now_s)
 
 
 def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
-    if not is_resting_place_known(vehicle, now_s):
+    if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
     spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
-    state, commands = apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    state, commands = landing.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
 
@@ -375,10 +344,12 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
     if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
-        if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
+        if not vehicle.armed and not vehicle.sortie.place_told and vehicle_position.is_at_rest(vehicle, now_s):
             state = state.put(vehicle.with_sortie(place_told=True))
-            return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
-        if not is_flying_again(vehicle):
+            return state, (
+                Say(Level.FAULT, f"{vehicle.name}: {vehicle_position.describe_down_place(context, vehicle)}"),
+            )
+        if not landing.is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):
@@ -395,7 +366,7 @@ def _bring_home_flying_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
 ) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
+    text = f"{vehicle.name}: reported {taken_for} but is airborne, {vehicle_position.describe_last_position(context, vehicle, now_s)}"
     back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, back, now_s)
     return state, (Say(Level.FAULT, text), *more)
@@ -442,7 +413,9 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
 def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, fault)
-    text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
+    text = (
+        f"{vehicle.name}: {fault.reason}; {vehicle_position.describe_last_position(context, vehicle, fault.detected_s)}"
+    )
     vehicle = vehicle.with_orders(errand=None)
     if fault.kind is FaultKind.LINK:
         return state.put(change_stage(vehicle, Stage.LOST)), (Say(Level.WARNING, text),)
@@ -452,7 +425,7 @@ def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fau
 def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
     """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
     down = vehicle.sortie.armed_once and not vehicle.armed
-    return down and not vehicle.orders.lands and not is_over_pad(context, vehicle)
+    return down and not vehicle.orders.lands and not vehicle_position.is_over_pad(context, vehicle)
 
 
 def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:

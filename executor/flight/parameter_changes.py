@@ -9,7 +9,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.ports import Clock
 from executor.core.preflight import fence_checks as fences
-from executor.core.preflight.board_changes import ChangeStage, KeptParameter, build_board_record
+from executor.core.preflight.board_changes import ChangeStage, build_board_record
 from executor.core.preflight.parameter_proposals import (
     Answers,
     ParameterProposal,
@@ -39,7 +39,7 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
     """Return every change with its old and new value and its reason."""
-    return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
+    return [f"{change.vehicle}: {change.words_set}" for change in proposal.changes]
 
 
 def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) -> str:
@@ -66,12 +66,8 @@ async def apply_changes(
             clear of the others, or what its fence needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
-    about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
-    planned = [
-        KeptParameter(one.vehicle, *about[one.vehicle], one.name, one.old, one.new, one.kind, one.unit, one.why)
-        for one in proposal.changes
-    ]
-    record = open_parameter_record(run, console, build_board_record(planned, read_kept_parameters(run) or ()))
+    kept = build_board_record(proposal.changes, read_kept_parameters(run) or ())
+    record = open_parameter_record(run, console, kept)
     record.write_first("nothing was changed on board")
     checks: list[Check] = []
     unfenced: list[str] = []

@@ -20,7 +20,6 @@ from executor.core.preflight.board_changes import (
 )
 from executor.core.preflight.parameter_proposals import (
     Answers,
-    ParameterChange,
     Present,
     list_newer_return_parameters,
     list_return_parameters,
@@ -84,7 +83,7 @@ async def _read(link: Link, clock: Clock, names: Iterable[str]) -> Answers:
     return Answers(present, frozenset(unread))
 
 
-async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChange]) -> dict[str, str]:
+async def set_changes(link: Link, clock: Clock, changes: Iterable[KeptParameter]) -> dict[str, str]:
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:

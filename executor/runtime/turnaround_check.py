@@ -53,7 +53,7 @@ async def examine_vehicle(
         voltage_v=facts.voltage_v,
         cells=facts.cells,
         parameters=tuple(sorted(facts.parameters.items())),
-        changed=tuple(change.words for change in proposal.changes_of(name)),
+        changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
 

@@ -7,7 +7,6 @@ ground nothing but its words tells it, and both autopilots refuse to arm as long
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.context import Context
@@ -60,9 +59,7 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
     plan = state.replanning.replan
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
         return state, ()
-    state, _, said = new_missions.drop_late_mission(state, plan, vehicle.name, why, now_s)
-    state, more = new_missions.end_replan_if_done(state, now_s)
-    return state, (said, *more)
+    return new_missions.release_vehicle(state, plan, vehicle.name, why, now_s)
 
 
 def open_base(context: Context, state: FleetState, base: str) -> FleetState:
@@ -70,12 +67,6 @@ def open_base(context: Context, state: FleetState, base: str) -> FleetState:
     for vehicle in find_vehicles_at_base(context, state, base):
         state = state.put(vehicle.with_orders(base_closed=False))
     return state
-
-
-def find_airborne_names(vehicles: Sequence[VehicleState]) -> tuple[str, ...]:
-    """Return who is not on the ground."""
-    away = {Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST}
-    return tuple(vehicle.name for vehicle in vehicles if vehicle.stage not in away)
 
 
 def apply_kill_switch_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,31 +9,23 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level, Say
 from executor.core.replanning import lower_to_inspection_height, replan_cycle, replan_separation, survivors
-from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
-from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
 from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase, build_open_task
 from planner import Vehicle, segment_of
 
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
-_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 
 
 def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
-    setup, fix = current_setup_of(context, vehicle), vehicle.motion.fix
+    never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
-    out = out or vehicle.sensors.tilted_since_s is not None or vehicle.turn.asked_s is not None
-    if out or vehicle.stage not in _ON_GROUND or vehicle.assignment.pending is not None or fix is None:
+    busy = vehicle.turn.asked_s is not None or vehicle.assignment.pending is not None
+    if out or busy or never or vehicle.stage not in survivors.ON_GROUND:
         return False
-    if vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER:
-        return False
-    heard = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
-    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - setup.reserve_pct
-    on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
-    return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
+    return survivors.is_heard(context, vehicle, now_s) and not survivors.find_takeoff_obstacles(context, vehicle)
 
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})

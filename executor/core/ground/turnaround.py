@@ -23,20 +23,14 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Say, Solve
 from executor.core.interface.events import Examined, SolveEnded
 from executor.core.interface.intents import Intent, IntentReason, Outcome
+from executor.core.preflight import pack_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
-from executor.core.preflight.pack_checks import (
-    PackAtRest,
-    PackReading,
-    assess_pack_at_rest,
-    describe_pack_history,
-    pack_facts_from_parameters,
-)
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import VehicleState
 from missions import build_flight_path, estimate
 from planner import segment_of
 
@@ -46,27 +40,16 @@ LATE_S = 30.0
 """An examination that has not come to its end so much later than that never will."""
 PLACELESS_S = 10.0
 """Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
-_ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
 
 
-def begin_turnaround(
-    state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
-) -> tuple[FleetState, str, tuple[Command, ...]]:
+def begin_turnaround(state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float) -> Stepped:
     """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
     state, ready = return_to_service(state, vehicle)
-    state = state.put(ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None))
-    named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
-    return state, f"{named} installed; running checks before the next sortie", (Examine(vehicle.name),)
+    turned = ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
+    return state.put(turned), (Examine(vehicle.name),)
 
 
-def apply_turnaround_event(context: Context, state: FleetState, event: Examined | SolveEnded, now_s: float) -> Stepped:
-    """Take what was found on a vehicle, or by the solver."""
-    if isinstance(event, Examined):
-        return _apply_examination(context, state, event, now_s)
-    return _apply_sortie_solution(context, state, event, now_s)
-
-
-def _apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
+def apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
     """Take what was found on a vehicle: it may go, with which budget, or stays."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
@@ -77,9 +60,9 @@ def _apply_examination(context: Context, state: FleetState, event: Examined, now
         return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
         return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-    heard = PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    heard = pack_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
-    found = assess_pack_at_rest(setup, heard)
+    found = pack_checks.assess_pack_at_rest(setup, heard)
     held_pct = heard.remaining_pct if found is None else found.held_pct
     vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
     state = state.put(vehicle)
@@ -89,7 +72,7 @@ def _apply_examination(context: Context, state: FleetState, event: Examined, now
         return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
     level, budget_pct = Level.INFO, survivors.build_pad_survivor(context, vehicle).budget_pct
     text = f"{vehicle.name}: its checks have passed: {said}"
-    if known := describe_pack_history(setup, context.drone.capacity_ah):
+    if known := pack_checks.describe_pack_history(setup, context.drone.capacity_ah):
         text = f"{text}; pack {vehicle.turn.label}{known}"
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
         level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
@@ -117,7 +100,7 @@ def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> St
     return state, tuple(commands)
 
 
-def _apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
+def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
     """Take the solver's answer; one that has nothing for the sortie that it was asked for ends the crew's word."""
     plan = state.replanning.replan
     state, commands = replan_cycle.apply_solution(context, state, event, now_s)
@@ -212,7 +195,7 @@ def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState,
 def is_in_service(vehicle: VehicleState) -> bool:
     """Return whether a vehicle stands on its base, kept from another sortie by its pack, or a closed base, alone."""
     out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
-    return vehicle.stage in _ON_BASE and not out and not vehicle.armed
+    return vehicle.stage in survivors.ON_GROUND and not out and not vehicle.armed
 
 
 def find_unplanned_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -266,13 +249,12 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
 
 def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examined) -> str:
     """Return why a vehicle may not go, whatever its pack is; empty if it may."""
-    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, vehicle)
     if not event.ready or event.remaining_pct is None:
         return event.reason or "no battery state"
-    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return "it is not on its pad, where its climb and landing are planned"
-    if vehicle.sensors.tilted_since_s is not None:
-        return "it is tilted, it may have tipped over"
+    for code in (IntentReason.OFF_PAD, IntentReason.TILTED):
+        if code in obstacles:
+            return obstacles[code][1]
     if event.changed:
         return f"its parameters differ from those set for the flight: {event.changed[0]}"
     own = read_link_failsafe(setup.dialect, dict(event.parameters))
@@ -282,13 +264,13 @@ def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examin
 
 
 def _install_pack(
-    context: Context, vehicle: VehicleState, heard: PackReading, overstated_pct: float, now_s: float
+    context: Context, vehicle: VehicleState, heard: pack_checks.PackReading, overstated_pct: float, now_s: float
 ) -> VehicleState:
     """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
     setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
     prior = account.derive_prior(known.battery, setup.prior)
     battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
-    facts = pack_facts_from_parameters(heard.parameters)
+    facts = pack_checks.pack_facts_from_parameters(heard.parameters)
     rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
     power = PowerState(
         battery=battery,
@@ -301,7 +283,7 @@ def _install_pack(
     return replace(vehicle, power=power, turn=turn)
 
 
-def _describe_pack(vehicle: VehicleState, heard: PackReading, found: PackAtRest | None) -> str:
+def _describe_pack(vehicle: VehicleState, heard: pack_checks.PackReading, found: pack_checks.PackAtRest | None) -> str:
     named = f"pack {vehicle.turn.label}" if vehicle.turn.label else "its pack"
     if found is None:
         return f"{named} reports {heard.remaining_pct:.0f} %"
@@ -345,7 +327,8 @@ def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> 
         return IntentReason.ABORTED, "the flight was aborted"
     if vehicle.orders.base_closed:
         return IntentReason.BASE_CLOSED, "its base is closed"
-    if vehicle.stage not in _ON_BASE or vehicle.armed or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
+    elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed
+    if elsewhere or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
         return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
     if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
         return IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
@@ -491,5 +474,5 @@ def _close_intent(
     record = state.crew.intents.get(intent)
     if record is None or record.ended_s is not None:
         return state
-    over = replace(record, outcome=outcome, text=text, ended_s=now_s, code=code)
-    return state.with_crew(intents=MappingProxyType({**state.crew.intents, intent: over}))
+    ended = record.end(outcome, text, now_s, code)
+    return state.with_crew(intents=MappingProxyType({**state.crew.intents, intent: ended}))

@@ -14,7 +14,8 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.imaging.picture_proof import find_missed_segments
-from executor.core.interface.intents import IntentReason
+from executor.core.interface.intents import Reason, fill_in
+from executor.core.lines import operator
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.state.fleet_state import Coverage, FleetState
@@ -22,7 +23,6 @@ from executor.core.state.inspection_run import SegmentPass
 
 ROUNDED = 0.01
 """Of the distance between two pictures: a track of 99.999 m has room for as many as one of 100 m."""
-Objection = tuple[IntentReason, str]
 
 
 class AssetState(Enum):
@@ -117,7 +117,7 @@ def _count_pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) 
 
 def select_segments_to_reinspect(
     context: Context, state: FleetState, assets: Sequence[int | str]
-) -> frozenset[int] | Objection:
+) -> frozenset[int] | Reason:
     """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
     # What no vehicle has a camera for that works.
     barred = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
@@ -126,14 +126,15 @@ def select_segments_to_reinspect(
     for asset in assets:
         found = _segments_of(context, asset)
         if not found:
-            return IntentReason.ASSET_UNKNOWN, _describe_unknown_asset(context, asset)
+            unknown = operator.SEGMENT_UNKNOWN if isinstance(asset, int) else operator.ASSET_UNKNOWN
+            return fill_in(unknown, asset=asset, last=len(context.setup.network.segments) - 1)
         flown = (found & context.wanted) - blind
         if not flown:
-            return IntentReason.ASSET_NEVER_FLOWN, _describe_never_flown(context, min(found))
+            return _object_to_segment(context, min(found))
         # What nobody is to fly: it counts, its pictures are waited for, or it was given up.
         closed = flown & {*coverage.inspected, *coverage.unseen, *coverage.given_up}
         if not closed:
-            return IntentReason.ASSET_OPEN, f"{context.segment_name(min(flown))} is open already"
+            return fill_in(operator.ASSET_OPEN, asset=context.segment_name(min(flown)))
         again |= closed
     return frozenset(again)
 
@@ -173,18 +174,13 @@ def _segments_of(context: Context, asset: int | str) -> frozenset[int]:
     return frozenset(segment for segment in range(count) if context.segment_name(segment) == asset)
 
 
-def _describe_unknown_asset(context: Context, asset: int | str) -> str:
-    if isinstance(asset, int):
-        return f"there is no segment {asset}: expected 0 to {len(context.setup.network.segments) - 1}"
-    return f"there is no asset {asset!r}: expected its name as the page and the plan have it, or its segment's number"
-
-
-def _describe_never_flown(context: Context, segment: int) -> str:
+def _object_to_segment(context: Context, segment: int) -> Reason:
+    """Return why a segment is never flown."""
     name = context.segment_name(segment)
     why = next((one.why for one in context.unreachable if one.segment == segment), "")
     if why:
-        return f"{name} is never flown: it {why}"
+        return fill_in(operator.NEVER_FLOWN, asset=name, why=why)
     if segment not in context.wanted:
-        return f"{name} is never flown: it is no part of this flight"
+        return fill_in(operator.NOT_ASKED_FOR, asset=name)
     cameras = " and ".join(sorted(context.setup.looks.cameras_for(segment)))
-    return f"{name} is never flown: no vehicle has a camera {cameras} that works"
+    return fill_in(operator.NO_CAMERA, asset=name, cameras=cameras)

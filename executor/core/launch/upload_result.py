@@ -14,10 +14,11 @@ from executor.core.formatting import format_count
 from executor.core.ground import turnaround
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
-from executor.core.interface.commands import Command, Level, Say
+from executor.core.interface.commands import Command
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.launch import vehicle_start
+from executor.core.lines import replanning
 from executor.core.replanning import new_missions, survivors
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
@@ -68,7 +69,7 @@ def apply_upload_result(context: Context, state: FleetState, event: UploadEnded,
     state = state.with_replanning(replan=plan)
     if event.mixed and not event.accepted and not mission.fresh and not _has_left_mission(context, vehicle):
         unknown = event.code is Ending.NO_ANSWER
-        why = f"its mission on board {'may be' if unknown else 'is'} a mix of two"
+        why = replanning.MAY_BE_MIXED if unknown else replanning.MIXED
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
         state, more = declare_fault(context, state, state.vehicles[vehicle.name], fault)
         commands.extend(more)
@@ -84,9 +85,9 @@ def _apply_accepted_upload(
         vehicle = vehicle.with_assignment(waypoint=0)
     state = state.put(apply_onboard_mission(vehicle, board, now_s))
     to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
-    what = f"{format_count(to_go, 'segment')} to go" if to_go else "no segment left, returning"
-    what += "; fence widened first" if mission.fence is not None else ""
-    return state, (Say(Level.INFO, f"{vehicle.name}: new mission on board, {what}"),)
+    what = replanning.TO_GO.format(segments=format_count(to_go, "segment")) if to_go else replanning.NOTHING_TO_GO
+    fence = replanning.FENCE_WIDENED if mission.fence is not None else ""
+    return state, (replanning.ON_BOARD.say(vehicle=vehicle.name, to_go=what, fence=fence),)
 
 
 def _apply_failed_upload(
@@ -95,15 +96,14 @@ def _apply_failed_upload(
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
     if _has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
-        known = replace(state.replanning, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
-        return replace(state.put(vehicle), replanning=state.replanning if sortie else known), ()
+        state = state.put(vehicle)
+        return state if sortie else state.want_replan(plan.solve.trigger, plan.begun_s), ()
     if sortie:
         return state.put(vehicle), ()  # the crew is told, and asked again
     refused, how_long = record_declined_mission(context, vehicle, mission, event, now_s)
-    text = f"{vehicle.name}: upload of its new mission failed ({event.reason}); re-planning without it{how_long}"
-    trigger = f"{vehicle.name}: {event.reason}"
-    state = state.put(refused).with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
-    return state, (Say(Level.WARNING, text),)
+    trigger = replanning.NOT_GIVEN.format(vehicle=vehicle.name, reason=event.reason)
+    said = replanning.UPLOAD_FAILED.say(vehicle=vehicle.name, reason=event.reason, how_long=how_long)
+    return state.put(refused).want_replan(trigger, now_s), (said,)
 
 
 def _continue_after_upload(
@@ -121,7 +121,7 @@ def _continue_after_upload(
         why = "its mission was uploaded too late" if event.accepted else f"its upload failed ({event.reason})"
         return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
     if mission.fresh and event.accepted:
-        return state, (Say(Level.WARNING, f"{vehicle.name}: stays on the ground: take-off clearance expired"),)
+        return state, (replanning.STAYS_UNCLEARED.say(vehicle=vehicle.name),)
     if vehicle.stage is Stage.STARTING and not event.mixed:
         return vehicle_start.resume_start(context, state, state.vehicles[vehicle.name], now_s)
     return state, ()
@@ -144,7 +144,7 @@ def record_declined_mission(
     if context.vehicles[vehicle.name].dialect.upload_is_atomic and not mission.fresh:
         maybe = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
     known = replace(known, declined=DeclinedMission(now_s, tries, maybe))
-    how_long = " until it answers again" if tries < OFFERS else " for the rest of the flight"
+    how_long = replanning.UNTIL_ANSWER if tries < OFFERS else replanning.REST_OF_FLIGHT
     return replace(vehicle, assignment=known), how_long
 
 
@@ -181,10 +181,9 @@ def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: 
 
 
 def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    left = frozenset(state.replanning.records[-1].uncovered) if state.replanning.records else frozenset()
-    trigger = f"{vehicle.name}: answers again"
-    known = replace(state.replanning, ordered=True)
-    if not known.urgent:
-        known = replace(known, trigger=trigger, trigger_s=now_s)
-    state = replace(state.put(vehicle), replanning=known).with_coverage(given_up=state.coverage.given_up - left)
-    return state, (Say(Level.INFO, f"{trigger}; re-planning with it"),)
+    trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
+    given_up = state.coverage.given_up - state.list_uncovered_last()
+    state = state.put(vehicle).with_replanning(ordered=True).with_coverage(given_up=given_up)
+    if not state.replanning.urgent:
+        state = state.with_replanning(trigger=trigger, trigger_s=now_s)
+    return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
+from executor.core.context import VehicleSetup
+from executor.core.interface.messages import ParamValue
 from missions import MissionItem, MissionKind
 from missions.fences import find_list_differences
 
@@ -105,6 +107,11 @@ class KeptParameter(BoardChange[float]):
     why: str
 
     @property
+    def words_set(self) -> str:
+        """Old, new and why, for the crew to confirm before it is set."""
+        return f"{self.name} {format_change(self.old, self.new, self.unit)}: {self.why}"
+
+    @property
     def words(self) -> str:
         """What is restored, for the crew to confirm."""
         return f"{self.vehicle}: {self.name} {format_change(self.new, self.old, self.unit)}"
@@ -123,6 +130,13 @@ class KeptParameter(BoardChange[float]):
     def is_same(one: float, found: float) -> bool:
         """Return whether what was found on board is this one, but for what is lost on its way."""
         return math.isclose(one, found, rel_tol=1e-5, abs_tol=1e-6)
+
+
+def plan_change(setup: VehicleSetup, found: ParamValue, new: float, unit: str, why: str) -> KeptParameter:
+    """Return a parameter that is to be set on a vehicle for the flight, from what is on board."""
+    return KeptParameter(
+        setup.name, setup.sysid, setup.dialect.name, found.name, found.value, new, found.kind, unit, why
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight.board_changes import format_number
+from executor.core.preflight.board_changes import KeptParameter, format_number, plan_change
 from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.parameter_proposals import (
     REAL32,
-    ParameterChange,
     ParameterProposal,
     Present,
     list_change_checks,
@@ -57,7 +56,7 @@ def add_fence_changes(context: Context, proposal: ParameterProposal) -> Paramete
     return replace(proposal, changes=tuple(changes), checks=tuple(checks))
 
 
-def plan_fence_changes(context: Context, name: str, said: Present) -> list[ParameterChange]:
+def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptParameter]:
     """Return which parameters are set so that a vehicle keeps to the fence that it is given.
 
     The limits of its owner stay where the flight fits into them.
@@ -83,13 +82,13 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[Param
     if rule.enable is not None:
         wanted[rule.enable] = (1.0, "", "keeps to its fence")
     return [
-        ParameterChange(name, key, said[key].value, value, said[key].kind, unit, why)
+        plan_change(context.vehicles[name], said[key], value, unit, why)
         for key, (value, unit, why) in wanted.items()
         if not math.isclose(said[key].value, value, abs_tol=1e-3)
     ]
 
 
-def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[ParameterChange]) -> list[Check]:
+def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[KeptParameter]) -> list[Check]:
     """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
     names = list_fence_parameters(context, name)
     if not names:

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from executor.core.context import Context
+from executor.core.context import Context, VehicleSetup
 from executor.core.interface.check_codes import CheckCode
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight.board_changes import format_change
+from executor.core.preflight.board_changes import KeptParameter, plan_change
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters, select_names
 from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
@@ -36,36 +36,16 @@ class Answers:
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterChange:
-    """A parameter that is to be set for the flight."""
-
-    vehicle: str
-    name: str
-    old: float
-    """What is on board."""
-    new: float
-    kind: int
-    """MAV_PARAM_TYPE."""
-    unit: str
-    why: str
-
-    @property
-    def words(self) -> str:
-        """Old, new and why, for the crew to confirm."""
-        return f"{self.name} {format_change(self.old, self.new, self.unit)}: {self.why}"
-
-
-@dataclass(frozen=True, slots=True)
 class ParameterProposal:
     """What a flight would change on board, and what that is held against."""
 
     present: Mapping[str, Present]
     """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
-    changes: tuple[ParameterChange, ...]
+    changes: tuple[KeptParameter, ...]
     checks: tuple[Check, ...]
     """The same for the checklist, with what is right already and what is not known."""
 
-    def changes_of(self, vehicle: str) -> tuple[ParameterChange, ...]:
+    def changes_of(self, vehicle: str) -> tuple[KeptParameter, ...]:
         """Return the changes of one vehicle."""
         return tuple(change for change in self.changes if change.vehicle == vehicle)
 
@@ -96,7 +76,7 @@ def propose_return_changes(
         ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
             site's ceiling over the ground allows.
     """
-    changes: list[ParameterChange] = []
+    changes: list[KeptParameter] = []
     checks: list[Check] = []
     over_depot_m = {
         name: context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
@@ -118,18 +98,19 @@ def propose_return_changes(
     return ParameterProposal(present, tuple(changes), tuple(checks))
 
 
-def list_change_checks(changes: Sequence[ParameterChange]) -> list[Check]:
+def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
     return [
-        Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words}", CheckCode.PARAMETER_CHANGE)
+        Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words_set}", CheckCode.PARAMETER_CHANGE)
         for one in changes
     ]
 
 
 def _propose_for_vehicle(
     context: Context, vehicle: str, said: Present, kept_to_m: float
-) -> tuple[list[ParameterChange], Check]:
-    rule, wanted_m = context.vehicles[vehicle].dialect.return_parameters, context.return_height_m(vehicle)
+) -> tuple[list[KeptParameter], Check]:
+    setup, wanted_m = context.vehicles[vehicle], context.return_height_m(vehicle)
+    rule = setup.dialect.return_parameters
     name, unit_m = find_height_parameter(rule, said)
     known = said.get(name)
     if known is None:
@@ -144,8 +125,8 @@ def _propose_for_vehicle(
         height_m = value * unit_m
         unit = "cm" if unit_m < 1.0 else "m"
         why = _explain_return_height(context)
-        changes.append(ParameterChange(vehicle, name, known.value, value, known.kind, unit, why))
-    changes += _propose_other_changes(vehicle, rule, said, height_m)
+        changes.append(plan_change(setup, known, value, unit, why))
+    changes += _propose_other_changes(setup, said, height_m)
     text = f"RTL altitude {'is' if height_m == is_m else 'will be'} {round(height_m, 1):g} m ({name})"
     return changes, Check(Severity.OK, vehicle, text, CheckCode.RTL_ALTITUDE)
 
@@ -197,19 +178,16 @@ def _explain_return_height(context: Context) -> str:
     return "keeps its RTL in its own layer"
 
 
-def _propose_other_changes(
-    vehicle: str, rule: ReturnParameters, said: Present, height_m: float
-) -> list[ParameterChange]:
+def _propose_other_changes(setup: VehicleSetup, said: Present, height_m: float) -> list[KeptParameter]:
     """Return what else keeps a vehicle from returning at that height."""
-    changes = []
+    rule, changes = setup.dialect.return_parameters, []
     cone = said.get(rule.cone)
     if cone is not None and cone.value >= rule.cone_least:
         why = "climbs to that height near its pad, too"
-        changes.append(ParameterChange(vehicle, rule.cone, cone.value, rule.cone_off, cone.kind, rule.cone_unit, why))
+        changes.append(plan_change(setup, cone, rule.cone_off, rule.cone_unit, why))
     stop = None if rule.descend_height is None else said.get(rule.descend_height)
     wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
     waits = wait is None or wait.value != 0.0
     if stop is not None and waits and stop.value < height_m:
-        why = "waits over its pad in its own layer"
-        changes.append(ParameterChange(vehicle, stop.name, stop.value, height_m, stop.kind, "m", why))
+        changes.append(plan_change(setup, stop, height_m, "m", "waits over its pad in its own layer"))
     return changes

@@ -18,15 +18,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.interface.commands import Level, Say, Solve, Survivor
+from executor.core.interface.commands import Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.lines import replanning
 from executor.core.replanning import replan_cycle, replan_separation, survivors
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.replanning.survivors import limit_to_hours
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState
-from missions import build_flight_path, continue_path, estimate
+from missions import estimate
 from missions.inspection_height import must_leave_layer, visit_distances_m
 from planner import is_reversed, segment_of, visit_of
 
@@ -116,9 +117,8 @@ def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: fl
     low = _choose_low(context, state, plan, now_s)
     if not low > before or not _can_afford(context, vehicle, plan, low):
         return None
-    names = format_segments(context, low - before)
-    why = f"{offer.vehicle}: airspace at {names} is free; new mission at inspection height"
-    return _assign_plan(context, state, plan, why, now_s)
+    said = replanning.LOWER.say(vehicle=offer.vehicle, segments=format_segments(context, low - before))
+    return _assign_plan(context, state, plan, said, now_s)
 
 
 def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
@@ -127,10 +127,8 @@ def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: floa
     if plan is None:
         return None
     names = format_segments(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
-    when = "new mission before it returns" if offer.airborne else "takes off after upload"
-    return _assign_plan(
-        context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s
-    )
+    line = replanning.AGAIN_ALOFT if offer.airborne else replanning.AGAIN_FROM_PAD
+    return _assign_plan(context, state, plan, line.say(vehicle=offer.vehicle, segments=names), now_s)
 
 
 def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
@@ -177,30 +175,23 @@ def _choose_low(context: Context, state: FleetState, plan: Replan, now_s: float)
     ]
 
 
-def _assign_plan(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
+def _assign_plan(context: Context, state: FleetState, plan: Replan, said: Say, now_s: float) -> Stepped:
     [offer], revision = plan.solve.survivors, plan.solve.revision
-    plan = replace(plan, solve=replace(plan.solve, trigger=why))
+    plan = replace(plan, solve=replace(plan.solve, trigger=said.text))
     state = state.with_replanning(revision=revision, replan=plan)
     answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
     state, commands = replan_cycle.apply_solution(context, state, answer, now_s)
-    return state, (Say(Level.INFO, why), *commands)
+    return state, (said, *commands)
 
 
 def _can_afford(
     context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
 ) -> bool:
     """Return whether what is left of a vehicle's budget takes it down there and home."""
-    [offer], board, model = plan.solve.survivors, vehicle.assignment.board, context.pricing.models[vehicle.name]
-    setup, visits, kept = (
-        replan_separation.build_closed_setup(context, (offer,)),
-        plan.solve.given,
-        offer.kept if offer.airborne else 0,
-    )
-    if offer.airborne and board is not None:
-        path = continue_path(setup, board.path, kept, visits, low)
-    else:
-        path = build_flight_path(setup, vehicle.name, visits, low)
-    legs = estimate(path, model).legs[kept:]
+    [offer] = plan.solve.survivors
+    setup, kept = replan_separation.build_closed_setup(context, (offer,)), offer.kept if offer.airborne else 0
+    path = replan_separation.build_new_path(setup, vehicle, offer, plan.solve.given, low)
+    legs = estimate(path, context.pricing.models[vehicle.name]).legs[kept:]
     phases = (point.phase for point in path.waypoints[kept:])
     needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
     needs_pct = offer.consumption * needs_pct + turn_back_energy_pct(vehicle, offer)

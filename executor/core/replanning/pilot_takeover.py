@@ -15,16 +15,9 @@ from executor.core.interface.commands import CancelSolve, Command, HandsOff, Lev
 from executor.core.interface.messages import Actor
 from executor.core.replanning import new_missions
 from executor.core.replanning.withdrawal import withdraw_vehicle
-from executor.core.state import leg_times
+from executor.core.state import leg_times, vehicle_position
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, Takeover
-from executor.core.state.vehicle_position import (
-    describe_down_place,
-    describe_last_position,
-    describe_lean,
-    has_used_kill_switch,
-    is_over_pad,
-)
 from executor.core.state.vehicle_state import Stage, VehicleState, change_stage
 from missions.autopilots.modes import mode_name
 
@@ -139,10 +132,14 @@ def _reassign_segments(
 def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     fix = vehicle.motion.fix
     # Who has landed may be switched off by its kill switch too.
-    in_the_air = has_used_kill_switch(context, vehicle) and vehicle.telemetry.on_ground is False
-    lean = describe_lean(vehicle) if vehicle.sortie.took_off else ""
+    in_the_air = vehicle_position.has_used_kill_switch(context, vehicle) and vehicle.telemetry.on_ground is False
+    lean = vehicle_position.describe_lean(vehicle) if vehicle.sortie.took_off else ""
     fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
-    place = "" if is_over_pad(context, vehicle) and not fell else f", {describe_down_place(context, vehicle)}"
+    place = (
+        ""
+        if vehicle_position.is_over_pad(context, vehicle) and not fell
+        else f", {vehicle_position.describe_down_place(context, vehicle)}"
+    )
     stage = Stage.DOWN if place else Stage.LANDED
     vehicle = vehicle if place else leg_times.end_sortie(context, vehicle, vehicle.link.heard_s or 0.0)
     state = state.put(
@@ -156,7 +153,7 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
     if fell:
         # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
         leans = f"; {lean}" if lean else ""
-        text = f"{vehicle.name}: disarmed with its pilot{leans}; {describe_last_position(context, vehicle, now_s)}"
+        text = f"{vehicle.name}: disarmed with its pilot{leans}; {vehicle_position.describe_last_position(context, vehicle, now_s)}"
     if not place and not vehicle.sortie.took_off:
         text = f"{vehicle.name}: disarmed by its pilot on its pad; stays there until included"
     elif not place and vehicle.sortie.rebooted_s is not None:

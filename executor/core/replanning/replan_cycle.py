@@ -8,17 +8,10 @@ from types import MappingProxyType
 
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
-from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
+from executor.core.interface.commands import Command, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
-from executor.core.replanning import new_missions, replan_separation, survivors
-from executor.core.replanning.replan_messages import (
-    describe_short_budgets,
-    describe_solution,
-    explain_orphan_segments,
-    find_passed_segments,
-    format_segments,
-)
-from executor.core.replanning.survivors import limit_to_hours
+from executor.core.lines import replanning
+from executor.core.replanning import new_missions, replan_messages, replan_separation, survivors
 from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
 from planner import segment_of
@@ -52,17 +45,12 @@ def find_left_over_segments(state: FleetState) -> frozenset[int]:
 
 def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
-    left = (
-        frozenset(state.replanning.records[-1].uncovered) & state.coverage.given_up
-        if state.replanning.records
-        else frozenset()
-    )
+    left = state.list_uncovered_last() & state.coverage.given_up
     out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.replanning.considered
     if out or not left or state.progress.recalled:
         return state
-    trigger = f"{vehicle.name}: link regained"
     state = state.with_coverage(given_up=state.coverage.given_up - left)
-    return state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
+    return state.want_replan(replanning.LINK_REGAINED.format(vehicle=vehicle.name), now_s)
 
 
 def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -76,55 +64,45 @@ def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 
 def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
-    alone = find_orphan_segments(context, state)
+    alone, known = find_orphan_segments(context, state), state.replanning
     if (
-        state.replanning.replan is not None
+        known.replan is not None
         or state.progress.recalled
         or state.progress.launched_s is None
         or state.listening.silent_since_s is not None
     ):
         return state, ()
-    if not alone and not state.replanning.ordered:
+    if not alone and not known.ordered:
         return state.with_replanning(orphans_since_s=None, urgent=False), ()
-    since = now_s if state.replanning.orphans_since_s is None else state.replanning.orphans_since_s
-    state = state.with_replanning(orphans_since_s=since)
-    if now_s < state.replanning.wait_until_s or (
-        not state.replanning.urgent and not state.replanning.ordered and now_s - since < PROOF_GRACE_S
-    ):
+    since_s = now_s if known.orphans_since_s is None else known.orphans_since_s
+    state, asked = state.with_replanning(orphans_since_s=since_s), known.urgent or known.ordered
+    if now_s < known.wait_until_s or (not asked and now_s - since_s < PROOF_GRACE_S):
         return state, ()
-    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
-    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
+    offers = survivors.build_survivors(context, state, now_s)
     if not offers:
         return _give_up_without_vehicle(context, state.with_replanning(ordered=False), alone)
-    if not state.replanning.urgent and not state.replanning.ordered:
+    if not asked:
         state, alone = _count_attempts(state, alone)
         if not alone:
-            return state, (Say(Level.WARNING, "inspection of some segments not proven; left for later"),)
+            return state, (replanning.PROOF_LEFT.say(),)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _find_segments_under_way(state, offers)
     to_spare = find_left_over_segments(state) | (freed & state.coverage.left_over)
     if not alone and not freed and not to_spare:
         return state.with_replanning(ordered=False), ()
-    trigger = (
-        state.replanning.trigger
-        if state.replanning.urgent or state.replanning.ordered
-        else explain_orphan_segments(context, state, alone)
-    )
-    revision = state.replanning.revision + 1
-    done = set(state.coverage.inspected)
+    trigger = known.trigger if asked else replan_messages.explain_orphan_segments(context, state, alone)
+    revision, done = known.revision + 1, set(state.coverage.inspected)
     own = tuple(sorted((alone | freed) - to_spare - done))
     offers = replan_separation.close_occupied_segments(context, state, offers, (*own, *to_spare), now_s)
     solve = Solve(revision, own, offers, trigger, tuple(sorted(to_spare - done)))
-    begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
     state = state.with_replanning(
         revision=revision,
-        replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
+        replan=Replan(solve, known.trigger_s if asked else now_s, ordered=known.ordered),
         urgent=False,
         ordered=False,
         considered=frozenset(offer.vehicle for offer in offers),
     )
-    names = ", ".join(offer.vehicle for offer in offers)
-    text = f"re-plan {revision}: {format_count(len(alone), 'open segment')} ({trigger}); planning for {names}"
-    return state, (Say(Level.INFO, text), solve)
+    names, count = ", ".join(offer.vehicle for offer in offers), format_count(len(alone), "open segment")
+    return state, (replanning.BEGINS.say(revision=revision, segments=count, trigger=trigger, vehicles=names), solve)
 
 
 def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:
@@ -140,7 +118,7 @@ def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) ->
 
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
     """Count how often what is without a vehicle was flown in vain; what nobody flew past was not."""
-    flown = alone & find_passed_segments(state)
+    flown = alone & replan_messages.find_passed_segments(state)
     attempts = {
         **state.coverage.attempts,
         **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in flown},
@@ -158,21 +136,14 @@ def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[
 
 
 def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozenset[int]) -> Stepped:
-    back = any(
-        one.stage is Stage.RETURNING and one.fault is None and not one.orders.excluded
-        for one in state.vehicles.values()
-    )
+    stages = {one.stage for one in state.vehicles.values() if one.fault is None and not one.orders.excluded}
     if state.mission_vehicles() or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
-    if back and context.fly_again is RelaunchPolicy.AUTO:
+    if Stage.RETURNING in stages and context.fly_again is RelaunchPolicy.AUTO:
         return state, ()
     state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
-    waiting = any(
-        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.orders.excluded
-        for one in state.vehicles.values()
-    )
-    who = "no vehicle in the air can take over" if waiting else "no vehicle is left to inspect"
-    return state, (Say(Level.WARNING, f"{who} {format_segments(context, alone)}"),)
+    line = replanning.NOBODY_ALOFT if stages & survivors.ON_GROUND else replanning.NOBODY_LEFT
+    return state, (line.say(segments=replan_messages.format_segments(context, alone)),)
 
 
 def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
@@ -183,35 +154,31 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     if event.routes is None:
         state = new_missions.request_replan_again(state, plan)
         state = state.with_replanning(wait_until_s=now_s + new_missions.RETRY_S)
-        return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
+        return state, (replanning.FAILED.say(revision=event.revision, reason=event.reason),)
     offers = plan.solve.survivors
     late = [offer.vehicle for offer in offers if not survivors.is_offer_valid(state.vehicles[offer.vehicle], offer)]
     if late:
-        state = new_missions.request_replan_again(state, plan)
-        return state, (
-            Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning again"),
-        )
+        said = replanning.TOO_LATE.say(revision=event.revision, vehicles=", ".join(late))
+        return new_missions.request_replan_again(state, plan), (said,)
     found = {route.vehicle: route.visits for route in event.routes}
-    routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in plan.solve.survivors}
+    routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in offers}
     plan = _add_low_segments(context, state, plan, routes, now_s)
     unmade = tuple(
         NewRoute(offer.vehicle, routes[offer.vehicle])
-        for offer in plan.solve.survivors
+        for offer in offers
         if routes[offer.vehicle] != offer.tail or _is_moved(state, plan, offer)
     )
     if plan.low:  # from the highest layer down: who flies lower may have to wait for who flies above it
         unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
     for route in unmade:
-        vehicle = state.vehicles[route.vehicle]
-        state = state.put(vehicle.with_assignment(pending=event.revision))
+        state = state.put(state.vehicles[route.vehicle].with_assignment(pending=event.revision))
     lines: list[Command] = []
     if not plan.solve.given:
-        lines.append(Say(Level.INFO, describe_solution(event, [route.vehicle for route in unmade])))
+        lines.append(replan_messages.announce_solution(event, [route.vehicle for route in unmade]))
     if event.gain is not None and event.gain.short:
-        lines.append(Say(Level.WARNING, describe_short_budgets(event.gain)))
+        lines.append(replan_messages.announce_short_budgets(event.gain))
     if event.uncovered:
-        what = f"remaining battery does not cover {format_segments(context, event.uncovered)}"
-        lines.append(Say(Level.WARNING, what))
+        lines.append(replanning.NOT_COVERED.say(segments=replan_messages.format_segments(context, event.uncovered)))
     plan = replace(
         plan,
         solve_s=event.solve_s,
@@ -275,9 +242,8 @@ def build_loss_problem(context: Context, state: FleetState, name: str, now_s: fl
     alone = find_orphan_segments(context, state)
     if not alone:
         return ()
-    free = (vehicle.with_orders(held_s=None) for vehicle in state.vehicles.values())
-    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in free)
-    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
+    free = {name: vehicle.with_orders(held_s=None) for name, vehicle in state.vehicles.items()}
+    offers = survivors.build_survivors(context, replace(state, vehicles=free), now_s)
     if not offers:
         return tuple(sorted(alone))
     freed = {segment_of(visit) for offer in offers for visit in offer.tail}

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
+from executor.core.interface.commands import Say
 from executor.core.interface.events import Gain, SolveEnded
+from executor.core.lines import replanning
 from executor.core.state.fleet_state import FleetState
 from planner import segment_of
 
@@ -31,48 +33,43 @@ def find_passed_segments(state: FleetState) -> frozenset[int]:
 def explain_orphan_segments(context: Context, state: FleetState, alone: frozenset[int]) -> str:
     """Return why segments are without a vehicle that no fault left behind."""
     past = find_passed_segments(state)
-    reasons = {"inspection not proven": alone & past, "assigned to no vehicle": alone - past}
-    return "; ".join(f"{why}: {format_segments(context, segments)}" for why, segments in reasons.items() if segments)
+    reasons = {replanning.NOT_PROVEN: alone & past, replanning.WITHOUT_VEHICLE: alone - past}
+    found = ((why, format_segments(context, segments)) for why, segments in reasons.items() if segments)
+    return "; ".join(why.format(segments=segments) for why, segments in found)
 
 
-def describe_solution(event: SolveEnded, names: list[str]) -> str:
-    """Return what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
+def announce_solution(event: SolveEnded, names: list[str]) -> Say:
+    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
 
     Args:
         event: The solver's answer.
         names: Of those who are given one.
     """
     gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
-    given = ", ".join(sorted(names)) or "no vehicle"
-    return f"re-plan {event.revision} found in {event.solve_s:.2f} s{gained}; new missions for {given}"
+    given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
+    return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)
 
 
 def _describe_gain(gain: Gain, *, changed: bool) -> str:
     if not changed:
-        return "no improvement over the missions on board"
-    longest = f"longest route now {gain.longest_s:.0f} s"
+        return replanning.NO_GAIN
+    longest = replanning.LONGEST.format(longest_s=gain.longest_s)
     shorter = round(gain.longest_s) < round(gain.carried_s)
     covered = []
     if gain.segments:
-        covered.append(f"{format_count(gain.segments, 'segment')} recovered")
+        covered.append(replanning.RECOVERED.format(segments=format_count(gain.segments, "segment")))
     elif gain.length_m >= 1.0 and not shorter:
-        covered.append(f"{gain.length_m:.0f} m of the line recovered")
-    if gain.left_over > 0:
-        covered.append(f"{format_count(gain.left_over, 'segment')} taken over from the next sortie")
-    if gain.left_over < 0:
-        covered.append(f"{format_count(-gain.left_over, 'segment')} moved back to the next sortie")
+        covered.append(replanning.LENGTH_RECOVERED.format(length_m=gain.length_m))
+    if gain.left_over:
+        moved = replanning.TAKEN_OVER if gain.left_over > 0 else replanning.MOVED_BACK
+        covered.append(moved.format(segments=format_count(abs(gain.left_over), "segment")))
     if covered:
         return f"{', '.join(covered)}; {longest}"
-    if gain.short:
-        return f"limited by remaining battery; {longest}"
-    if shorter:
-        return f"{longest} instead of {gain.carried_s:.0f} s"
-    return f"duplicate segments removed; {longest}"
+    why = replanning.LIMITED if gain.short else replanning.SHORTER if shorter else replanning.NO_DUPLICATES
+    return why.format(longest=longest, carried_s=gain.carried_s)
 
 
-def describe_short_budgets(gain: Gain) -> str:
-    """Return who cannot go on with what is on board."""
-    names = sorted(gain.short)
-    if len(names) == 1:
-        return f"{names[0]}: not enough battery for its whole mission"
-    return f"{', '.join(names)}: not enough battery for their whole missions"
+def announce_short_budgets(gain: Gain) -> Say:
+    """Say who cannot go on with what is on board."""
+    line = replanning.BUDGET_SHORT if len(gain.short) == 1 else replanning.BUDGETS_SHORT
+    return line.say(vehicles=", ".join(sorted(gain.short)))

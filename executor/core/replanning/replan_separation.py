@@ -210,7 +210,7 @@ def choose_low_segments(
     begins_m: dict[str, tuple[float, float]] = {}
     for offer in offers:
         vehicle = state.vehicles[offer.vehicle]
-        board, path = vehicle.assignment.board, build_path_in_layer(setup, vehicle, offer, routes[offer.vehicle])
+        board, path = vehicle.assignment.board, build_new_path(setup, vehicle, offer, routes[offer.vehicle])
         if board is not None and offer.airborne:
             # Its tail may be flown until it has its new mission, which comes before those of who flies below it.
             tail = build_airway(setup, board.path, max(offer.kept, vehicle.assignment.waypoint))
@@ -223,14 +223,18 @@ def choose_low_segments(
     return select_low_segments(setup, routes, taken, find_layer_bound_vehicles(context.vehicles), begins_m)
 
 
-def build_path_in_layer(
-    setup: FlightSetup, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]
+def build_new_path(
+    setup: FlightSetup,
+    vehicle: VehicleState,
+    offer: Survivor,
+    visits: tuple[int, ...],
+    low: frozenset[int] = frozenset(),
 ) -> FlightPath:
-    """Return a survivor's new path with all that is new in its own layer."""
+    """Return a survivor's whole new path, with all that is new in its own layer but for the segments of `low`."""
     board = vehicle.assignment.board
     if not offer.airborne or board is None:
-        return build_flight_path(setup, vehicle.name, visits)
-    return continue_path(setup, board.path, offer.kept, visits)
+        return build_flight_path(setup, vehicle.name, visits, low)
+    return continue_path(setup, board.path, offer.kept, visits, low)
 
 
 def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:

@@ -9,16 +9,19 @@ from executor.core.battery import account
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
+from executor.core.interface.intents import IntentReason, Reason, fill_in
+from executor.core.lines import operator
 from executor.core.state import landing_projection
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
+from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase
 from missions.autopilots.modes import is_mission_mode
 from missions.pace import AS_MODELLED
 
+ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
 
@@ -29,53 +32,68 @@ def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[i
     return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken_camera_names()) | by_day
 
 
+def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[IntentReason, Reason]:
+    """Return by code what keeps a vehicle on the ground from any take-off, the most important first."""
+    setup, fix, left_pct = current_setup_of(context, vehicle), vehicle.motion.fix, vehicle.power.battery.remaining_pct
+    found: list[Reason] = []
+    if vehicle.sensors.tilted_since_s is not None:
+        found.append(operator.TILTED)
+    if vehicle.orders.base_closed:
+        found.append(operator.BASE_CLOSED)
+    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        found.append(operator.OFF_PAD)
+    if left_pct is None or left_pct < setup.reserve_pct + LEAST_SPARE_PCT:
+        left = "unknown" if left_pct is None else f"{left_pct:.0f} %"
+        found.append(fill_in(operator.BATTERY_LOW, left=left, reserve_pct=setup.reserve_pct))
+    return {code: (code, words) for code, words in found}
+
+
+def is_heard(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle says anything now."""
+    return vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
+
+
+def is_out_of_plan(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle is given nothing until the crew, or the vehicle, says otherwise."""
+    orders, known = vehicle.orders, vehicle.assignment
+    out = vehicle.fault is not None or known.stubborn or orders.excluded or orders.held_s is not None
+    return out or known.carried.may_be_foreign() or vehicle.turn.asked_s is not None
+
+
+def build_survivors(context: Context, state: FleetState, now_s: float) -> tuple[Survivor, ...]:
+    """Return what all vehicles can offer to a re-plan, each within its hours."""
+    offers = (build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
+    return tuple(limit_to_hours(context, state, offer, now_s) for offer in offers if offer)
+
+
 def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
     # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
-    heard = (
-        state.link.heard_s is not None
-        and not state.link.stale
-        and now_s - state.link.heard_s < context.limits.link_stale_s
-    )
-    out = (
-        state.fault is not None or state.assignment.stubborn or state.orders.excluded or state.orders.held_s is not None
-    )
-    out = out or state.assignment.carried.may_be_foreign() or state.turn.asked_s is not None
-    if out or not heard or state.power.battery.remaining_pct is None:
+    heard = is_heard(context, state, now_s) and not state.link.stale
+    if is_out_of_plan(state) or not heard or state.power.battery.remaining_pct is None:
         return None
-    if state.stage in {Stage.GROUND, Stage.LANDED}:
-        if state.sensors.tilted_since_s is not None or state.orders.base_closed:
-            return None  # it lies on its side, or nobody takes off from there
-        if not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
+    if state.stage in ON_GROUND:
+        stays = find_takeoff_obstacles(context, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
+        if stays or not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
             return None
         return build_pad_survivor(context, state)
-    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
+    board, fix, setup = state.assignment.board, state.motion.fix, context.setup
+    if state.stage not in {Stage.FLYING, Stage.STARTING} or board is None or fix is None:
         return None
-    if not _is_flying_mission(context, state, now_s):
-        return None
-    kept = _count_kept_waypoints(context, state)
+    kept = _count_kept_waypoints(context, state) if _is_flying_mission(context, state, now_s) else None
     if kept is None:
         return None
+    place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, 0.0
     if kept > state.assignment.waypoint:
-        place, spent = (
-            state.assignment.board.places_m[kept - 1],
-            landing_projection.energy_to_reach_pct(state, kept - 1),
-        )
-        alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
-    else:
-        place, alt_rel_m, spent = state.motion.fix.place_m, state.motion.fix.alt_rel_m, 0.0
-    offer = _build_offer(
-        context, state, place, spent * account.consumption_factor(state.power.battery), airborne=True, kept=kept
-    )
+        place_m, alt_rel_m = board.places_m[kept - 1], board.path.waypoints[kept - 1].alt_rel_m
+        spent_pct = landing_projection.energy_to_reach_pct(state, kept - 1)
+    spent_pct *= account.consumption_factor(state.power.battery)
+    offer = _build_offer(context, state, place_m, spent_pct, airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
     if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
-        (east_m, north_m), before_m = (
-            state.assignment.board.places_m[kept - 1],
-            state.assignment.board.places_m[kept - 2],
-        )
+        (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
         facing_m = (east_m - before_m[0], north_m - before_m[1])
-    low = kept > 0 and state.assignment.board.path.waypoints[kept - 1].below_m > 0
-    setup = context.setup
+    low = kept > 0 and board.path.waypoints[kept - 1].below_m > 0
     up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
 
@@ -90,7 +108,7 @@ def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
     if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
-        return vehicle.stage in {Stage.GROUND, Stage.LANDED}
+        return vehicle.stage in ON_GROUND
     if vehicle.custody.cause is not ModeCause.OURS:
         return False  # it has just left its mission: by a failsafe of its own, or a person took it
     board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
@@ -161,10 +179,10 @@ def _build_offer(
         setup.budget_pct - account.draw_since_start_pct(state.power.battery),
     )
     budget = left - spent_pct
-    tail: tuple[int, ...] = ()
-    if state.assignment.board is not None and airborne:
-        ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
-        tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
+    tail, board = tuple[int, ...](), state.assignment.board
+    if board is not None and airborne:
+        ahead = {waypoint.visit for waypoint in board.path.waypoints[kept:]}
+        tail = tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
     blind = find_barred_segments(context, state)
     most = remaining - setup.reserve_pct - spent_pct
     learned = state.assignment.learned

@@ -9,7 +9,8 @@ from executor.core.formatting import format_count
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
 from executor.core.inflight.homing.return_home import HomingAction
-from executor.core.interface.commands import CancelSolve, Command, Disarm, Level, Say
+from executor.core.interface.commands import CancelSolve, Command, Disarm
+from executor.core.lines import replanning
 from executor.core.replanning import new_missions
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_position import describe_last_position, has_fallen, has_mission_ended, is_over_pad
@@ -28,16 +29,14 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     elif kind is FaultKind.DOWN:
         stage, then = Stage.DOWN, ""  # its place is its reason
     elif down and not _is_landed_at_home(context, vehicle):
-        stage, then = (
-            Stage.DOWN,
-            describe_last_position(context, vehicle, now_s),
-        )  # where it comes to rest is said when it does
+        # Where it comes to rest is said when it does.
+        stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif is_under_foreign_control(vehicle):
-        stage, then = Stage.PILOT, "with its pilot, not commanded"
+        stage, then = Stage.PILOT, replanning.PILOT_HAS_IT
     elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
-        stage, then, commands = Stage.RETURNING, "disarm commanded", (Disarm(vehicle.name, force=False),)
+        stage, then, commands = Stage.RETURNING, replanning.DISARM, (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
     gone = leave_plan(vehicle, stage, now_s)
@@ -45,10 +44,11 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     if stage is Stage.RETURNING and not then:
         then = _describe_homing(context, state, vehicle.name, now_s)
         state, commands = return_home.bring_home(context, state, state.vehicles[vehicle.name], now_s)
-    trigger = f"{vehicle.name}: {why}" if kind is FaultKind.LINK else f"{vehicle.name}: {kind.value}, {why}"
+    trigger = replanning.LINK_FAULT if kind is FaultKind.LINK else replanning.FAULT
+    trigger = trigger.format(vehicle=vehicle.name, kind=kind.value, why=why)
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
-    line = "; ".join(part for part in (trigger, then, _describe_reassignment(state, vehicle.name, left)) if part)
-    return state, (Say(Level.FAULT, line), *more, *commands)
+    parts = (trigger, then, _describe_reassignment(state, vehicle.name, left))
+    return state, (replanning.LEAVES.say(parts="; ".join(part for part in parts if part)), *more, *commands)
 
 
 def _is_landed_at_home(context: Context, vehicle: VehicleState) -> bool:
@@ -61,10 +61,9 @@ def _describe_homing(context: Context, state: FleetState, name: str, now_s: floa
     found = return_home.advise_homing(context, state.vehicles[name], now_s)
     match found.answer:
         case HomingAction.RETURN:
-            waits = "no link; RTL will be commanded as soon as the link is back"
-            return waits if state.vehicles[name].link.stale else "RTL commanded"
+            return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
         case HomingAction.LAND:
-            return "over its pad, landing commanded"
+            return replanning.LANDS_ON_PAD
         case _:
             return found.words
 
@@ -86,8 +85,8 @@ def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -
         and one.stage in {Stage.STARTING, Stage.FLYING}
         for one in state.vehicles.values()
     )
-    what = format_count(len(left), "segment")
-    return f"{what} to be reassigned" if others else f"{what} assigned to no vehicle"
+    line = replanning.TO_REASSIGN if others else replanning.FOR_NOBODY
+    return line.format(segments=format_count(len(left), "segment"))
 
 
 def leave_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:
@@ -107,7 +106,7 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
     solving = plan is not None and plan.solve_s is None
     before = [plan.solve.trigger] if plan is not None and solving and not plan.solve.sortie else []
     before += [state.replanning.trigger] if state.replanning.urgent and state.replanning.trigger not in before else []
-    state = state.with_replanning(urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
+    state = state.want_replan("; ".join((*before, trigger)), now_s)
     if plan is not None and solving:
         return state.with_replanning(replan=None), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:

@@ -16,6 +16,7 @@ from executor.core.inflight.homing.return_home import bring_home, is_on_mission
 from executor.core.interface.commands import Command, Level, Say, Start, Upload
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.lines import replanning
 from executor.core.replanning import new_missions, survivors
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
@@ -96,7 +97,7 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
     """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
     for route in plan.unmade:
         if route.vehicle in plan.pending:
-            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
+            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, replanning.FLEW_ON, now_s)
     return state.with_replanning(replan=replace(plan, unmade=()))
 
 
@@ -208,11 +209,8 @@ def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Fou
         state, said = catch_up_mission(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
         if not survivors.is_offer_valid(state.vehicles[found.vehicle], offer):
-            state, plan, let_go = new_missions.drop_late_mission(
-                state, plan, found.vehicle, new_missions.FLEW_ON, now_s
-            )
-            state, more = new_missions.end_replan_if_done(state, now_s)
-            return Resumption(state, (*said, let_go, *more))
+            state, more = new_missions.release_vehicle(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
+            return Resumption(state, (*said, *more))
     elif (
         not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
     ):
@@ -268,9 +266,7 @@ def _resend_mission(
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
     why = f"others flew {format_segments(context, frozenset(flown))} of its new mission meanwhile"
-    state, plan, said = new_missions.drop_late_mission(state, plan, name, why, now_s)
-    state, more = new_missions.end_replan_if_done(state, now_s)
-    return state, (said, *more)
+    return new_missions.release_vehicle(state, plan, name, why, now_s)
 
 
 def _has_started(context: Context, vehicle: VehicleState) -> bool:
@@ -316,6 +312,5 @@ def _handle_unstarted_vehicle(
     if plan is None or name not in plan.pending:
         return Resumption(state, (said,))
     why = "landed" if flown else "had not started"
-    state, _, told = new_missions.drop_late_mission(state, plan, name, f"{why} when its new mission came", now_s)
-    state, more = new_missions.end_replan_if_done(state, now_s)
-    return Resumption(state, (said, told, *more))
+    state, more = new_missions.release_vehicle(state, plan, name, f"{why} when its new mission came", now_s)
+    return Resumption(state, (said, *more))

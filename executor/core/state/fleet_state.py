@@ -317,6 +317,15 @@ class FleetState:
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
         return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
 
+    def list_uncovered_last(self) -> frozenset[int]:
+        """Return what the last re-plan left over."""
+        records = self.replanning.records
+        return frozenset(records[-1].uncovered) if records else frozenset()
+
+    def want_replan(self, trigger: str, since_s: float) -> FleetState:
+        """Return the state in which a re-plan begins at once, for this reason and as old as that."""
+        return self.with_replanning(urgent=True, trigger=trigger, trigger_s=since_s)
+
     def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
         """Return the state with lines for the operator added."""
         return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])

@@ -42,14 +42,14 @@ def test_the_height_of_ardupilots_return_is_in_centimetres() -> None:
     height_m = COPTERS.return_height_m("uav1")
     assert new_values(proposal) == {"RTL_ALT": 100 * height_m, "RTL_CONE_SLOPE": 0.0}
     first, second = proposal.changes
-    assert first.words == f"RTL_ALT 1200 -> {100 * height_m:.0f} cm: keeps its RTL in its own layer"
+    assert first.words_set == f"RTL_ALT 1200 -> {100 * height_m:.0f} cm: keeps its RTL in its own layer"
     assert (first.old, first.kind, second.old) == (1200.0, INT32, 3.0)
-    assert second.words == "RTL_CONE_SLOPE 3 -> 0: climbs to that height near its pad, too"
+    assert second.words_set == "RTL_CONE_SLOPE 3 -> 0: climbs to that height near its pad, too"
     texts = [check.text for check in proposal.checks]
     assert texts == [
         f"RTL altitude will be {height_m:g} m (RTL_ALT)",
-        f"to be set for the flight: {first.words}",
-        f"to be set for the flight: {second.words}",
+        f"to be set for the flight: {first.words_set}",
+        f"to be set for the flight: {second.words_set}",
     ]
 
 
@@ -79,7 +79,7 @@ def test_px4_returns_in_its_own_layer() -> None:
     proposal = proposed(PX4S, "uav2", RTL_RETURN_ALT=60.0, RTL_DESCEND_ALT=10.0, RTL_CONE_ANG=45.0, RTL_LAND_DELAY=0.0)
     height_m = PX4S.return_height_m("uav2")
     assert new_values(proposal) == {"RTL_RETURN_ALT": height_m, "RTL_CONE_ANG": 0.0}, "it lands without a wait"
-    assert proposal.changes[1].words == "RTL_CONE_ANG 45 -> 0 deg: climbs to that height near its pad, too"
+    assert proposal.changes[1].words_set == "RTL_CONE_ANG 45 -> 0 deg: climbs to that height near its pad, too"
 
 
 @pytest.mark.parametrize("delay", [{"RTL_LAND_DELAY": -1.0}, {"RTL_LAND_DELAY": 30.0}, {}])

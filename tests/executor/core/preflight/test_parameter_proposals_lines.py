@@ -9,9 +9,7 @@ import pytest
 from executor.core.context import Context
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight import parameter_proposals
-from executor.core.preflight.parameter_proposals import (
-    ParameterChange,
-)
+from executor.core.preflight.board_changes import KeptParameter
 from executor.core.preflight.vehicle_checks import (
     Check,
 )
@@ -22,7 +20,7 @@ from tests.executor.core.vehicles import FLEET
 
 CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context
-CHANGE = ParameterChange("uav1", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
+CHANGE = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
 
 
 def lines(checks: Check | Sequence[Check]) -> list[str]:
@@ -39,7 +37,7 @@ def proposed(
     found = parameter_proposals.propose_return_changes(
         context, {name: parameter_proposals.Answers(said)}, ceiling_m=ceiling_m
     )
-    return [one.words for one in found.changes] + lines(found.checks)
+    return [one.words_set for one in found.changes] + lines(found.checks)
 
 
 def settled(ends: Mapping[str, str], said: Mapping[str, ParamValue]) -> list[str]:

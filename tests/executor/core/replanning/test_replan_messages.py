@@ -9,8 +9,8 @@ import pytest
 from executor.core.interface.events import Gain, SolveEnded
 from executor.core.replanning import replan_cycle
 from executor.core.replanning.replan_messages import (
-    describe_short_budgets,
-    describe_solution,
+    announce_short_budgets,
+    announce_solution,
     explain_orphan_segments,
     find_passed_segments,
 )
@@ -43,13 +43,14 @@ from tests.executor.core.stories import FLEET, story
 )  # fmt: skip
 def test_a_re_plan_says_what_it_gains(gain: Gain | None, names: list[str], words: str) -> None:
     event = SolveEnded(2, (), (), 0.314, "", gain)
-    told = describe_solution(event, names)
+    told = announce_solution(event, names).text
     assert told == f"re-plan 2 found in 0.31 s{'; ' if gain is None else ': '}{words}"
 
 
 def test_one_whose_budget_does_not_last_is_named() -> None:
     assert (
-        describe_short_budgets(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))) == "uav2: not enough battery for its whole mission"
+        announce_short_budgets(Gain(0, 0.0, 0, 1.0, 1.0, ("uav2",))).text
+        == "uav2: not enough battery for its whole mission"
     )
 
 
