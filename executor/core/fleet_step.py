@@ -25,6 +25,7 @@ from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.launch import upload_result, vehicle_start
 from executor.core.launch.upload_result import apply_upload_result
+from executor.core.lines import flight, takeoff
 from executor.core.operator import intent_handling
 from executor.core.replanning import lower_to_inspection_height, new_missions, pilot_takeover, replan_cycle, survivors
 from executor.core.replanning.withdrawal import declare_fault
@@ -192,12 +193,11 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
 
 def _announce_link_findings(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
     """Say who else is on its link, and that it has GPS again."""
-    lines = [
-        (Level.WARNING, line) for line in describe_new_foreign_systems(before.link.strangers, after.link.strangers)
-    ]
+    strangers = describe_new_foreign_systems(before.link.strangers, after.link.strangers)
+    said: list[Command] = [flight.FOUND.say(vehicle=after.name, found=found) for found in strangers]
     if regained := describe_gps_return(before, after, now_s):
-        lines.append((Level.INFO, regained))
-    return [Say(level, f"{after.name}: {line}") for level, line in lines]
+        said.append(flight.FOUND.with_level(Level.INFO).say(vehicle=after.name, found=regained))
+    return said
 
 
 def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
@@ -217,30 +217,27 @@ def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, 
 
 def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
-    heard = f"{vehicle.name}: link regained"
+    name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
         state, more = pilot_takeover.apply_takeover(context, state, vehicle)
-        return state, (Say(Level.WARNING, heard), *more)
+        return state, (flight.HEARD.say(vehicle=name), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = return_home.bring_home(context, state, vehicle, now_s)
-        if return_home.is_coming_home(context, vehicle):
-            return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
-        return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
+        comes = return_home.is_coming_home(context, vehicle)
+        return state, ((flight.HEARD_COMING if comes else flight.HEARD_ALOFT).say(vehicle=name), *more)
     if not vehicle_position.is_over_pad(context, vehicle):
-        state = state.put(
-            change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
-        )
-        return state, (Say(Level.FAULT, f"{heard}, {vehicle_position.describe_down_place(context, vehicle)}"),)
+        down = change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
+        place = vehicle_position.describe_down_place(context, vehicle)
+        return state.put(down), (flight.HEARD_DOWN.say(vehicle=name, place=place),)
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
     if not return_home.is_on_mission(context, vehicle):
-        return state, (Say(Level.INFO, f"{heard}, on the ground"),)
+        return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=""),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
-        text = f"{heard}, on the ground with its pilot, not commanded: armed now, it takes off with its old mission"
-        return state, (Say(Level.WARNING, text),)
-    text = f"{heard}, on the ground; switched to RTL, so that it cannot take off with its old mission"
-    return state, (Say(Level.INFO, text), SendHome(vehicle.name))
+        line = flight.HEARD_ON_GROUND.with_level(Level.WARNING)
+        return state, (line.say(vehicle=name, then=flight.PILOT_HAS_IT),)
+    return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=flight.SET_TO_RTL), SendHome(name))
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -273,7 +270,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ReportedWarnings()))
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
-    commands.extend(Say(Level.WARNING, line) for line in lines)
+    commands.extend(flight.NOT_WELL.say(line=line) for line in lines)
     if (
         vehicle.stage is not Stage.PILOT
         and not mode_causes.is_under_foreign_control(vehicle)
@@ -336,7 +333,7 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
     spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
     state, commands = landing.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
-    return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
+    return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands
 
 
 def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -357,8 +354,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
     if mode_causes.has_never_landed(context, vehicle):
         return _bring_home_flying_vehicle(context, state, vehicle, "landed", now_s)
     if vehicle.armed and mode_causes.may_arm_late(vehicle, now_s) and vehicle.custody.cause is ModeCause.OURS:
-        text = f"{vehicle.name}: armed on its pad although the start was cancelled"
-        return state.put(change_stage(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
+        return state.put(change_stage(vehicle, Stage.RETURNING)), (takeoff.ARMED_LATE.say(vehicle=vehicle.name),)
     return state, ()
 
 
@@ -366,10 +362,11 @@ def _bring_home_flying_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
 ) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: reported {taken_for} but is airborne, {vehicle_position.describe_last_position(context, vehicle, now_s)}"
+    position = vehicle_position.describe_last_position(context, vehicle, now_s)
+    said = takeoff.FLIES_AGAIN.say(vehicle=vehicle.name, taken_for=taken_for, position=position)
     back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, back, now_s)
-    return state, (Say(Level.FAULT, text), *more)
+    return state, (said, *more)
 
 
 def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
@@ -378,7 +375,7 @@ def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleSt
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)
     lies = lies.with_motion(anchor=vehicle.motion.fix)
-    return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
+    return state.put(lies), (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=why),)
 
 
 def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
@@ -394,7 +391,7 @@ def _report_unproven_segment(context: Context, state: FleetState, name: str) -> 
     segment = board.tracks[visit].segment
     if segment in state.coverage.inspected:
         return state, ()
-    return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
+    return state, (flight.UNPROVEN.say(vehicle=name, segment=context.segment_name(segment), why=why),)
 
 
 def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -405,9 +402,8 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
     vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
     vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = return_home.bring_home(context, state, vehicle, now_s)
-    trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
-    state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
-    return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
+    trigger = flight.ENDED_IN_ABSENCE.format(vehicle=vehicle.name)
+    return state.want_replan(trigger, now_s), (flight.RETURNING.say(trigger=trigger), *more)
 
 
 def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
@@ -441,9 +437,11 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
     if not state.progress.recalled and replan_cycle.find_orphan_segments(context, state):
         return state, ()
     missing = context.segments - len(state.coverage.inspected)
-    reason = "all segments inspected" if missing == 0 else f"{format_count(missing, 'segment')} not inspected"
+    reason = flight.ALL_INSPECTED
+    if missing:
+        reason = flight.NOT_INSPECTED.format(segments=format_count(missing, "segment"))
     if left := state.coverage.left_over - set(state.coverage.inspected):
-        reason += f", {len(left)} of them planned for the next sortie"
+        reason += flight.NEXT_SORTIE.format(count=len(left))
     return state.with_progress(finished=True), (Finish(reason),)
 
 

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.interface.commands import Command, HandsOff, Level, Say, SendHome
+from executor.core.interface.commands import Command, HandsOff, SendHome
 from executor.core.interface.messages import StatusText
+from executor.core.lines import sorties
 from executor.core.replanning import new_missions, replan_cycle
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.fleet_state import FleetState, Stepped
@@ -42,7 +43,7 @@ def close_base(context: Context, state: FleetState, base: str, now_s: float) -> 
     commands: list[Command] = []
     for vehicle in find_vehicles_at_base(context, state, base):
         shut = vehicle.with_orders(base_closed=True, cleared_s=None)
-        state, more = _keep_on_ground(context, state.put(shut), shut, f"base {base} is closed", now_s)
+        state, more = _keep_on_ground(context, state.put(shut), shut, sorties.BASE_IS_CLOSED.format(base=base), now_s)
         commands.extend(more)
     return state, tuple(commands)
 
@@ -50,7 +51,7 @@ def close_base(context: Context, state: FleetState, base: str, now_s: float) -> 
 def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
     """Keep a vehicle on the ground that is being sent out."""
     if vehicle.stage is Stage.STARTING and vehicle.armed and not vehicle.sortie.took_off:
-        fault = Fault(FaultKind.OPERATOR, "its base was closed during its start", now_s, FaultCode.OPERATOR_EXCLUDE)
+        fault = Fault(FaultKind.OPERATOR, sorties.CLOSED_IN_START, now_s, FaultCode.OPERATOR_EXCLUDE)
         return declare_fault(context, state, vehicle, fault)
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
         left = leave_plan(vehicle, Stage.LANDED, now_s)
@@ -86,10 +87,9 @@ def stand_down_vehicle(state: FleetState, vehicle: VehicleState, now_s: float) -
     given = starting or vehicle.assignment.pending is not None
     state = state.put(vehicle.with_orders(excluded=True, cleared_s=None).with_assignment(pending=None))
     if given:
-        state, more = withdraw_vehicle(state, name, f"{name}: its kill switch is on", now_s)
+        state, more = withdraw_vehicle(state, name, sorties.KILL_SWITCH_TRIGGER.format(vehicle=name), now_s)
         commands = (*commands, *more)
-    line = f"{name}: its kill switch is on; no start until included"
-    return state, (Say(Level.FAULT, line), *commands)
+    return state, (sorties.KILL_SWITCH.say(vehicle=name), *commands)
 
 
 def return_to_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetState, VehicleState]:
@@ -110,13 +110,14 @@ def return_to_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetSt
 
 def clear_for_takeoff(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Return the state in which everything open is planned with a vehicle that may take off now."""
-    left = replan_cycle.find_left_over_segments(state)
-    trigger = f"{vehicle.name}: back in service with {vehicle.power.battery.remaining_pct or 0.0:.0f} % in its battery"
+    left, left_pct = replan_cycle.find_left_over_segments(state), vehicle.power.battery.remaining_pct or 0.0
+    trigger = sorties.BACK_IN_SERVICE.format(vehicle=vehicle.name, left_pct=left_pct)
     state = state.put(vehicle.with_orders(cleared_s=now_s)).with_crew(offers_over=False)
-    return state.with_coverage(given_up=frozenset()).with_replanning(
-        urgent=True,
-        ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
-        trigger=trigger,
-        trigger_s=now_s,
-        considered=state.replanning.considered - {vehicle.name},
+    return (
+        state.with_coverage(given_up=frozenset())
+        .want_replan(trigger, now_s)
+        .with_replanning(
+            ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
+            considered=state.replanning.considered - {vehicle.name},
+        )
     )

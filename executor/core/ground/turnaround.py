@@ -20,9 +20,10 @@ from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.commands import Command, Examine, Level, Say, Solve
+from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
-from executor.core.interface.intents import Intent, IntentReason, Outcome
+from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
+from executor.core.lines import sorties
 from executor.core.preflight import pack_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
@@ -56,8 +57,8 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         return state, ()
     if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
         # It lost them as it booted; who changed them without a boot meant it.
-        text = f"{vehicle.name}: parameters set again after reboot: {'; '.join(event.changed)}"
-        return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
+        said = sorties.PARAMETERS_SET.say(vehicle=vehicle.name, changes="; ".join(event.changed))
+        return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
         return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
     heard = pack_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
@@ -68,22 +69,21 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
     state = state.put(vehicle)
     said = _describe_pack(vehicle, heard, found)
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
-        why = f"{said}: too close to its reserve of {setup.reserve_pct:g} %"
+        why = sorties.PACK_POOR.format(pack=said, reserve_pct=setup.reserve_pct)
         return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
-    level, budget_pct = Level.INFO, survivors.build_pad_survivor(context, vehicle).budget_pct
-    text = f"{vehicle.name}: its checks have passed: {said}"
+    line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
     if known := pack_checks.describe_pack_history(setup, context.drone.capacity_ah):
-        text = f"{text}; pack {vehicle.turn.label}{known}"
+        more = f"; {sorties.NAMED_PACK.format(label=vehicle.turn.label)}{known}"
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
-        level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
+        line = line.with_level(Level.WARNING)
+        more += sorties.BUDGET.format(budget_pct=budget_pct, planned_pct=setup.budget_pct)
     if context.day is not None:
-        ready = vehicle.with_turn(ready_s=now_s)
-        return state.put(ready), (Say(level, text),)
-    state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
-    state = _close_intent(
-        state, vehicle.turn.intent, Outcome.DONE, "its checks have passed; re-planning with it", None, now_s
-    )
-    return state, (Say(level, f"{text}; re-planning with it"),)
+        state = state.put(vehicle.with_turn(ready_s=now_s))
+    else:
+        state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
+        state = _close_intent(state, vehicle, Outcome.DONE, (None, sorties.PASSED_REPLANNING), now_s)
+        more += sorties.REPLANNING_WITH_IT
+    return state, (line.say(vehicle=vehicle.name, pack=said, more=more),)
 
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -118,9 +118,10 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
     turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
     if good and turn.ahead:
         turn = replace(turn, ahead=turn.ahead[1:])
-    why = f"no open segment is within its budget of {offer.budget_pct:.0f} %"
+    why = sorties.NOT_IN_BUDGET
     if in_time_pct < survivors.build_pad_survivor(context, vehicle).budget_pct:
-        why = f"no open segment can be inspected in the {format_duration(left_s)} that are left of its hours"
+        why = sorties.NOT_IN_HOURS
+    why = why.format(budget_pct=offer.budget_pct, left="" if math.isinf(left_s) else format_duration(left_s))
     state, more = _end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
     return state, (*commands, *more)
 
@@ -129,11 +130,8 @@ def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> Fl
     """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
     for vehicle in state.vehicles.values():
         stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
-        if (
-            find_next_sortie(state, vehicle)
-            and not stays
-            and not describe_hours_conflict(context, state, vehicle, now_s)
-        ):
+        flies = find_next_sortie(state, vehicle) and not stays
+        if flies and not describe_hours_conflict(context, state, vehicle, now_s):
             state = state.put(vehicle.with_turn(asked_s=now_s, ready_s=now_s))
     return state
 
@@ -142,9 +140,7 @@ def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetStat
     """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
     vehicle = state.vehicles[name]
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:]))
-    return _close_intent(
-        state, vehicle.turn.intent, Outcome.DONE, "its next sortie is on board; it starts", None, now_s
-    )
+    return _close_intent(state, vehicle, Outcome.DONE, (None, sorties.ON_BOARD), now_s)
 
 
 def end_failed_turnaround(state: FleetState, name: str, why: str, now_s: float) -> Stepped:
@@ -161,8 +157,7 @@ def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
     pending = frozenset[str]() if plan is None else plan.pending
     for vehicle in state.vehicles.values():
         if vehicle.turn.asked_s is not None and vehicle.name not in pending:
-            why = "its turnaround was under way when the ground station went away"
-            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, why, now_s)
+            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
             commands.extend(more)
     return state, tuple(commands)
 
@@ -219,15 +214,15 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
         return ""
     if vehicle.orders.base_closed:
-        return "its base is closed"
+        return sorties.BASE_CLOSED[1]
     if _is_done_for_day(context, state, vehicle, now_s):
         return ""
     visits = find_next_sortie(state, vehicle)
     open_ = len(visits) or len(find_unplanned_segments(context, state) - vehicle.turn.beyond)
     if not open_:
         return ""
-    what = f"sortie {_next_sortie_number(vehicle)}, " if visits else ""
-    return f"waiting for pack confirmation: {what}{format_count(open_, 'segment')}{'' if visits else ' open'}"
+    awaited = sorties.AWAITED if visits else sorties.AWAITED_OPEN
+    return awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
 
 
 def describe_hours_conflict(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
@@ -241,25 +236,25 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
     part = later_s is None and min_draw_pct(context, left_s) >= LEAST_SPARE_PCT
     if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
         return ""
-    then = (
-        f"its next hours begin at T+{format_duration(later_s)}" if later_s is not None else "it has no hours after now"
-    )
-    return f"its next sortie of {format_duration(lasts_s)} does not end within its hours; {then}"
+    lasts = format_duration(lasts_s)
+    if later_s is None:
+        return sorties.NO_HOURS.format(lasts=lasts)
+    return sorties.NOT_IN_NEXT_HOURS.format(lasts=lasts, later=format_duration(later_s))
 
 
 def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examined) -> str:
     """Return why a vehicle may not go, whatever its pack is; empty if it may."""
     setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, vehicle)
     if not event.ready or event.remaining_pct is None:
-        return event.reason or "no battery state"
+        return event.reason or sorties.NO_BATTERY_STATE
     for code in (IntentReason.OFF_PAD, IntentReason.TILTED):
         if code in obstacles:
             return obstacles[code][1]
     if event.changed:
-        return f"its parameters differ from those set for the flight: {event.changed[0]}"
+        return sorties.PARAMETERS_DIFFER.format(change=event.changed[0])
     own = read_link_failsafe(setup.dialect, dict(event.parameters))
     if own.acts is not None and (own.after_s if own.acts else None) != setup.failsafe_s:
-        return f"its link failsafe is not the one before the flight: {own.words}"
+        return sorties.FAILSAFE_DIFFERS.format(failsafe=own.words)
     return ""
 
 
@@ -284,10 +279,9 @@ def _install_pack(
 
 
 def _describe_pack(vehicle: VehicleState, heard: pack_checks.PackReading, found: pack_checks.PackAtRest | None) -> str:
-    named = f"pack {vehicle.turn.label}" if vehicle.turn.label else "its pack"
-    if found is None:
-        return f"{named} reports {heard.remaining_pct:.0f} %"
-    return f"{named} {found.standing.words}"
+    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
+    reports = sorties.REPORTS.format(left_pct=heard.remaining_pct)
+    return named + (reports if found is None else f" {found.standing.words}")
 
 
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
@@ -299,8 +293,8 @@ def _release_later_sorties(context: Context, state: FleetState, vehicle: Vehicle
     left = visits - set(state.coverage.inspected)
     state = state.put(vehicle.with_turn(ahead=()))
     state = replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left))
-    what = f"{format_count(len(left), 'segment')} of its later sorties"
-    return state, (Say(Level.WARNING, f"{vehicle.name}: {what} open for the sorties of others"),) if left else ()
+    said = sorties.OPENED.say(vehicle=vehicle.name, segments=format_count(len(left), "segment"))
+    return state, (said,) if left else ()
 
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -309,8 +303,7 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
     if over := _find_end_reason(state, vehicle, now_s):
-        code, why = over
-        return _end_turnaround(state, vehicle, code, why, now_s)
+        return _end_turnaround(state, vehicle, *over, now_s)
     # The first reports after the launch come in a moment.
     placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
     unknown = vehicle.power.battery.remaining_pct is None or not placed
@@ -320,26 +313,25 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     return _assign_next_sortie(context, state, vehicle, turn.ready_s, now_s)
 
 
-def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[IntentReason, str] | None:
+def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
     """Return why the crew's word for a vehicle does not hold any more; None where it does."""
     turn = vehicle.turn
     if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
+        return sorties.ABORTED
     if vehicle.orders.base_closed:
-        return IntentReason.BASE_CLOSED, "its base is closed"
+        return sorties.BASE_CLOSED
     elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed
     if elsewhere or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
-        return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
-    if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
-        return IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
-    if turn.ready_s is not None and now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
-        return IntentReason.NOT_READY, f"no position for {PLACELESS_S:g} s: it may have rebooted since its checks"
-    if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
-        return IntentReason.UNANSWERED, "its checks did not finish"
-    if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
-        why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
-        return IntentReason.OVERTAKEN, why
-    return None
+        return fill_in(sorties.ELSEWHERE, stage=vehicle.stage.value)
+    if turn.ready_s is None:
+        late = now_s - (turn.asked_s or now_s) > READY_S + LATE_S
+        return sorties.UNFINISHED if late else None
+    if (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
+        return sorties.REBOOTED
+    if now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
+        return fill_in(sorties.PLACELESS, placeless_s=PLACELESS_S)
+    expired = now_s - turn.ready_s > CLEARED_S
+    return fill_in(sorties.EXPIRED_CLEARANCE, cleared_s=CLEARED_S) if expired else None
 
 
 def _last_position_s(vehicle: VehicleState) -> float:
@@ -371,10 +363,10 @@ def _assign_next_sortie(
     if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
         giver, visits = found
         state, vehicle = _hand_over_sortie(state, state.vehicles[giver], vehicle, visits)
-        text = f"{vehicle.name}: takes over the last sortie of {giver}, {format_count(len(visits), 'segment')}"
-        said.append(Say(Level.INFO, text))
+        count = format_count(len(visits), "segment")
+        said.append(sorties.TAKES_OVER.say(vehicle=vehicle.name, giver=giver, segments=count))
     if not visits and not pool:
-        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
+        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
     vehicle = replace(vehicle, turn=_drop_finished_sorties(vehicle, visits)).with_orders(cleared_s=ready_s)
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
@@ -385,14 +377,14 @@ def _assign_next_sortie(
         offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
-    trigger = f"{vehicle.name}: sortie {_next_sortie_number(vehicle)}"
+    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=_next_sortie_number(vehicle))
     solve = Solve(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
     )  # fmt: skip
     state = state.put(vehicle).with_replanning(revision=revision, replan=Replan(solve, now_s))
-    what = f"{format_count(len(visits), 'segment')}, as planned" if as_planned else "re-planned for its budget"
-    return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
+    line, count = sorties.AS_PLANNED if as_planned else sorties.REPLANNED, format_count(len(visits), "segment")
+    return state, (*said, line.say(trigger=trigger, segments=count), solve)
 
 
 def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
@@ -464,15 +456,16 @@ def _next_sortie_number(vehicle: VehicleState) -> int:
 def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
     """End the crew's word without a start: it has to be given again."""
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None).with_orders(cleared_s=None))
-    state = _close_intent(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
-    return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
+    state = _close_intent(state, vehicle, Outcome.FAILED, (code, why), now_s)
+    return state, (sorties.NOT_CLEARED.say(vehicle=vehicle.name, why=why),)
 
 
 def _close_intent(
-    state: FleetState, intent: str, outcome: Outcome, text: str, code: IntentReason | None, now_s: float
+    state: FleetState, vehicle: VehicleState, outcome: Outcome, why: tuple[IntentReason | None, str], now_s: float
 ) -> FleetState:
-    record = state.crew.intents.get(intent)
+    intents, (code, text) = state.crew.intents, why
+    record = intents.get(vehicle.turn.intent)
     if record is None or record.ended_s is not None:
         return state
     ended = record.end(outcome, text, now_s, code)
-    return state.with_crew(intents=MappingProxyType({**state.crew.intents, intent: ended}))
+    return state.with_crew(intents=MappingProxyType({**intents, vehicle.turn.intent: ended}))

@@ -18,7 +18,7 @@ from executor.core.interface.commands import Command
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.launch import vehicle_start
-from executor.core.lines import replanning
+from executor.core.lines import replanning, sorties
 from executor.core.replanning import new_missions, survivors
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
@@ -118,7 +118,7 @@ def _continue_after_upload(
         state, start = vehicle_start.order_start(context, state, state.vehicles[vehicle.name], now_s)
         return state, (start,)
     if sortie:
-        why = "its mission was uploaded too late" if event.accepted else f"its upload failed ({event.reason})"
+        why = sorties.TOO_LATE if event.accepted else sorties.UPLOAD_FAILED.format(reason=event.reason)
         return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
     if mission.fresh and event.accepted:
         return state, (replanning.STAYS_UNCLEARED.say(vehicle=vehicle.name),)

@@ -9,9 +9,10 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import out_of_service, turnaround
 from executor.core.ground.turnaround import PLACELESS_S
 from executor.core.inflight.homing.return_home import is_coming_home, is_on_mission
-from executor.core.interface.commands import Command, HandsOff, Level, Say, Start
+from executor.core.interface.commands import Command, HandsOff, Start
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import StartEnded
+from executor.core.lines import takeoff
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import leg_times
@@ -47,13 +48,11 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
         own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
         planned |= own
         if vehicle.sortie.rebooted_s is not None:
-            why = "its autopilot has rebooted since its checks"
-            commands.append(Say(Level.WARNING, f"{vehicle.name}: not started: {why}; `swap` when fixed"))
+            commands.append(takeoff.REBOOTED.say(vehicle=vehicle.name, why=takeoff.HAS_REBOOTED))
             continue
-        if context.day is not None:
-            continue  # one after the other, each when its base has a slot for it
-        if vehicle.armed:
-            continue  # somebody else has armed it since it was looked at
+        # Of a day one after the other, each when its base has a slot for it; and not who was armed by somebody else.
+        if context.day is not None or vehicle.armed:
+            continue
         begun |= own
         state, order = order_start(context, state, vehicle, now_s)
         commands.append(order)
@@ -61,12 +60,10 @@ def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
         state, begun = turnaround.queue_first_sorties(context, state, now_s), planned
     left = context.wanted - planned - state.later_segments()
     if left:
-        commands.append(Say(Level.INFO, f"planned for the next sortie: {format_segments(context, left)}"))
+        commands.append(takeoff.LATER.say(segments=format_segments(context, left)))
     given_up = state.coverage.given_up | (planned - begun)
-    state = state.with_coverage(given_up=given_up, left_over=left)
-    return state.with_progress(launched_s=now_s).with_crew(briefing=replace(state.crew.briefing, question=None)), tuple(
-        commands
-    )
+    state = state.with_coverage(given_up=given_up, left_over=left).with_progress(launched_s=now_s)
+    return state.with_crew(briefing=replace(state.crew.briefing, question=None)), tuple(commands)
 
 
 def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
@@ -99,8 +96,7 @@ def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, 
         return state, (order,)
     owed = state.vehicles[vehicle.name]
     owed = owed.with_orders(start_owed_s=now_s).with_sortie(rebooted_s=vehicle.sortie.rebooted_s if anew else None)
-    said = () if placed else (Say(Level.WARNING, f"{vehicle.name}: take-off waits for a position"),)
-    return state.put(owed), said
+    return state.put(owed), () if placed else (takeoff.WAITS.say(vehicle=vehicle.name),)
 
 
 def apply_start_result(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
@@ -109,13 +105,7 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
     if vehicle.stage is not Stage.STARTING:
         return state, ()
     if event.accepted:
-        vehicle = replace(
-            change_stage(vehicle, Stage.FLYING),
-            assignment=replace(vehicle.assignment, failures=0),
-            orders=replace(vehicle.orders, ordered_mode_s=now_s, cleared_s=None),
-            motion=replace(vehicle.motion, anchor=None),
-        )
-        return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+        return _begin_mission(state, vehicle.with_orders(cleared_s=None).with_motion(anchor=None), now_s)
     if not vehicle.armed and is_kill_switch_text(event.reason):
         return out_of_service.stand_down_vehicle(state, vehicle, now_s)
     stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
@@ -123,18 +113,29 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
     may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
     if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
         vehicle = vehicle.with_assignment(failures=vehicle.assignment.failures + 1).with_orders(ordered_mode_s=now_s)
-        text = f"{vehicle.name}: did not start ({event.reason}); trying again"
         if not has_fresh_position(context, vehicle, now_s):
             owed = vehicle.with_orders(start_owed_s=now_s)
-            return state.put(owed), (Say(Level.WARNING, f"{text} once a position is received"),)
-        return state.put(vehicle), (Say(Level.WARNING, text), Start(vehicle.name))
-    why = f"did not start: {event.reason}"
+            return state.put(owed), (takeoff.TRIED_ONCE_PLACED.say(vehicle=vehicle.name, reason=event.reason),)
+        said = takeoff.TRIED_AGAIN.say(vehicle=vehicle.name, reason=event.reason)
+        return state.put(vehicle), (said, Start(vehicle.name))
     if event.armed and not vehicle.armed and not has_fresh_heartbeat(context, vehicle, now_s):
         # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
-        why += ", and no HEARTBEAT since"
-        return declare_fault(context, state, vehicle, Fault(FaultKind.LINK, why, now_s, FaultCode.NOT_STARTED))
-    why += ", and it has disarmed" if stopped else ""
-    return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+        why = event.reason + takeoff.UNHEARD_SINCE
+        return _declare_not_started(context, state, vehicle, why, now_s, FaultKind.LINK)
+    why = event.reason + (takeoff.DISARMED_SINCE if stopped else "")
+    return _declare_not_started(context, state, vehicle, why, now_s)
+
+
+def _declare_not_started(
+    context: Context,
+    state: FleetState,
+    vehicle: VehicleState,
+    why: str,
+    now_s: float,
+    kind: FaultKind = FaultKind.INTERRUPTION,
+) -> Stepped:
+    reason = takeoff.NOT_STARTED.format(why=why)
+    return declare_fault(context, state, vehicle, Fault(kind, reason, now_s, FaultCode.NOT_STARTED))
 
 
 def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -143,9 +144,8 @@ def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, no
     # Two HEARTBEATs say so: one may be another's.
     stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
     if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
-        why = "mode changed by another source, then disarmed" if released else "armed, then disarmed"
-        fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
-        state, more = declare_fault(context, state, vehicle, fault)
+        why = takeoff.MODE_CHANGED if released else takeoff.ARMED_THEN_DISARMED
+        state, more = _declare_not_started(context, state, vehicle, why, now_s)
         return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
     flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
     return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
@@ -154,7 +154,7 @@ def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, no
 def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle to fly its mission that was seen to have taken off."""
     vehicle = change_stage(vehicle, Stage.FLYING).with_assignment(failures=0).with_orders(ordered_mode_s=now_s)
-    return state.put(vehicle), (Say(Level.INFO, f"{vehicle.name}: flies its mission"),)
+    return state.put(vehicle), (takeoff.FLIES.say(vehicle=vehicle.name),)
 
 
 def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
@@ -172,15 +172,14 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
             continue
         why, fix = _describe_reboot(vehicle), vehicle.motion.fix
         if not why and now_s - owed_s > PLACELESS_S:
-            why = f"no position for {PLACELESS_S:g} s, it may have rebooted since its checks"
+            why = takeoff.PLACELESS.format(placeless_s=PLACELESS_S)
         starts = vehicle.stage is Stage.STARTING
         if starts and not why and (fix is None or fix.at_s <= owed_s):
             continue
         paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
         state = state.put(paid)
         if starts and why:
-            fault = Fault(FaultKind.INTERRUPTION, f"did not start: {why}", now_s, FaultCode.NOT_STARTED)
-            state, more = declare_fault(context, state, paid, fault)
+            state, more = _declare_not_started(context, state, paid, why, now_s)
             commands.extend(more)
         elif starts:
             commands.append(Start(vehicle.name))
@@ -191,9 +190,9 @@ def _describe_reboot(vehicle: VehicleState) -> str:
     """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
     cleared_s = vehicle.orders.cleared_s or -math.inf
     if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
-        return "its autopilot has rebooted since its checks"
+        return takeoff.HAS_REBOOTED
     if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
-        return "its clock fell back: its autopilot may have rebooted since its checks"
+        return takeoff.CLOCK_FELL_BACK
     return ""
 
 
@@ -212,12 +211,9 @@ def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now
     """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
     if vehicle.sortie.took_off:
         return _begin_mission(state, vehicle, now_s)
-    if (
-        not vehicle.armed
-        and context.fly_again is not RelaunchPolicy.AUTO
-        and not _is_clearance_fresh(state, vehicle, now_s)
-    ):
-        why = f"did not start within {START_WINDOW_S:.0f} s of take-off clearance"
+    asks = not vehicle.armed and context.fly_again is not RelaunchPolicy.AUTO
+    if asks and not _is_clearance_fresh(state, vehicle, now_s):
+        why = takeoff.NOT_IN_TIME.format(window_s=START_WINDOW_S)
         return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
     state, order = order_start(context, state, vehicle, now_s)
     return state, (order,)

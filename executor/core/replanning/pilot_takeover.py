@@ -11,8 +11,9 @@ from executor.core.context import Context
 from executor.core.inflight.custody.mode_attribution import attribute_mode_change
 from executor.core.inflight.custody.mode_causes import is_long_hold, is_unseen_hold, max_failsafe_hold_s
 from executor.core.inflight.homing.return_home import is_on_mission
-from executor.core.interface.commands import CancelSolve, Command, HandsOff, Level, Resume, Say
+from executor.core.interface.commands import CancelSolve, Command, HandsOff, Resume
 from executor.core.interface.messages import Actor
+from executor.core.lines import pilot
 from executor.core.replanning import new_missions
 from executor.core.replanning.withdrawal import withdraw_vehicle
 from executor.core.state import leg_times, vehicle_position
@@ -27,8 +28,6 @@ RETURNED_AFTER_S = 1.0
 
 def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
-    beat = vehicle.telemetry.heartbeat
-    mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
     on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
     had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
     # Another station's mission is flown in the mode that ours was.
@@ -45,34 +44,30 @@ def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -
         motion=replace(vehicle.motion, anchor=None),
     )
     state, more = _cancel_solve_with(state.put(vehicle), vehicle.name)
-    if on_ground:
-        text = f"{vehicle.name}: armed on the ground by another source, mode {mode}: keep clear"
-        return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
-    kept = f"; its segments are kept for {context.pilot_grace_s:g} s" if not hold.given_away else ""
-    if vehicle.assignment.carried.foreign_s is not None:
-        what = f"{vehicle.name}: has a foreign mission on board ({vehicle.assignment.carried.words})"
-        text = f"{what}: another station's; it may leave its layer; not commanded from here{kept}"
-        return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
-    text = f"{vehicle.name}: {_describe_new_controller(context, vehicle, mode)}; not commanded from here{kept}"
-    if is_unseen_hold(context, vehicle):
-        whose = f"mode {mode} set while there was no link, by its pilot or a failsafe"
-        text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
-    elif is_long_hold(context, vehicle):
-        held_s = max_failsafe_hold_s(context, vehicle.name)
-        whose = f"mode {mode} for {held_s:g} s, by its own failsafe or by its pilot since"
-        text = f"{vehicle.name}: {whose}; not commanded from here{kept}"
-    return state, (Say(Level.FAULT, text), HandsOff(vehicle.name), *more)
+    said = pilot.ARMED_ON_GROUND.say(vehicle=vehicle.name, mode=_describe_mode(context, vehicle))
+    if not on_ground:
+        kept = "" if hold.given_away else pilot.KEPT.format(grace_s=context.pilot_grace_s)
+        said = pilot.TAKEN.say(vehicle=vehicle.name, whose=_describe_new_controller(context, vehicle), kept=kept)
+    return state, (said, HandsOff(vehicle.name), *more)
 
 
-def _describe_new_controller(context: Context, vehicle: VehicleState, mode: str) -> str:
+def _describe_mode(context: Context, vehicle: VehicleState) -> str:
+    return "unknown" if vehicle.mode is None else mode_name(context.vehicles[vehicle.name].dialect, vehicle.mode)
+
+
+def _describe_new_controller(context: Context, vehicle: VehicleState) -> str:
     """Return in words who has taken a vehicle, as far as anything says so."""
-    match attribute_mode_change(context.vehicles[vehicle.name], vehicle).by:
-        case Actor.PILOT:
-            return f"its pilot has switched it to {mode}"
-        case Actor.GROUND_STATION:
-            return f"another ground station has ordered it to {mode}"
-        case _:
-            return f"with its pilot, mode {mode}"
+    if vehicle.assignment.carried.foreign_s is not None:
+        return pilot.FOREIGN_MISSION.format(mission=vehicle.assignment.carried.words)
+    by = attribute_mode_change(context.vehicles[vehicle.name], vehicle).by
+    known = {Actor.PILOT: pilot.PILOT_SWITCHED, Actor.GROUND_STATION: pilot.STATION_ORDERED}
+    words = known.get(by, pilot.WITH_PILOT)
+    if is_unseen_hold(context, vehicle):
+        words = pilot.UNSEEN_MODE
+    elif is_long_hold(context, vehicle):
+        words = pilot.LONG_HOLD
+    held_s = max_failsafe_hold_s(context, vehicle.name)
+    return words.format(mode=_describe_mode(context, vehicle), held_s=held_s)
 
 
 def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
@@ -102,31 +97,23 @@ def _apply_pilot_return(
 ) -> Stepped:
     state = state.put(vehicle.with_custody(taken=replace(hold, returned_s=now_s if returned else None)))
     if not returned:
-        beat = vehicle.telemetry.heartbeat
-        mode = "unknown" if beat is None else mode_name(context.vehicles[vehicle.name].dialect, beat.custom_mode)
-        return state, (Say(Level.WARNING, f"{vehicle.name}: taken over by its pilot again, mode {mode}"),)
-    if vehicle.fault is not None:
-        text = (
-            f"{vehicle.name}: its pilot has set mission mode, but its segments were reassigned; not commanded from here"
-        )
-        return state, (Say(Level.WARNING, text),)
-    if state.progress.recalled:
-        text = f"{vehicle.name}: its pilot has set mission mode, but the flight was aborted; not commanded from here"
-        return state, (Say(Level.WARNING, text),)
+        return state, (pilot.TAKEN_AGAIN.say(vehicle=vehicle.name, mode=_describe_mode(context, vehicle)),)
+    if vehicle.fault is not None or state.progress.recalled:
+        why = pilot.GIVEN_AWAY if vehicle.fault is not None else pilot.ABORTED
+        return state, (pilot.BACK_TOO_LATE.say(vehicle=vehicle.name, why=why),)
     if context.pilot_returns:
         return take_back_from_pilot(context, state, state.vehicles[vehicle.name], now_s)
-    text = f"{vehicle.name}: its pilot has set mission mode again; use include to put it back in the plan"
-    return state, (Say(Level.FAULT, text),)
+    return state, (pilot.MAY_BE_INCLUDED.say(vehicle=vehicle.name),)
 
 
 def _reassign_segments(
     context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float
 ) -> Stepped:
     state = state.put(vehicle.with_custody(taken=replace(hold, given_away=True)))
-    who = "with its pilot" if vehicle.assignment.carried.foreign_s is None else "on another station's mission"
-    trigger = f"{vehicle.name}: {who} for {context.pilot_grace_s:g} s"
+    keeps = pilot.PILOT_KEEPS if vehicle.assignment.carried.foreign_s is None else pilot.STATION_KEEPS
+    trigger = keeps.format(vehicle=vehicle.name, grace_s=context.pilot_grace_s)
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
-    return state, (Say(Level.WARNING, f"{trigger}; its segments are released to the others"), *more)
+    return state, (pilot.RELEASED.say(trigger=trigger), *more)
 
 
 def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -149,22 +136,21 @@ def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleSt
         .with_assignment(run=None)
         .with_sortie(place_told=bool(place) and not fell)
     )
-    text = f"{vehicle.name}: is on the ground, landed or disarmed by its pilot{place}"
     if fell:
         # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
-        leans = f"; {lean}" if lean else ""
-        text = f"{vehicle.name}: disarmed with its pilot{leans}; {vehicle_position.describe_last_position(context, vehicle, now_s)}"
-    if not place and not vehicle.sortie.took_off:
-        text = f"{vehicle.name}: disarmed by its pilot on its pad; stays there until included"
-    elif not place and vehicle.sortie.rebooted_s is not None:
-        text = f"{vehicle.name}: is disarmed on its pad; its autopilot has rebooted; stays there until included"
-    elif not place:
-        text = f"{vehicle.name}: landed by its pilot; stays on the ground until included"
+        line = pilot.FELL
+    elif place:
+        line = pilot.LANDED_AWAY
+    elif not vehicle.sortie.took_off:
+        line = pilot.DISARMED_ON_PAD
+    else:
+        line = pilot.LANDED if vehicle.sortie.rebooted_s is None else pilot.REBOOTED_ON_PAD
     hold = vehicle.custody.taken
-    trigger = f"{vehicle.name}: {'disarmed with' if fell else 'landed by'} its pilot"
     if hold is not None and not hold.given_away:
-        state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=vehicle.link.heard_s or 0.0)
-    return state, (Say(Level.FAULT if place else Level.INFO, text),)
+        trigger = (pilot.DISARMED_WITH_PILOT if fell else pilot.LANDED_BY_PILOT).format(vehicle=vehicle.name)
+        state = state.want_replan(trigger, vehicle.link.heard_s or 0.0)
+    position = vehicle_position.describe_last_position(context, vehicle, now_s)
+    return state, (line.say(vehicle=vehicle.name, place=place, leans=f"; {lean}" if lean else "", position=position),)
 
 
 def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -184,8 +170,7 @@ def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleSt
     )
     state = state.put(back)
     if hold is not None and hold.given_away:
-        trigger = f"{vehicle.name}: is back in the plan"
+        trigger = pilot.BACK.format(vehicle=vehicle.name)
         state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=now_s)
-    text = f"{vehicle.name}: is back in the plan, from its pilot"
     commands: tuple[Command, ...] = (Resume(vehicle.name, speed_m_s),) if speed_m_s > 0 else ()
-    return state, (Say(Level.INFO, text), *commands)
+    return state, (pilot.BACK_FROM_PILOT.say(vehicle=vehicle.name), *commands)
