@@ -343,9 +343,8 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
     if vehicle.stage is Stage.DOWN:
         if not vehicle.armed and not vehicle.sortie.place_told and vehicle_position.is_at_rest(vehicle, now_s):
             state = state.put(vehicle.with_sortie(place_told=True))
-            return state, (
-                Say(Level.FAULT, f"{vehicle.name}: {vehicle_position.describe_down_place(context, vehicle)}"),
-            )
+            place = vehicle_position.describe_down_place(context, vehicle)
+            return state, (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=place),)
         if not landing.is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
@@ -409,13 +408,13 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
 def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, fault)
-    text = (
-        f"{vehicle.name}: {fault.reason}; {vehicle_position.describe_last_position(context, vehicle, fault.detected_s)}"
-    )
-    vehicle = vehicle.with_orders(errand=None)
+    position = vehicle_position.describe_last_position(context, vehicle, fault.detected_s)
+    stage, line = Stage.DOWN, flight.FAULT_AGAIN
     if fault.kind is FaultKind.LINK:
-        return state.put(change_stage(vehicle, Stage.LOST)), (Say(Level.WARNING, text),)
-    return state.put(change_stage(vehicle, Stage.DOWN).with_sortie(place_told=False)), (Say(Level.FAULT, text),)
+        stage, line = Stage.LOST, line.with_level(Level.WARNING)
+    place_told = vehicle.sortie.place_told and stage is Stage.LOST
+    vehicle = change_stage(vehicle.with_orders(errand=None), stage).with_sortie(place_told=place_told)
+    return state.put(vehicle), (line.say(vehicle=vehicle.name, reason=fault.reason, position=position),)
 
 
 def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:

@@ -11,7 +11,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from executor.core.context import Context
-from executor.core.interface.commands import AskPicture, Command, Level, Say
+from executor.core.interface.commands import AskPicture, Command
+from executor.core.lines import pictures
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures, WantedPicture
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_run import SegmentPass
@@ -129,7 +130,8 @@ def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[
     if pylon is not None:
         had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
         gone = [str(number + 1) for number in range(len(pylon.points)) if number not in had]
-        return [f"{pylon.camera} has no picture from viewpoint {', '.join(gone)}"] if gone else []
+        missed = pictures.VIEWPOINTS_MISSED.format(camera=pylon.camera, viewpoints=", ".join(gone))
+        return [missed] if gone else []
     begin_m, end_m = context.setup.tracks_m[segment]
     length_m = float(((end_m - begin_m) ** 2).sum() ** 0.5)
     words = []
@@ -137,8 +139,9 @@ def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[
         places = [at_m for camera, at_m in caught if camera == look.camera]
         stretches = find_unseen_stretches(length_m, places, max_picture_spacing_m(look, context.inspection_speed_m_s))
         if stretches:
-            where = ", ".join(f"{begin:.0f} to {end:.0f} m" for begin, end in stretches)
-            words.append(f"{look.camera} does not show {where} of {length_m:.0f} m")
+            where = ", ".join(pictures.STRETCH.format(begin_m=begin_m, end_m=end_m) for begin_m, end_m in stretches)
+            missed = pictures.STRETCHES_MISSED.format(camera=look.camera, stretches=where, length_m=length_m)
+            words.append(missed)
     return words
 
 
@@ -209,9 +212,8 @@ def _judge_segment(
     words = "; ".join(why)
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
     found = MissingPictures(waits.vehicle, segment, now_s, words)
-    text = f"{waits.vehicle}: {context.segment_name(segment)} flown, but pictures are missing: {words}"
     state = state.with_coverage(unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
-    return state, (Say(Level.WARNING, text),)
+    return state, (pictures.NOT_SEEN.say(vehicle=waits.vehicle, segment=context.segment_name(segment), why=words),)
 
 
 def _judge_nearer_pictures(
@@ -230,8 +232,7 @@ def _judge_nearer_pictures(
         if segment not in coverage.inspected:
             return state, ()  # somebody has it open again meanwhile
         name = context.segment_name(segment)
-        text = f"{waits.vehicle}: {name} counts as before, closer pictures are missing: {'; '.join(why)}"
-        return state, (Say(Level.INFO, text),)
+        return state, (pictures.COUNTS_AS_BEFORE.say(vehicle=waits.vehicle, segment=name, why="; ".join(why)),)
     coverage = replace(
         coverage,
         inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle}),

@@ -21,7 +21,7 @@ import numpy as np
 from executor.core.context import Context, Scene
 from executor.core.imaging import picture_proof
 from executor.core.inflight.homing.return_home import is_on_mission
-from executor.core.interface.commands import Level, Say
+from executor.core.lines import resume
 from executor.core.replanning.replan_messages import format_segments
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_run import GAP_S, NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
@@ -126,14 +126,11 @@ def catch_up_mission(
     inferred = state.coverage.inferred | {*new, *proven}
     state = state.with_coverage(inferred=inferred)
     if found.why_not:
-        text = f"{vehicle.name}: flight during the outage is not counted: {found.why_not}"
-        return state, (Say(Level.WARNING, text),)
+        return state, (resume.NOT_COUNTED.say(vehicle=vehicle.name, why=found.why_not),)
     if not new:
         return state, ()
     names = format_segments(context, tuple(new))
-    return state, (
-        Say(Level.INFO, f"{vehicle.name}: flew {names} during the outage, inferred from its clock and position"),
-    )
+    return state, (resume.INFERRED.say(vehicle=vehicle.name, segments=names),)
 
 
 def _close_gap(
@@ -154,7 +151,7 @@ def _close_gap(
     segment = board.tracks[before.run_visit].segment
     if segment in counted:
         return replace(vehicle, assignment=judged)
-    why = f"no position for {fix.boot_s - before.fix.boot_s:.1f} s"
+    why = resume.NO_POSITION.format(gap_s=fix.boot_s - before.fix.boot_s)
     owed = known.owed if told else (before.run_visit, why)
     return replace(vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed))
 
@@ -193,11 +190,11 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
     if waits or (before.run is None and not any(point.phase is Phase.INSPECT for point in ahead)):
         return NOTHING
     if not context.infers:
-        return InferredCoverage(why_not="the site asks for proof by positions")
+        return InferredCoverage(why_not=resume.ASKS_FOR_PROOF)
     if fix.boot_s <= before.fix.boot_s:
-        return InferredCoverage(why_not="its clock was reset")
+        return InferredCoverage(why_not=resume.CLOCK_RESET)
     if before.fix.reckoned or fix.reckoned:
-        return InferredCoverage(why_not="its GPS was lost: its position is dead-reckoned")
+        return InferredCoverage(why_not=resume.DEAD_RECKONED)
     if not state.armed:
         return _infer_after_landing(context, state, before, fix, board)
     if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
@@ -230,7 +227,7 @@ def _infer_in_flight(
         between_m = math.dist(before.fix.place_m, fix.place_m)
         early_s = expected_s - (between_m - NOISE_M) / (SPEED_FACTOR * context.inspection_speed_m_s)
     if not -early_s <= elapsed_s - expected_s <= tolerance_s:
-        return InferredCoverage(why_not=f"it took {elapsed_s:.0f} s, expected {expected_s:.0f} s")
+        return InferredCoverage(why_not=resume.TOOK.format(elapsed_s=elapsed_s, expected_s=expected_s))
     segments = tuple(segment_of(board.visits[visit]) for visit in visits)
     if joins is None:
         return InferredCoverage(segments)
@@ -243,24 +240,24 @@ def _describe_deviation(
 ) -> str:
     """Return why a vehicle in the air is not where its mission leads; empty if it is."""
     if not is_mission_mode(context.vehicles[state.name].dialect, state.mode):
-        return "it is no longer on its mission"
+        return resume.NOT_ON_MISSION
     if waypoint < before.waypoint:
-        return "its mission went back"
+        return resume.WENT_BACK
     if state.telemetry.mode_since_s > before.fix.at_s:
-        return "its mode changed meanwhile"
+        return resume.MODE_CHANGED
     away_m = _lateral_offset_m(board, waypoint, fix.place_m)
     return _describe_interference(state, before.fix.at_s) or (
-        f"it is {away_m:.0f} m off its track" if away_m > context.corridor_m else ""
+        resume.OFF_TRACK.format(away_m=away_m) if away_m > context.corridor_m else ""
     )
 
 
 def _describe_interference(state: VehicleState, since_s: float) -> str:
     """Return what else happened to a vehicle than that it flew its mission; empty if nothing did."""
     if state.custody.taken is not None or state.custody.cause is ModeCause.PERSON:
-        return "it is under other control"
+        return resume.IN_OTHER_HANDS
     if state.assignment.carried.may_be_foreign():
-        return "it may carry another mission"
-    return "its position jumped" if state.motion.jump[1] > since_s else ""
+        return resume.FOREIGN_MISSION
+    return resume.JUMPED if state.motion.jump[1] > since_s else ""
 
 
 def _infer_after_landing(
@@ -276,9 +273,9 @@ def _infer_after_landing(
     )
     visits = _select_passed_visits(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
-        return InferredCoverage(why_not=f"{elapsed_s:.0f} s is too short for its leg of {expected_s:.0f} s")
+        return InferredCoverage(why_not=resume.TOO_SHORT.format(elapsed_s=elapsed_s, expected_s=expected_s))
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
-        return InferredCoverage(why_not="its consumption is not known")
+        return InferredCoverage(why_not=resume.USE_UNKNOWN)
     modelled_pct = remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
         board, before.waypoint, pace
     )
@@ -286,7 +283,7 @@ def _infer_after_landing(
     expected_pct = before.factor * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
-        return InferredCoverage(why_not=f"it used {used_pct:.0f} %, expected {expected_pct:.0f} %")
+        return InferredCoverage(why_not=resume.USED.format(used_pct=used_pct, expected_pct=expected_pct))
     return InferredCoverage(tuple(segment_of(board.visits[visit]) for visit in visits))
 
 
@@ -294,14 +291,14 @@ def _describe_other_landing(context: Context, state: VehicleState, before: LastK
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
     setup = context.vehicles[state.name]
     if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return "it is not on its pad"
+        return resume.OFF_PAD
     if state.mode is None or is_home_mode(setup.dialect, state.mode):
-        return "it came home by itself"
+        return resume.CAME_HOME
     if is_manual_mode(setup.dialect, state.mode):
-        return "its pilot may have landed it"
+        return resume.PILOT_LANDED
     if setup.failsafe_s is not None and fix.boot_s - before.fix.boot_s >= setup.failsafe_s:
         # PX4 goes back to its mission mode once it has disarmed, however it came home.
-        return "its own failsafe may have brought it home"
+        return resume.FAILSAFE_LANDED
     return _describe_interference(state, before.fix.at_s)
 
 
