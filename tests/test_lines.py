@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from executor.core.interface.check_codes import Check, CheckCode, ChecklistLine, Severity
 from executor.core.interface.commands import CrewLine, Level, Say
 from tests.test_architecture import ROOT, modules
 
@@ -17,7 +18,7 @@ LINES = {
     (path.stem, name): line
     for path in (ROOT / "executor/core/lines").glob("[a-z]*.py")
     for name, line in vars(import_module(f"executor.core.lines.{path.stem}")).items()
-    if isinstance(line, CrewLine)
+    if isinstance(line, CrewLine | ChecklistLine)
 }
 
 
@@ -33,9 +34,9 @@ def constants(node: ast.expr) -> Iterator[tuple[str, str]]:
 
 
 def said(path: Path) -> Iterator[tuple[int, tuple[str, str], set[str]]]:
-    """Yield each `subject.NAME.say(name=value)` of a file with its names."""
+    """Yield each `subject.NAME.say(name=value)`, and `.of(subject, name=value)`, of a file with its names."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "say":
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in {"say", "of"}:
             for line in constants(node.func.value):
                 if line in LINES:
                     yield node.lineno, line, {word.arg for word in node.keywords if word.arg}
@@ -57,3 +58,9 @@ def test_a_line_is_said_with_its_level_or_with_another() -> None:
     line = CrewLine(Level.INFO, "{vehicle}: landed with {left_pct:.0f} %")
     assert line.say(vehicle="uav1", left_pct=61.4) == Say(Level.INFO, "uav1: landed with 61 %")
     assert line.with_level(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING
+
+
+def test_a_line_of_the_checklist_has_its_severity_or_another() -> None:
+    line = ChecklistLine(Severity.OK, CheckCode.ENERGY, "battery {left_pct:.0f} %")
+    assert line.of("uav1", left_pct=61.4) == Check(Severity.OK, "uav1", "battery 61 %", CheckCode.ENERGY)
+    assert line.of("uav1", Severity.STOP, left_pct=61.4).severity is Severity.STOP

@@ -13,8 +13,7 @@ from pydantic import Field
 
 from executor.adapters.document import Document, Hundredths, Number, Tenths, Thousandths, Whole, YesNo
 from executor.adapters.run_directory import RunDirectory
-from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight.vehicle_checks import Severity
+from executor.core.interface.check_codes import CheckCode, Severity
 from executor.core.state.vehicle_state import FaultCode, FaultKind
 from missions.validation import is_none
 

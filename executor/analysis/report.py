@@ -30,9 +30,10 @@ from executor.analysis.documents import (
 from executor.analysis.plan_comparison import build_route_rows
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
+from executor.core.interface.check_codes import Check
 from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import mission_checks
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
 from executor.core.state.vehicle_state import Fault, Stage, VehicleState

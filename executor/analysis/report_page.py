@@ -16,8 +16,8 @@ from executor.analysis.documents import FlightReport, InspectionRow, SeenRow
 from executor.analysis.earlier_flights import describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import formatting
+from executor.core.interface.check_codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Severity
 
 PICTURES = {
     "map.png": "The first plan, and what was flown",

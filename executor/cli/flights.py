@@ -50,8 +50,8 @@ from executor.cli.plan_inputs import (
     select_flown_plan,
 )
 from executor.core.formatting import command_line
+from executor.core.interface.check_codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.flight_request import FlightRequest, write_run_start

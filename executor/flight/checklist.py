@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.preflight import mission_checks, pack_checks, vehicle_checks
 from executor.core.preflight.failsafe_parameters import LinkFailsafe
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.flight_request import FlightRequest
 from executor.site import day_flight

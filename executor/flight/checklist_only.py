@@ -6,11 +6,11 @@ import asyncio
 
 from executor import supervised
 from executor.adapters.clock import SystemClock
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.check_codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight import vehicle_checks
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.errors import ExecutorError
 from executor.flight import fencing, open_links, preparation
 from executor.flight.flight_request import Console, FlightRequest

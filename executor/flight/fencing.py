@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock
 from executor.core.preflight import fence_checks
 from executor.core.preflight.board_changes import ChangeStage, KeptList, build_board_record
 from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list, encode_fence
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.board_record import open_list_record, read_kept_lists, write_kept_lists

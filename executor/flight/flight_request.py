@@ -13,8 +13,8 @@ from executor.analysis.documents import EarlierRow
 from executor.analysis.learned_document import build_learned_document
 from executor.analysis.report import InjectedFault
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.flight.mqtt_settings import MqttSettings
 from executor.site import site_model

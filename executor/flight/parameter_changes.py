@@ -7,6 +7,7 @@ from pathlib import Path
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
+from executor.core.interface.check_codes import Check, Severity
 from executor.core.interface.ports import Clock
 from executor.core.preflight import fence_checks as fences
 from executor.core.preflight.board_changes import ChangeStage, build_board_record
@@ -16,7 +17,6 @@ from executor.core.preflight.parameter_proposals import (
     check_return_height,
     propose_return_changes,
 )
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import PreflightFailed
 from executor.flight.board_record import open_parameter_record, read_kept_parameters
 from executor.flight.concurrency import AT_ONCE, run_for_each

@@ -8,11 +8,12 @@ from functools import partial
 
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.interface.commands import Level
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight import vehicle_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.flight.checklist import build_checklist
 from executor.flight.concurrency import run_concurrently, run_for_each

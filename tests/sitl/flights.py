@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.flight import run_flight

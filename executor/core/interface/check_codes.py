@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import dataclass
+from enum import Enum, StrEnum
 
 
 class CheckCode(StrEnum):
@@ -64,3 +65,34 @@ class CheckCode(StrEnum):
     """What each vehicle flies."""
     LEFT_OVER = "left_over"
     """What the plan leaves over, or is not about."""
+
+
+class Severity(Enum):
+    """What a finding means for the flight."""
+
+    OK = "ok"
+    WARNING = "warning"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the checklist."""
+
+    severity: Severity
+    subject: str
+    text: str
+    code: CheckCode
+
+
+@dataclass(frozen=True, slots=True)
+class ChecklistLine:
+    """A line as it stands in `executor/core/lines`: its severity, subject, and words with `{names}` for values."""
+
+    severity: Severity
+    code: CheckCode
+    words: str
+
+    def of(self, subject: str, severity: Severity | None = None, **values: object) -> Check:
+        """Return it of a subject, with these values; at another severity than usual where that is given."""
+        return Check(severity or self.severity, subject, self.words.format(**values), self.code)

@@ -2,21 +2,21 @@
 
 from executor.core.interface.commands import CrewLine, Level
 
-HEARD = CrewLine(Level.WARNING, "{vehicle}: link regained")
-HEARD_COMING = CrewLine(Level.WARNING, "{vehicle}: link regained, returning or landing by itself")
-HEARD_ALOFT = CrewLine(
-    Level.WARNING, "{vehicle}: link regained; its segments were reassigned, its mission is not resumed"
-)
-HEARD_DOWN = CrewLine(Level.FAULT, "{vehicle}: link regained, {place}")
-HEARD_ON_GROUND = CrewLine(Level.INFO, "{vehicle}: link regained, on the ground{then}")
+INFO, WARNING, FAULT = Level
+
+HEARD = CrewLine(WARNING, "{vehicle}: link regained")
+HEARD_COMING = CrewLine(WARNING, "{vehicle}: link regained, returning or landing by itself")
+HEARD_ALOFT = CrewLine(WARNING, "{vehicle}: link regained; its segments were reassigned, its mission is not resumed")
+HEARD_DOWN = CrewLine(FAULT, "{vehicle}: link regained, {place}")
+HEARD_ON_GROUND = CrewLine(INFO, "{vehicle}: link regained, on the ground{then}")
 PILOT_HAS_IT = " with its pilot, not commanded: armed now, it takes off with its old mission"
 SET_TO_RTL = "; switched to RTL, so that it cannot take off with its old mission"
-FOUND = CrewLine(Level.WARNING, "{vehicle}: {found}")
-NOT_WELL = CrewLine(Level.WARNING, "{line}")
-UNPROVEN = CrewLine(Level.WARNING, "{vehicle}: {segment} is not proven: {why}")
+FOUND = CrewLine(WARNING, "{vehicle}: {found}")
+NOT_WELL = CrewLine(WARNING, "{line}")
+UNPROVEN = CrewLine(WARNING, "{vehicle}: {segment} is not proven: {why}")
 ENDED_IN_ABSENCE = "{vehicle}: ended its mission while the ground station was offline"
-RETURNING = CrewLine(Level.WARNING, "{trigger}; returning")
-FAULT_AGAIN = CrewLine(Level.FAULT, "{vehicle}: {reason}; {position}")
+RETURNING = CrewLine(WARNING, "{trigger}; returning")
+FAULT_AGAIN = CrewLine(FAULT, "{vehicle}: {reason}; {position}")
 ALL_INSPECTED = "all segments inspected"
 NOT_INSPECTED = "{segments} not inspected"
 NEXT_SORTIE = ", {count} of them planned for the next sortie"

@@ -3,6 +3,8 @@
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
 
+INFO, WARNING, FAULT = Level
+
 # Why it is refused. The same codes go to the page and over MQTT.
 OVER = IntentReason.OVER, "the flight is over"
 NOT_BEGUN = IntentReason.NOT_BEGUN, "the flight has not begun"
@@ -77,8 +79,8 @@ MAY_INCLUDE = "{vehicle} may take off once its mission is uploaded. Is its pad c
 MAY_TAKE_CONTROL = "{vehicle} is with its pilot. Take control of it? Speak to the pilot first"
 
 # What is ordered then.
-REFUSED = CrewLine(Level.WARNING, "{source} asks: {wish}; refused: {reason}")
-ORDERED = CrewLine(Level.INFO, "{source} asks: {wish}; {text}")
+REFUSED = CrewLine(WARNING, "{source} asks: {wish}; refused: {reason}")
+ORDERED = CrewLine(INFO, "{source} asks: {wish}; {text}")
 HOLD = "hold commanded"
 RESUME = "resume commanded"
 RETURN = "{begins}; it stays on the ground until included; its segments are to be reassigned"
@@ -117,15 +119,15 @@ REINSPECTION_REQUESTED = "re-inspection of {segments} requested by {source}"
 ABORT = "all vehicles ordered to return"
 ABORT_UNHEARD = "no link to any vehicle; RTL will be commanded as soon as a link is back"
 ABORT_IDLE = "no vehicle is on its mission; no further take-off"
-RECALLED = CrewLine(Level.WARNING, "flight aborted by the operator, all vehicles return")
-PILOT_NOT_RECALLED = CrewLine(Level.WARNING, "{vehicle}: is with its pilot; RTL not commanded")
+RECALLED = CrewLine(WARNING, "flight aborted by the operator, all vehicles return")
+PILOT_NOT_RECALLED = CrewLine(WARNING, "{vehicle}: is with its pilot; RTL not commanded")
 
 # How it ends.
-NOT_FOLLOWED = CrewLine(Level.WARNING, "{vehicle}: did not follow the order: {action} ({reason})")
-FOLLOWED = CrewLine(Level.INFO, "{vehicle}: {does}{note}")
-COMES_HOME = CrewLine(Level.INFO, "{vehicle}: returns")
-RTL_REFUSED = CrewLine(Level.WARNING, "{vehicle}: refused RTL ({reason})")
-RTL_UNANSWERED = CrewLine(Level.WARNING, "{vehicle}: did not acknowledge RTL ({reason})")
+NOT_FOLLOWED = CrewLine(WARNING, "{vehicle}: did not follow the order: {action} ({reason})")
+FOLLOWED = CrewLine(INFO, "{vehicle}: {does}{note}")
+COMES_HOME = CrewLine(INFO, "{vehicle}: returns")
+RTL_REFUSED = CrewLine(WARNING, "{vehicle}: refused RTL ({reason})")
+RTL_UNANSWERED = CrewLine(WARNING, "{vehicle}: did not acknowledge RTL ({reason})")
 VEHICLE_LOST = IntentReason.LINK_LOST, "link to {vehicle} lost"
 SUPERSEDED = IntentReason.OVERTAKEN, "superseded: {vehicle} is {stage}{why}"
 UNANSWERED = IntentReason.UNANSWERED, "{vehicle} did not answer"

@@ -2,13 +2,15 @@
 
 from executor.core.interface.commands import CrewLine, Level
 
-NOT_SEEN = CrewLine(Level.WARNING, "{vehicle}: {segment} flown, but pictures are missing: {why}")
-COUNTS_AS_BEFORE = CrewLine(Level.INFO, "{vehicle}: {segment} counts as before, closer pictures are missing: {why}")
+INFO, WARNING, FAULT = Level
+
+NOT_SEEN = CrewLine(WARNING, "{vehicle}: {segment} flown, but pictures are missing: {why}")
+COUNTS_AS_BEFORE = CrewLine(INFO, "{vehicle}: {segment} counts as before, closer pictures are missing: {why}")
 VIEWPOINTS_MISSED = "{camera} has no picture from viewpoint {viewpoints}"
 STRETCHES_MISSED = "{camera} does not show {stretches} of {length_m:.0f} m"
 STRETCH = "{begin_m:.0f} to {end_m:.0f} m"
 
-GOES_ON = CrewLine(Level.FAULT, "{vehicle}: {why}; continuing without it{left}")
+GOES_ON = CrewLine(FAULT, "{vehicle}: {why}; continuing without it{left}")
 TO_REASSIGN = "; {segments} to be reassigned"
 GIMBAL_FAILED = "its gimbal reports a failure"
 GIMBAL_POINTS = "its gimbal points at {pitch_deg:.0f} degrees, not at {asked_deg}"

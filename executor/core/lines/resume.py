@@ -2,30 +2,32 @@
 
 from executor.core.interface.commands import CrewLine, Level
 
-RUNS_AGAIN = CrewLine(Level.WARNING, "the ground station runs again, after {away_s:.0f} s")
-NOTE = CrewLine(Level.WARNING, "{note}")
-SILENT = CrewLine(Level.WARNING, "{vehicle}: does not answer yet")
+INFO, WARNING, FAULT = Level
+
+RUNS_AGAIN = CrewLine(WARNING, "the ground station runs again, after {away_s:.0f} s")
+NOTE = CrewLine(WARNING, "{note}")
+SILENT = CrewLine(WARNING, "{vehicle}: does not answer yet")
 NO_ANSWER = "it does not answer"
 OTHER_MISSION = "mission on board differs from the uploaded one from item {item} on"
 PAST_NEW_PART = "its mission on board is a mix of two, and it is past the new part"
 UPLOADED_AGAIN = CrewLine(
-    Level.WARNING, "{vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
+    WARNING, "{vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
 )
 AT_END = "{vehicle}: reached the end of its partly uploaded mission"
-BROUGHT_HOME = CrewLine(Level.WARNING, "{trigger}; it is brought home")
+BROUGHT_HOME = CrewLine(WARNING, "{trigger}; it is brought home")
 FLOWN_BY_OTHERS = "others flew {segments} of its new mission meanwhile"
 WAS_ARMED = "was armed and had not taken off when the ground station went away"
-TRIED_AGAIN = CrewLine(Level.INFO, "{vehicle}: had not started yet; trying again")
-STAYS = CrewLine(Level.WARNING, "{vehicle}: had not started yet; it stays on the ground")
+TRIED_AGAIN = CrewLine(INFO, "{vehicle}: had not started yet; trying again")
+STAYS = CrewLine(WARNING, "{vehicle}: had not started yet; it stays on the ground")
 HAS_FLOWN = CrewLine(
-    Level.INFO, "{vehicle}: its battery has lost {lost_pct:.0f} % meanwhile: taken to have flown, and to have landed"
+    INFO, "{vehicle}: its battery has lost {lost_pct:.0f} % meanwhile: taken to have flown, and to have landed"
 )
 LANDED_BEFORE = "landed when its new mission came"
 UNSTARTED_BEFORE = "had not started when its new mission came"
 
 # What was flown while nobody listened.
-INFERRED = CrewLine(Level.INFO, "{vehicle}: flew {segments} during the outage, inferred from its clock and position")
-NOT_COUNTED = CrewLine(Level.WARNING, "{vehicle}: flight during the outage is not counted: {why}")
+INFERRED = CrewLine(INFO, "{vehicle}: flew {segments} during the outage, inferred from its clock and position")
+NOT_COUNTED = CrewLine(WARNING, "{vehicle}: flight during the outage is not counted: {why}")
 ASKS_FOR_PROOF = "the site asks for proof by positions"
 CLOCK_RESET = "its clock was reset"
 DEAD_RECKONED = "its GPS was lost: its position is dead-reckoned"

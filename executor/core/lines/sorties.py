@@ -3,27 +3,29 @@
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
 
+INFO, WARNING, FAULT = Level
+
 # Vehicles on the ground are offered to the crew.
-OFFER = CrewLine(Level.FAULT, "{offer} Use include for each that may take off")
+OFFER = CrewLine(FAULT, "{offer} Use include for each that may take off")
 OFFERED = "{vehicles} can {work} ({names}). {pads} clear of people?"
 TAKE_OVER = "take over {segments}"
 RE_INSPECT = "re-inspect {segments} at inspection height"
 ONE_PAD = "Is its pad"
 PADS = "Are their pads"
 DISTANT = "{segments} {was} inspected above inspection height only"
-EXPIRED = CrewLine(Level.WARNING, "no vehicle was cleared for take-off within {offer_s:g} s; {left}")
+EXPIRED = CrewLine(WARNING, "no vehicle was cleared for take-off within {offer_s:g} s; {left}")
 LEFT_OVER = "{segments} {is_} left over"
 BACK_IN_SERVICE = "{vehicle}: back in service with {left_pct:.0f} % in its battery"
 
 # Nobody starts.
-KILL_SWITCH = CrewLine(Level.FAULT, "{vehicle}: its kill switch is on; no start until included")
+KILL_SWITCH = CrewLine(FAULT, "{vehicle}: its kill switch is on; no start until included")
 KILL_SWITCH_TRIGGER = "{vehicle}: its kill switch is on"
 CLOSED_IN_START = "its base was closed during its start"
 BASE_IS_CLOSED = "base {base} is closed"
 
 # A turnaround.
-PARAMETERS_SET = CrewLine(Level.INFO, "{vehicle}: parameters set again after reboot: {changes}")
-CHECKS_PASSED = CrewLine(Level.INFO, "{vehicle}: its checks have passed: {pack}{more}")
+PARAMETERS_SET = CrewLine(INFO, "{vehicle}: parameters set again after reboot: {changes}")
+CHECKS_PASSED = CrewLine(INFO, "{vehicle}: its checks have passed: {pack}{more}")
 BUDGET = "; its budget is {budget_pct:.0f} % instead of {planned_pct:g} %"
 REPLANNING_WITH_IT = "; re-planning with it"
 PASSED_REPLANNING = "its checks have passed; re-planning with it"
@@ -31,7 +33,7 @@ ON_BOARD = "its next sortie is on board; it starts"
 NAMED_PACK = "pack {label}"
 ITS_PACK = "its pack"
 REPORTS = " reports {left_pct:.0f} %"
-NOT_CLEARED = CrewLine(Level.WARNING, "{vehicle}: not cleared for take-off: {why}; repeat `swap` when fixed")
+NOT_CLEARED = CrewLine(WARNING, "{vehicle}: not cleared for take-off: {why}; repeat `swap` when fixed")
 NO_BATTERY_STATE = "no battery state"
 PARAMETERS_DIFFER = "its parameters differ from those set for the flight: {change}"
 FAILSAFE_DIFFERS = "its link failsafe is not the one before the flight: {failsafe}"
@@ -57,8 +59,8 @@ AWAITED = "waiting for pack confirmation: sortie {number}, {segments}"
 AWAITED_OPEN = "waiting for pack confirmation: {segments} open"
 NOT_IN_NEXT_HOURS = "its next sortie of {lasts} does not end within its hours; its next hours begin at T+{later}"
 NO_HOURS = "its next sortie of {lasts} does not end within its hours; it has no hours after now"
-OPENED = CrewLine(Level.WARNING, "{vehicle}: {segments} of its later sorties open for the sorties of others")
-TAKES_OVER = CrewLine(Level.INFO, "{vehicle}: takes over the last sortie of {giver}, {segments}")
+OPENED = CrewLine(WARNING, "{vehicle}: {segments} of its later sorties open for the sorties of others")
+TAKES_OVER = CrewLine(INFO, "{vehicle}: takes over the last sortie of {giver}, {segments}")
 SORTIE = "{vehicle}: sortie {number}"
-AS_PLANNED = CrewLine(Level.INFO, "{trigger}: {segments}, as planned")
-REPLANNED = CrewLine(Level.INFO, "{trigger}: re-planned for its budget")
+AS_PLANNED = CrewLine(INFO, "{trigger}: {segments}, as planned")
+REPLANNED = CrewLine(INFO, "{trigger}: re-planned for its budget")

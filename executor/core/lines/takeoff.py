@@ -2,14 +2,14 @@
 
 from executor.core.interface.commands import CrewLine, Level
 
-REBOOTED = CrewLine(Level.WARNING, "{vehicle}: not started: {why}; `swap` when fixed")
-LATER = CrewLine(Level.INFO, "planned for the next sortie: {segments}")
-WAITS = CrewLine(Level.WARNING, "{vehicle}: take-off waits for a position")
-FLIES = CrewLine(Level.INFO, "{vehicle}: flies its mission")
-TRIED_AGAIN = CrewLine(Level.WARNING, "{vehicle}: did not start ({reason}); trying again")
-TRIED_ONCE_PLACED = CrewLine(
-    Level.WARNING, "{vehicle}: did not start ({reason}); trying again once a position is received"
-)
+INFO, WARNING, FAULT = Level
+
+REBOOTED = CrewLine(WARNING, "{vehicle}: not started: {why}; `swap` when fixed")
+LATER = CrewLine(INFO, "planned for the next sortie: {segments}")
+WAITS = CrewLine(WARNING, "{vehicle}: take-off waits for a position")
+FLIES = CrewLine(INFO, "{vehicle}: flies its mission")
+TRIED_AGAIN = CrewLine(WARNING, "{vehicle}: did not start ({reason}); trying again")
+TRIED_ONCE_PLACED = CrewLine(WARNING, "{vehicle}: did not start ({reason}); trying again once a position is received")
 NOT_STARTED = "did not start: {why}"
 UNHEARD_SINCE = ", and no HEARTBEAT since"
 DISARMED_SINCE = ", and it has disarmed"
@@ -19,9 +19,9 @@ PLACELESS = "no position for {placeless_s:g} s, it may have rebooted since its c
 HAS_REBOOTED = "its autopilot has rebooted since its checks"
 CLOCK_FELL_BACK = "its clock fell back: its autopilot may have rebooted since its checks"
 NOT_IN_TIME = "did not start within {window_s:.0f} s of take-off clearance"
-ARMED_LATE = CrewLine(Level.WARNING, "{vehicle}: armed on its pad although the start was cancelled")
+ARMED_LATE = CrewLine(WARNING, "{vehicle}: armed on its pad although the start was cancelled")
 
 # Who is on the ground, or should be.
-DOWN_AT = CrewLine(Level.FAULT, "{vehicle}: {place}")
-FLIES_AGAIN = CrewLine(Level.FAULT, "{vehicle}: reported {taken_for} but is airborne, {position}")
-AWAITS_SORTIE = CrewLine(Level.INFO, "{vehicle}: {waits}")
+DOWN_AT = CrewLine(FAULT, "{vehicle}: {place}")
+FLIES_AGAIN = CrewLine(FAULT, "{vehicle}: reported {taken_for} but is airborne, {position}")
+AWAITS_SORTIE = CrewLine(INFO, "{vehicle}: {waits}")

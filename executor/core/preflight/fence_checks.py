@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.check_codes import Check, CheckCode, Severity
+from executor.core.lines import checklist
 from executor.core.preflight.board_changes import KeptParameter, format_number, plan_change
 from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.parameter_proposals import (
@@ -17,7 +18,7 @@ from executor.core.preflight.parameter_proposals import (
     Present,
     list_change_checks,
 )
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
 from missions import Dialect, FlightPath, MissionItem
 from missions.fences import find_first_outside, parse_outlines
@@ -71,16 +72,16 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
         own = int(said[kinds].value) if stands else 0
-        wanted[kinds] = (float(own | height_bit | rule.polygons), "", "keeps to a height and to the fence on board")
+        wanted[kinds] = (float(own | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
     top = _round_up_fence_top(context, name, said)
     limit = said[rule.height].value if limited else 0.0
     if not 0.0 < limit <= top:
-        wanted[rule.height] = (top, "m", "its fence ends above all that it flies")
+        wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
     if action is not None:
-        wanted[rule.action] = (float(action), "", "what it does at a breach, by the site file")
+        wanted[rule.action] = (float(action), "", checklist.FENCE_ACTION)
     if rule.enable is not None:
-        wanted[rule.enable] = (1.0, "", "keeps to its fence")
+        wanted[rule.enable] = (1.0, "", checklist.FENCE_ENABLED)
     return [
         plan_change(context.vehicles[name], said[key], value, unit, why)
         for key, (value, unit, why) in wanted.items()
@@ -95,8 +96,7 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
         return []
     missing = [one for one in names if one not in said]
     if missing:
-        text = f"cannot be given a fence: {', '.join(missing)} does not answer"
-        return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
+        return [checklist.NO_FENCE.of(name, names=", ".join(missing))]
     rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
     action = int(new.get(rule.action, said[rule.action].value))
     does = describe_action(rule.actions, action) if action else "nothing"
@@ -104,11 +104,9 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
     top = new.get(rule.height, said[rule.height].value)
     margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
     if does in {"nothing", "warning", UNKNOWN}:
-        does = UNKNOWN if does == UNKNOWN else "does nothing"
-        text = f"{does} when it breaches its fence ({setting})"
-        return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
-    text = f"fence {margin_m:g} m about its ways and {format_number(top)} m high; at a breach: {does} ({setting})"
-    return [Check(Severity.OK, name, text, CheckCode.GEOFENCE)]
+        does = UNKNOWN if does == UNKNOWN else checklist.DOES_NOTHING
+        return [checklist.FENCE_IDLE.of(name, does=does, setting=setting)]
+    return [checklist.FENCE.of(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
 
 
 def check_onboard_lists(
@@ -137,16 +135,15 @@ def _check_onboard_fence(
     name, given = facts.name, context.fencing is not None and context.fencing.enabled
     dialect = context.vehicles[name].dialect
     if lists.fence is None:
-        severity = Severity.STOP if given else Severity.WARNING
-        return [Check(severity, name, "its fence on board cannot be read", CheckCode.GEOFENCE)]
+        return [checklist.FENCE_UNREADABLE.of(name, Severity.STOP if given else None)]
     if not lists.fence or lists.fence == ours.fence:
         return []
-    what = f"a fence of {format_count(len(lists.fence), 'item')} that is not ours is on board"
-    asked = f"{what}; whether it is switched on is"
+    what = checklist.FOREIGN_FENCE.format(items=format_count(len(lists.fence), "item"))
+    asked = checklist.IS_FENCE_ON.format(fence=what)
     if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
     if not _is_polygon_fence_enabled(dialect, facts.parameters):
-        return [Check(Severity.OK, name, f"{what}, switched off", CheckCode.GEOFENCE)]
+        return [checklist.FENCE_OFF.of(name, fence=what)]
     pad_m = context.vehicles[name].pad_m
     places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
     shapes = parse_outlines(lists.fence, context.frame)
@@ -154,21 +151,15 @@ def _check_onboard_fence(
     out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
         lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
-        text = (
-            f"{what}, and its flight or its way home leaves it at {lat_deg:.6f}, {lon_deg:.6f}; clear it, or restore "
-            "the flight that left it"
-        )
-        return [Check(Severity.STOP, name, text, CheckCode.GEOFENCE)]
-    stays = "; kept, and given back after the landing" if given else ""
-    return [Check(Severity.OK, name, f"{what}, and its flight fits into it{stays}", CheckCode.GEOFENCE)]
+        return [checklist.FENCE_LEFT.of(name, fence=what, lat_deg=lat_deg, lon_deg=lon_deg)]
+    return [checklist.FENCE_FITS.of(name, fence=what, stays=checklist.FENCE_KEPT if given else "")]
 
 
 def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
     name, rule = facts.name, context.fencing
     given = rule is not None and rule.enabled and rule.rally != "keep"
     if lists.rally is None:
-        severity = Severity.STOP if given else Severity.WARNING
-        return [Check(severity, name, "its rally points cannot be read", CheckCode.GEOFENCE)]
+        return [checklist.RALLY_UNREADABLE.of(name, Severity.STOP if given else None)]
     if lists.rally == ours.rally:
         return []
     pad_m = context.vehicles[name].pad_m
@@ -176,9 +167,7 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
     far = [one for one in away_m if one > NEAR_M]
     if not far or given:
         return []
-    text = f"{format_count(len(far), 'rally point')} on board, up to {max(far):.0f} m from its pad"
-    text += ": its RTL may end there"
-    return [Check(Severity.WARNING, name, text, CheckCode.GEOFENCE)]
+    return [checklist.RALLY_FAR.of(name, points=format_count(len(far), "rally point"), away_m=max(far))]
 
 
 def _round_up_fence_top(context: Context, name: str, said: Present) -> float:

@@ -11,8 +11,9 @@ from executor.core.battery.pack_history import RECENT
 from executor.core.battery.resting_voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
-from executor.core.interface.check_codes import CheckCode
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.interface.check_codes import Check, CheckCode, Severity
+from executor.core.lines import checklist
+from executor.core.preflight.vehicle_checks import VehicleFacts
 
 LIKE = 1.1
 """Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
@@ -72,8 +73,7 @@ def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest |
     found = pack_condition.assess_pack(at_rest, cells, known, heard.remaining_pct, 0.0)
     if found is None:
         return None
-    counted = heard.cells or known.cells
-    count = f"{cells} cells" if counted else f"at least {cells} cells, cell count not reported"
+    count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
     reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return PackAtRest(found, count, reads_volts)
 
@@ -99,8 +99,8 @@ def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
     if known is None:
         return []
     worn = known.share_of(planned_ah) < 1.0
-    text = f"its pack {known.label}{describe_pack_history(setup, planned_ah)}"
-    return [Check(Severity.WARNING if worn else Severity.OK, setup.name, text, CheckCode.PACK)]
+    severity, history = Severity.WARNING if worn else None, describe_pack_history(setup, planned_ah)
+    return [checklist.PACK_HISTORY.of(setup.name, severity, label=known.label, history=history)]
 
 
 def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
@@ -109,21 +109,22 @@ def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
     if known is None:
         return ""
     if known.capacity_ah is None and known.ohm is None:
-        silent = f"{format_count(known.flights, 'flight')} did not say"
-        what = silent if known.flights else "no flight of it is known"
-        return f": {what}; the plan reckons with {planned_ah:g} Ah"
+        silent = checklist.FLIGHTS_SILENT if known.flights else checklist.NO_FLIGHTS
+        return silent.format(flights=format_count(known.flights, "flight"), planned_ah=planned_ah)
     parts = []
     if known.capacity_ah is not None:
-        share_pct = 100.0 * known.capacity_ah[0] / planned_ah
-        parts.append(f"{known.capacity_ah[0]:.1f} Ah, {share_pct:.0f} % of the plan's {planned_ah:g} Ah")
+        has_ah = known.capacity_ah[0]
+        share_pct = 100.0 * has_ah / planned_ah
+        parts.append(checklist.HAS_CAPACITY.format(has_ah=has_ah, share_pct=share_pct, planned_ah=planned_ah))
     if known.ohm is not None:
-        parts.append(f"{1000.0 * known.ohm[0]:.0f} mOhm")
-    text = f" has {' and '.join(parts)}, by {format_count(min(known.flights, RECENT), 'flight')}"
+        parts.append(checklist.HAS_RESISTANCE.format(mohm=1000.0 * known.ohm[0]))
+    flights = format_count(min(known.flights, RECENT), "flight")
+    text = checklist.HAS.format(what=" and ".join(parts), flights=flights)
     worn = known.share_of(planned_ah) < 1.0
     if worn:
-        text += f": budget {setup.budget_pct:.0f} %"
+        text += checklist.WORN_BUDGET.format(budget_pct=setup.budget_pct)
     if setup.empty_pct > 0:
-        text += f"{', ' if worn else ': '}empty at {setup.empty_pct:.0f} % of what it counts"
+        text += (", " if worn else ": ") + checklist.EMPTY_AT.format(empty_pct=setup.empty_pct)
     return text
 
 
@@ -131,21 +132,15 @@ def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]
     planned_ah, counted_ah = context.drone.capacity_ah, said.capacity_ah
     if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
         return []
-    text = (
-        f"it counts by a pack of {counted_ah:g} Ah, the plan by {planned_ah:g} Ah ([energy] capacity_ah): its "
-        f"percentage will fall {planned_ah / counted_ah:.1f} times as fast as planned"
-    )
-    return [Check(Severity.WARNING, name, text, CheckCode.PACK)]
+    factor = planned_ah / counted_ah
+    return [checklist.PACK_CAPACITY.of(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
 
 
 def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
     if facts.voltage_v is None:
-        text = "no voltage is reported: the reported charge cannot be verified"
-        return [Check(Severity.OK, facts.name, text, CheckCode.PACK)]
+        return [checklist.NO_VOLTAGE.of(facts.name)]
     if found is None:
         return []
-    text = f"its pack {found.standing.words} ({found.count})"
-    if found.reads_volts:
-        return [Check(Severity.OK, facts.name, f"{text}, read off that voltage", CheckCode.PACK)]
-    severity = Severity.WARNING if found.doubtful else Severity.OK
-    return [Check(severity, facts.name, text, CheckCode.PACK)]
+    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
+    severity = Severity.WARNING if found.doubtful else None
+    return [line.of(facts.name, severity, standing=found.standing.words, count=found.count)]

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from executor.core.context import Context, VehicleSetup
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.check_codes import Check
 from executor.core.interface.messages import ParamValue
+from executor.core.lines import checklist
 from executor.core.preflight.board_changes import KeptParameter, plan_change
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters, select_names
-from executor.core.preflight.vehicle_checks import Check, Severity
 from missions import Dialect, ReturnParameters, max_return_height_m
 
 Present = Mapping[str, ParamValue]
@@ -87,8 +87,7 @@ def propose_return_changes(
         said = answers.present
         if answers.unread:
             unread = describe_unread_parameters(answers.unread)
-            text = f"what must be set on it is not known: {unread}; is the link too bad?"
-            checks.append(Check(Severity.STOP, name, text, CheckCode.RTL_ALTITUDE))
+            checks.append(checklist.CHANGES_UNKNOWN.of(name, unread=unread))
             continue
         allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
         own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
@@ -100,10 +99,7 @@ def propose_return_changes(
 
 def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
-    return [
-        Check(Severity.OK, one.vehicle, f"to be set for the flight: {one.words_set}", CheckCode.PARAMETER_CHANGE)
-        for one in changes
-    ]
+    return [checklist.TO_BE_SET.of(one.vehicle, change=one.words_set) for one in changes]
 
 
 def _propose_for_vehicle(
@@ -115,8 +111,7 @@ def _propose_for_vehicle(
     known = said.get(name)
     if known is None:
         names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
-        text = f"RTL altitude not known: it has no {names}, so nothing keeps it clear of the others"
-        return [], Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
+        return [], checklist.RTL_UNKNOWN.of(vehicle, names=names)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
     changes, height_m = [], is_m
@@ -127,8 +122,8 @@ def _propose_for_vehicle(
         why = _explain_return_height(context)
         changes.append(plan_change(setup, known, value, unit, why))
     changes += _propose_other_changes(setup, said, height_m)
-    text = f"RTL altitude {'is' if height_m == is_m else 'will be'} {round(height_m, 1):g} m ({name})"
-    return changes, Check(Severity.OK, vehicle, text, CheckCode.RTL_ALTITUDE)
+    is_ = "is" if height_m == is_m else "will be"
+    return changes, checklist.RTL_ALTITUDE.of(vehicle, is_=is_, height_m=round(height_m, 1), name=name)
 
 
 def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
@@ -144,16 +139,9 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
     name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect.return_parameters, said)
     problems = "; ".join(problem for problem in ends.values() if problem)
     new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
-    height_m = (said[name].value if ends.get(name) else new) * unit_m
-    if ends.get(name):
-        text = (
-            f"RTL altitude stays {round(height_m, 1):g} m ({name}), not the {wanted_m:.0f} m that keep it clear of the "
-            f"others: {problems}"
-        )
-        return Check(Severity.STOP, vehicle, text, CheckCode.RTL_ALTITUDE)
-    severity = Severity.WARNING if problems else Severity.OK
-    text = f"RTL altitude set to {round(height_m, 1):g} m" + (f", but {problems}" if problems else f" ({name})")
-    return Check(severity, vehicle, text, CheckCode.RTL_ALTITUDE)
+    height_m = round((said[name].value if ends.get(name) else new) * unit_m, 1)
+    line = checklist.RTL_STAYS if ends.get(name) else checklist.RTL_SET_BUT if problems else checklist.RTL_SET
+    return line.of(vehicle, height_m=height_m, name=name, wanted_m=wanted_m, problems=problems)
 
 
 def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
@@ -172,10 +160,10 @@ def _round_up_height(height_m: float, unit_m: float, kind: int) -> float:
 def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
-        return "keeps its RTL above the line"
+        return checklist.ABOVE_LINE
     if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
-        return "keeps its RTL above the others' layers"
-    return "keeps its RTL in its own layer"
+        return checklist.ABOVE_LAYERS
+    return checklist.IN_ITS_LAYER
 
 
 def _propose_other_changes(setup: VehicleSetup, said: Present, height_m: float) -> list[KeptParameter]:
@@ -183,11 +171,10 @@ def _propose_other_changes(setup: VehicleSetup, said: Present, height_m: float) 
     rule, changes = setup.dialect.return_parameters, []
     cone = said.get(rule.cone)
     if cone is not None and cone.value >= rule.cone_least:
-        why = "climbs to that height near its pad, too"
-        changes.append(plan_change(setup, cone, rule.cone_off, rule.cone_unit, why))
+        changes.append(plan_change(setup, cone, rule.cone_off, rule.cone_unit, checklist.CLIMBS_NEAR_PAD))
     stop = None if rule.descend_height is None else said.get(rule.descend_height)
     wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
     waits = wait is None or wait.value != 0.0
     if stop is not None and waits and stop.value < height_m:
-        changes.append(plan_change(setup, stop, height_m, "m", "waits over its pad in its own layer"))
+        changes.append(plan_change(setup, stop, height_m, "m", checklist.WAITS_IN_LAYER))
     return changes

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from executor.core.context import Context
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.check_codes import Check, CheckCode, Severity
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import (
     GROUND_STATION,
@@ -22,6 +21,7 @@ from executor.core.interface.messages import (
     SystemStatus,
     Version,
 )
+from executor.core.lines import checklist
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, Parameters
 from executor.core.telemetry import firmware
@@ -54,24 +54,6 @@ PREARM_SHOWN = 3
 """More reasons than this are counted only."""
 
 
-class Severity(Enum):
-    """What a finding means for the flight."""
-
-    OK = "ok"
-    WARNING = "warning"
-    STOP = "stop"
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One line of the checklist."""
-
-    severity: Severity
-    subject: str
-    text: str
-    code: CheckCode
-
-
 @dataclass(frozen=True, slots=True)
 class VehicleFacts:
     """What one vehicle said before the flight."""
@@ -101,8 +83,8 @@ class VehicleFacts:
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
-        text = f"{what} not known: {failsafe_parameters.describe_unread_parameters(lacking)}; is the link too bad?"
-        return [Check(Severity.STOP, self.name, text, code)]
+        unread = failsafe_parameters.describe_unread_parameters(lacking)
+        return [replace(checklist.NOT_READ.of(self.name, what=what, unread=unread), code=code)]
 
     @property
     def words(self) -> str:
@@ -126,23 +108,17 @@ def check_identity(
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in firmware.MULTICOPTERS:
-        text = f"HEARTBEAT type is {firmware.describe_vehicle_type(kind)}, expected a multicopter"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
-    if facts.heartbeat.autopilot != dialect.number:
-        text = f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.AUTOPILOT))
-    found += [
-        Check(Severity.STOP, facts.name, describe_foreign_system(double), CheckCode.DOUBLE_SYSID)
-        for double in facts.doubles
-    ]
+        found.append(checklist.VEHICLE_TYPE.of(facts.name, type=firmware.describe_vehicle_type(kind)))
+    is_, number = facts.heartbeat.autopilot, dialect.number
+    if is_ != number:
+        found.append(checklist.AUTOPILOT.of(facts.name, autopilot=is_, name=dialect.name, number=number))
+    found += [checklist.DOUBLE_SYSID.of(facts.name, found=describe_foreign_system(one)) for one in facts.doubles]
     if facts.heartbeat.armed:
-        text = "already armed, expected a disarmed vehicle on its pad"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.ARMED))
+        found.append(checklist.ARMED.of(facts.name))
     away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
         where = "the depot" if stated_m is None else "its pad"
-        text = f"stands {away_m:.0f} m from {where}, expected at most {FARTHEST_PAD_M:.0f} m"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.FAR_FROM_DEPOT))
+        found.append(checklist.FAR_FROM_PAD.of(facts.name, away_m=away_m, where=where, most_m=FARTHEST_PAD_M))
     return found
 
 
@@ -150,13 +126,11 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
     pad = context.setup.pad_of(facts.name)
     off_m = pad.alt_m - context.frame.alt_m
-    text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
+    heights = checklist.PAD_AND_DEPOT.format(pad_m=pad.alt_m, depot_m=context.frame.alt_m)
     if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
-        text += ": expected depot.alt_m and GPS to agree"
-        return [Check(Severity.STOP, facts.name, text, CheckCode.PAD_HEIGHT)]
+        return [checklist.PAD_HEIGHT.of(facts.name, heights=heights)]
     if abs(off_m) > context.setup.inspection.height_m - margin_m(context.setup):
-        text += f": its flight is {abs(off_m):.0f} m off if they do not agree"
-        return [Check(Severity.WARNING, facts.name, text, CheckCode.PAD_HEIGHT)]
+        return [checklist.PAD_HEIGHT_MATTERS.of(facts.name, heights=heights, off_m=abs(off_m))]
     return []
 
 
@@ -173,21 +147,21 @@ def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
     off_m = pad.alt_m - ground_m
     if not abs(off_m) > known.uncertainty_m + GPS_M:
         return []
-    lower = f"{abs(off_m):.0f} m {'lower' if off_m > 0 else 'higher'} over the ground than planned"
-    text = f"its pad is at {pad.alt_m:.0f} m by its GPS, at {ground_m:.0f} m by {known.source}: it flies {lower}"
-    severity = Severity.STOP if off_m > terrain.margin_m else Severity.WARNING
-    return [Check(severity, facts.name, f"{text} if the raster is right", CheckCode.PAD_HEIGHT)]
+    severity = Severity.STOP if off_m > terrain.margin_m else None
+    check = checklist.PAD_GROUND.of(
+        facts.name, severity, pad_m=pad.alt_m, ground_m=ground_m, source=known.source,
+        off_m=abs(off_m), lower="lower" if off_m > 0 else "higher",
+    )  # fmt: skip
+    return [check]
 
 
 def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
-    tested = f"tested with {dialect.tested_version}"
+    line, oldest = checklist.FIRMWARE, ".".join(map(str, dialect.oldest_version))
     if facts.version is None:
-        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}", CheckCode.FIRMWARE)
-    if (facts.version.major, facts.version.minor) < dialect.oldest_version:
-        oldest = ".".join(map(str, dialect.oldest_version))
-        text = f"{facts.words}, which is older than {oldest}; faultline is {tested}"
-        return Check(Severity.WARNING, facts.name, text, CheckCode.FIRMWARE)
-    return Check(Severity.OK, facts.name, facts.words, CheckCode.FIRMWARE)
+        line = checklist.FIRMWARE_UNKNOWN
+    elif (facts.version.major, facts.version.minor) < dialect.oldest_version:
+        line = checklist.FIRMWARE_OLD
+    return line.of(facts.name, firmware=facts.words, oldest=oldest, tested=dialect.tested_version)
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
@@ -199,17 +173,10 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
         waited_s: The silence after which its segments are given away.
         wanted_s: The site file's figure for that; None if it has none.
     """
-    declared = f"declared lost after {waited_s:g} s"
-    if own.unread:
-        return Check(Severity.STOP, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
-    if wanted_s is not None and waited_s > wanted_s:
-        text = (
-            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter, and its segments would be reassigned while "
-            f"it still flies them: {declared} instead"
-        )
-        return Check(Severity.WARNING, facts.name, text, CheckCode.LINK_FAILSAFE)
-    severity = Severity.OK if own.acts else Severity.WARNING
-    return Check(severity, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
+    if wanted_s is not None and waited_s > wanted_s and not own.unread:
+        return checklist.DECLARED_LATER.of(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
+    severity = Severity.STOP if own.unread else None if own.acts else Severity.WARNING
+    return checklist.DECLARED_LOST.of(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -219,17 +186,14 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
-        text = f"{what} not known: it has no {' or '.join(names)}"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
+        found.append(checklist.STATION_UNKNOWN.of(facts.name, what=what, names=" or ".join(names)))
     if counted is not None and counted[1] != ours:
         name, value = counted
-        text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not act when we are lost"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
+        found.append(checklist.STATION_OTHER.of(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
-        then = "its HEARTBEATs would hide the loss of ours" if hides else "it may command the vehicle too"
-        text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.OTHER_STATION))
+        then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
+        found.append(checklist.STATION_HIDES.of(facts.name, system=station.system, component=component, then=then))
     return found
 
 
@@ -242,24 +206,21 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
-    known = bool(rule.actions) and rule.said and all(action.known for action in rule.actions)
-    text = f"no battery failsafe ({settings}): on an empty battery it keeps flying until it falls"
+    known = rule.said and all(action.known for action in rule.actions)
+    line = checklist.BATTERY_FAILSAFE_NONE if rule.said else checklist.BATTERY_FAILSAFE_UNKNOWN
+    actions = ", ".join(action.words for action in rule.actions)
     if rule.actions:
-        text = f"battery failsafe: {', '.join(action.words for action in rule.actions)}"
-        text += f"; it has no {', '.join(absent)}" if absent else ""
-    elif not rule.said:
-        text = f"battery failsafe not known ({settings})"
-    severity = Severity.OK if known else Severity.WARNING
-    found = [Check(severity, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
-    for words in failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version):
-        text = f"battery failsafe: {words}: it may leave its mission"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
-    for action in rule.actions:
-        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
-            early = f"{action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
-            text = f"battery failsafe: {early}"
-            found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
-    return found
+        line = checklist.BATTERY_FAILSAFE
+        actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
+    severity = None if known else Severity.WARNING
+    found = [line.of(facts.name, severity, settings=settings, actions=actions)]
+    early = failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version)
+    found += [checklist.RETURNS_EARLY.of(facts.name, action=words) for words in early]
+    return found + [
+        checklist.ACTS_IN_FLIGHT.of(facts.name, action=action.words, left_pct=left_pct)
+        for action in rule.actions
+        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct
+    ]
 
 
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
@@ -278,19 +239,21 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     rule, found = setup.dialect.geofence, list[Check]()
     action = facts.parameters.get(rule.action, 0.0)
     if action and failsafe_parameters.describe_action(rule.actions, action) == failsafe_parameters.UNKNOWN:
-        text = f"at a breach of its geofence: {failsafe_parameters.UNKNOWN} ({rule.action}={action:g})"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
+        does = failsafe_parameters.UNKNOWN
+        found.append(checklist.GEOFENCE_ACTION.of(facts.name, action=does, name=rule.action, value=action))
     # What its owner has set is no limit to be lifted for a fence of ours.
-    stops = context.fencing is not None and context.fencing.enabled
+    severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
         (cylinder.height_m, high_m, rule.height, "high"),
         (cylinder.radius_m, away_m, rule.radius, "away from home"),
     ):
         if limit_m is not None and needed_m > limit_m:
-            text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
-            found.append(Check(Severity.STOP if stops else Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
-    text = "its flight fits into the cylinder of its own geofence"
-    return found or [Check(Severity.OK, facts.name, text, CheckCode.GEOFENCE)]
+            found.append(
+                checklist.GEOFENCE_ENDS.of(
+                    facts.name, severity, limit_m=limit_m, needed_m=needed_m, what=what, name=name
+                )
+            )
+    return found or [checklist.GEOFENCE_FITS.of(facts.name)]
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -301,8 +264,7 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     absent = [name for name in names if name not in facts.parameters]
     if not absent:
         return []
-    text = f"it has no {', '.join(absent)}: its times are planned by {dialect.tested_version}'s default"
-    return [Check(Severity.WARNING, facts.name, text, CheckCode.ENERGY)]
+    return [checklist.TIMES_BY_DEFAULT.of(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
 
 
 def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -318,13 +280,11 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
     set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
     on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
     setting = {rule: f"{rule.parameter} {facts.parameters[rule.parameter]:g}" for rule in set_}
-    found = [f"follows the ground by itself: {setting[rule]}: {rule.words}" for rule in on if rule.in_flight]
-    found += [f"may follow the ground by itself: {setting[rule]} is unknown" for rule in set_ if rule not in on]
-    if found:
-        return [Check(Severity.WARNING, facts.name, text, CheckCode.TERRAIN) for text in found]
+    follows, unknown, name = checklist.TERRAIN_FOLLOWED, checklist.TERRAIN_UNKNOWN, facts.name
+    found = [follows.of(name, setting=setting[rule], meaning=rule.words) for rule in on if rule.in_flight]
+    found += [unknown.of(name, setting=setting[rule]) for rule in set_ if rule not in on]
     idle = "; ".join(f"{setting[rule]} {rule.words}" for rule in on)
-    text = "its missions and its RTL do not follow the ground by themselves" + (f" ({idle})" if idle else "")
-    return [Check(Severity.OK, facts.name, text, CheckCode.TERRAIN)]
+    return found or [checklist.TERRAIN_NOT_FOLLOWED.of(name, idle=f" ({idle})" if idle else "")]
 
 
 def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -343,11 +303,9 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
         return unread
     value = facts.parameters.get(rule.parameter)
     if value:
-        text = f"its autopilot takes pictures ({rule.parameter} {value:g})"
-        return [Check(Severity.OK, facts.name, text, CheckCode.CAMERA)]
+        return [checklist.SHUTTER.of(facts.name, name=rule.parameter, value=value)]
     said = f"does not say {rule.parameter}" if value is None else f"{rule.parameter} 0"
-    text = f"{said}: its autopilot takes no pictures {rule.words}; expected {rule.remedy}, and a restart"
-    return [Check(Severity.WARNING, facts.name, text, CheckCode.CAMERA)]
+    return [checklist.NO_SHUTTER.of(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
 
 
 def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
@@ -365,18 +323,14 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
-        text = f"stays on the ground as a spare, battery {remaining_pct:.0f} %"
-        return Check(Severity.OK, name, text, CheckCode.ENERGY)
+        return checklist.SPARE.of(name, left_pct=remaining_pct)
     needed = _estimate_flight(context, path)
-    left = remaining_pct - needed.energy_pct
-    text = (
-        f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "
-        f"lands with {left:.0f} %"
-    )
-    if left < setup.reserve_pct:
-        text += f", expected at least the reserve of {setup.reserve_pct:g} %"
-        return Check(Severity.STOP, name, text, CheckCode.ENERGY)
-    return Check(Severity.OK, name, text, CheckCode.ENERGY)
+    left_pct = remaining_pct - needed.energy_pct
+    line = checklist.ENERGY_SHORT if left_pct < setup.reserve_pct else checklist.ENERGY
+    return line.of(
+        name, has_pct=remaining_pct, minutes=needed.duration_s / 60, needs_pct=needed.energy_pct, left_pct=left_pct,
+        reserve_pct=setup.reserve_pct,
+    )  # fmt: skip
 
 
 def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Check:
@@ -387,36 +341,28 @@ def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Che
         signed: Whether frames must be signed.
     """
     if signed:
-        text = "frames are signed; frames not signed with our key are rejected"
-        return Check(Severity.OK, "signing", text, CheckCode.SIGNING)
+        return checklist.SIGNED.of("signing")
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:
         radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
-        beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
-        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}", CheckCode.SIGNING)
-    text = (
-        f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network: "
-        "any sender there can command and imitate the vehicles"
-    )
-    return Check(Severity.WARNING, "signing", text, CheckCode.SIGNING)
+        return checklist.UNSIGNED.of("signing", beyond=checklist.RADIOS if radios else checklist.NO_RADIOS)
+    are = "is" if len(open_) == 1 else "are"
+    return checklist.UNSIGNED_ON_NETWORK.of("signing", vehicles=", ".join(open_), are=are)
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
     """Compare the room on the disk with what the record of a flight takes."""
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
-    text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
-    if free_bytes < SPARE_ROOM * needed:
-        return Check(Severity.WARNING, "disk", f"{text}: it may not fit", CheckCode.DISK)
-    return Check(Severity.OK, "disk", text, CheckCode.DISK)
+    line = checklist.DISK_FULL if free_bytes < SPARE_ROOM * needed else checklist.DISK
+    return line.of("disk", free_gb=free_bytes / 1e9, needed_mb=needed / 1e6)
 
 
 def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
     if near := check_separation(paths, layer_m, home_alt_m=home_alt_m):
-        return [Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near]
-    text = f"any two vehicles stay at least {layer_m:g} m apart"
-    return [Check(Severity.OK, "separation", text, CheckCode.SEPARATION)]
+        return [checklist.TOO_NEAR.of("separation", found=text) for text in near]
+    return [checklist.SEPARATED.of("separation", layer_m=layer_m)]
 
 
 def parse_prearm_reason(text: str) -> str | None:

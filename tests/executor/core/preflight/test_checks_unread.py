@@ -9,10 +9,11 @@ from typing import cast
 
 import pytest
 
+from executor.core.interface.check_codes import Check, Severity
 from executor.core.interface.messages import ParamValue, Version
 from executor.core.preflight import failsafe_parameters, pack_checks, vehicle_checks
 from executor.core.preflight.parameter_proposals import Answers, propose_return_changes
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
 from missions.cameras import Trigger
 from tests.executor.builders import fleet_of

@@ -9,10 +9,10 @@ import pytest
 from executor.core.battery.pack_history import PackFlightRecord, PackHistory, build_pack_history
 from executor.core.battery.resting_voltage import Chemistry, PackFacts
 from executor.core.context import Context
-from executor.core.interface.check_codes import CheckCode
+from executor.core.interface.check_codes import CheckCode, Severity
 from executor.core.interface.messages import Position
 from executor.core.preflight import pack_checks
-from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import PX4
 from tests.executor.core.vehicles import DISARMED, FLEET
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.core.context import Context
+from executor.core.interface.check_codes import Severity
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight.parameter_proposals import (
     KEPT_HIGHER_M,
@@ -13,7 +14,6 @@ from executor.core.preflight.parameter_proposals import (
     check_return_height,
     propose_return_changes,
 )
-from executor.core.preflight.vehicle_checks import Severity
 from tests.executor.builders import fleet_of
 
 INT32, REAL32 = 6, 9

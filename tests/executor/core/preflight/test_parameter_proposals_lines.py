@@ -7,12 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 import pytest
 
 from executor.core.context import Context
+from executor.core.interface.check_codes import Check
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight import parameter_proposals
 from executor.core.preflight.board_changes import KeptParameter
-from executor.core.preflight.vehicle_checks import (
-    Check,
-)
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
 from tests.executor.core.steps import rounded
