@@ -271,11 +271,8 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(flight.NOT_WELL.say(line=line) for line in lines)
-    if (
-        vehicle.stage is not Stage.PILOT
-        and not mode_causes.is_under_foreign_control(vehicle)
-        and stream_watch.is_stream_request_due(view)
-    ):
+    ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
+    if ours and stream_watch.is_stream_request_due(view):
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name))
     if mission_check.is_mission_read_due(vehicle, now_s):
@@ -429,9 +426,8 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or takeoff_offers.is_offer_open(state):
         return state, ()
-    if turnaround.find_awaited_vehicles(context, state, now_s) or lower_to_inspection_height.is_clearance_awaited(
-        context, state, now_s
-    ):
+    awaited = lower_to_inspection_height.is_clearance_awaited(context, state, now_s)
+    if awaited or turnaround.find_awaited_vehicles(context, state, now_s):
         return state, ()
     if not state.progress.recalled and replan_cycle.find_orphan_segments(context, state):
         return state, ()

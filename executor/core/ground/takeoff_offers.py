@@ -66,10 +66,9 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
     crew, known, flight = state.crew, state.replanning, state.progress
     # Of a day who lands waits for its pack.
     never = context.fly_again is RelaunchPolicy.AUTO or context.day is not None
-    if never or flight.launched_s is None or flight.recalled or flight.finished:
+    if never or flight.finished or not flight.is_under_way:
         return _withdraw_offer(state), ()
-    busy = known.replan is not None or known.urgent or known.ordered or now_s < known.wait_until_s
-    if crew.offers_over or busy:
+    if crew.offers_over or known.is_changing or now_s < known.wait_until_s:
         return state, ()
     ready = [one for one in state.vehicles.values() if is_idle(context, one, now_s) and one.orders.cleared_s is None]
     wanted = find_open_segments(context, state)

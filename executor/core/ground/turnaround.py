@@ -30,7 +30,7 @@ from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.current_setup import current_setup_of
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround
+from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState
 from missions import build_flight_path, estimate
 from planner import segment_of
@@ -362,12 +362,18 @@ def _assign_next_sortie(
     pool -= set(offer.barred) | vehicle.turn.beyond
     if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
         giver, visits = found
-        state, vehicle = _hand_over_sortie(state, state.vehicles[giver], vehicle, visits)
+        ahead = state.vehicles[giver].turn.ahead
+        kept = tuple(sortie for sortie in ahead if not set(visits) & set(sortie.visits))
+        vehicle = vehicle.with_turn(ahead=(PlannedSortie(visits, 0.0),))
+        state = state.put(state.vehicles[giver].with_turn(ahead=kept)).put(vehicle)
         count = format_count(len(visits), "segment")
         said.append(sorties.TAKES_OVER.say(vehicle=vehicle.name, giver=giver, segments=count))
     if not visits and not pool:
         return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
-    vehicle = replace(vehicle, turn=_drop_finished_sorties(vehicle, visits)).with_orders(cleared_s=ready_s)
+    ahead = vehicle.turn.ahead  # from the first of which anything is open
+    while ahead and not set(visits) & set(ahead[0].visits):
+        ahead = ahead[1:]
+    vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
@@ -423,24 +429,6 @@ def _list_open_sorties(
     gone = others | set(state.coverage.inspected) | set(state.coverage.unseen) | state.coverage.given_up
     sorties = (tuple(one for one in sortie.visits if segment_of(one) not in gone) for sortie in vehicle.turn.ahead)
     return [visits for visits in sorties if visits]
-
-
-def _hand_over_sortie(
-    state: FleetState, giver: VehicleState, taker: VehicleState, visits: tuple[int, ...]
-) -> tuple[FleetState, VehicleState]:
-    """Make one vehicle's sortie another's."""
-    kept = tuple(sortie for sortie in giver.turn.ahead if not set(visits) & set(sortie.visits))
-    taker = taker.with_turn(ahead=(PlannedSortie(visits, 0.0),))
-    state = state.put(giver.with_turn(ahead=kept))
-    return state.put(taker), taker
-
-
-def _drop_finished_sorties(vehicle: VehicleState, visits: tuple[int, ...]) -> Turnaround:
-    """Return its turn without sorties of which nothing is open; the first one is that of `visits`."""
-    ahead = vehicle.turn.ahead
-    while ahead and not set(visits) & set(ahead[0].visits):
-        ahead = ahead[1:]
-    return replace(vehicle.turn, ahead=ahead or (PlannedSortie((), 0.0),))
 
 
 def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:

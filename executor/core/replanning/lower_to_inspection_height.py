@@ -45,21 +45,12 @@ SPARE_PCT = 5.0
 
 def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
-    known = state.replanning
-    if (
-        not replan_separation.may_leave_layers(context)
-        or known.replan is not None
-        or known.urgent
-        or known.ordered
-        or known.orphans_since_s is not None
-        or state.progress.recalled
-        or state.progress.finished
-        or state.progress.launched_s is None
-        or state.listening.silent_since_s is not None
-        or now_s < known.wait_until_s
-        or (now_s < known.closer_s + LOOKED_S and not is_fleet_down(state))
-        or replan_separation.is_line_occupied(context, state, now_s)
-    ):
+    known, flies = state.replanning, state.progress.is_under_way and not state.progress.finished
+    busy = known.is_changing or known.orphans_since_s is not None or state.listening.silent_since_s is not None
+    if not replan_separation.may_leave_layers(context) or busy or not flies or now_s < known.wait_until_s:
+        return state, ()
+    looked = now_s < known.closer_s + LOOKED_S and not is_fleet_down(state)
+    if looked or replan_separation.is_line_occupied(context, state, now_s):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
     most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
@@ -72,11 +63,8 @@ def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Step
 
 def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> bool:
     """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
-    if (
-        not replan_separation.may_leave_layers(context)
-        or state.progress.recalled
-        or now_s >= state.replanning.wait_until_s
-    ):
+    over = state.progress.recalled or now_s >= state.replanning.wait_until_s
+    if over or not replan_separation.may_leave_layers(context):
         return False
     return any(
         vehicle.orders.cleared_s is not None and find_distant_segments(context, state, vehicle)
@@ -138,7 +126,10 @@ def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_
     if not again or not has_done_its_part(state, vehicle, offer):
         return None
     [kept] = replan_separation.close_occupied_segments(context, state, [offer], again, now_s)
-    begin_m = offer.start_m if not offer.tail else _tail_end_m(context, offer)
+    begin_m = offer.start_m
+    if offer.tail:
+        last = offer.tail[-1]
+        begin_m = tuple(context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist())
     more = build_nearest_visits(context, begin_m, again - set(kept.barred))
     while more:
         plan = _build_plan(context, state, offer, (*offer.tail, *more), now_s)
@@ -153,12 +144,6 @@ def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_
         else:
             more = more[:-1]
     return None
-
-
-def _tail_end_m(context: Context, offer: Survivor) -> tuple[float, float]:
-    last = offer.tail[-1]
-    east_m, north_m = context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist()
-    return east_m, north_m
 
 
 def _build_plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:

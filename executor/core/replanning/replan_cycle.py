@@ -65,12 +65,8 @@ def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
     alone, known = find_orphan_segments(context, state), state.replanning
-    if (
-        known.replan is not None
-        or state.progress.recalled
-        or state.progress.launched_s is None
-        or state.listening.silent_since_s is not None
-    ):
+    silent = state.listening.silent_since_s is not None
+    if known.replan is not None or silent or not state.progress.is_under_way:
         return state, ()
     if not alone and not known.ordered:
         return state.with_replanning(orphans_since_s=None, urgent=False), ()
@@ -214,13 +210,7 @@ def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
 
 def select_vehicles_to_judge(state: FleetState) -> tuple[str, ...]:
     """Return the vehicles whose loss can be judged; none while the plan is about to change anyway."""
-    if (
-        state.replanning.replan is not None
-        or state.replanning.urgent
-        or state.replanning.ordered
-        or state.progress.recalled
-        or state.progress.launched_s is None
-    ):
+    if state.replanning.is_changing or not state.progress.is_under_way:
         return ()
     return tuple(vehicle.name for vehicle in state.mission_vehicles() if vehicle.stage is Stage.FLYING)
 

@@ -285,21 +285,13 @@ def find_mission_conflicts(
     new = build_airway(context.setup, path, 0 if offer is None else offer.kept)
     if offer is not None and offer.airborne:
         new = _add_turning_legs(context.setup, state.vehicles[name], offer.kept, new)
-    waits = set()
+    waits, order = set(), context.setup.layers.vehicles
     for other in plan.pending - {name}:
         left = _find_remaining_airway(context, state.vehicles[other])
-        if (
-            left is not None
-            and _is_above(context, other, name)
-            and check_inspection_airspace(context.setup, [new, left])
-        ):
+        above = order.index(other) > order.index(name)
+        if left is not None and above and check_inspection_airspace(context.setup, [new, left]):
             waits.add(other)
     others = [one for one in find_occupied_airways(context, state, offers, now_s) if one.vehicle != name]
     gone = [_find_remaining_airway(context, state.vehicles[other]) for other in (*plan.failed, *plan.let_go)]
     others += [one for one in gone if one is not None and one.vehicle != name]
     return frozenset(waits), [line for one in others for line in check_inspection_airspace(context.setup, [new, one])]
-
-
-def _is_above(context: Context, one: str, other: str) -> bool:
-    order = context.setup.layers.vehicles
-    return order.index(one) > order.index(other)

@@ -208,17 +208,12 @@ def _infer_in_flight(
     """Look at a vehicle in the air that is where its mission leads: whether it took the time for it."""
     elapsed_s = fix.boot_s - before.fix.boot_s
     visits = _select_passed_visits(before, board, waypoint)
-    joins = board.path.waypoints[waypoint].visit
-    if board.path.waypoints[waypoint].phase is not Phase.INSPECT or (
-        waypoint == before.waypoint and before.run is None
-    ):
-        joins = None
+    point, unbegun = board.path.waypoints[waypoint], waypoint == before.waypoint and before.run is None
+    joins = None if point.phase is not Phase.INSPECT or unbegun else point.visit
     if not visits and joins is None:
         return NOTHING
-    expected_s = _remaining_leg_s(board, before.waypoint, before.fix, pace) - _remaining_leg_s(
-        board, waypoint, fix, pace
-    )
-    expected_s += sum(_leg_duration_s(board, leg, pace) for leg in range(before.waypoint + 1, waypoint + 1))
+    expected_s = _estimate_rest(board, before.waypoint, before.fix, pace)[0]
+    expected_s -= _estimate_rest(board, waypoint, fix, pace)[0]
     tolerance_s = _tolerance_s(context, board, (*visits, *(() if joins is None else (joins,))))
     early_s = tolerance_s
     if waypoint == before.waypoint:
@@ -267,19 +262,12 @@ def _infer_after_landing(
     elapsed_s = fix.boot_s - before.fix.boot_s
     if why_not := _describe_other_landing(context, state, before, fix):
         return InferredCoverage(why_not=why_not)
-    pace, rest = _pace_of(state), range(before.waypoint + 1, len(board.legs))
-    expected_s = _remaining_leg_s(board, before.waypoint, before.fix, pace) + sum(
-        _leg_duration_s(board, leg, pace) for leg in rest
-    )
+    expected_s, modelled_pct = _estimate_rest(board, before.waypoint, before.fix, _pace_of(state))
     visits = _select_passed_visits(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
         return InferredCoverage(why_not=resume.TOO_SHORT.format(elapsed_s=elapsed_s, expected_s=expected_s))
     if before.remaining_pct is None or state.power.battery.remaining_pct is None:
         return InferredCoverage(why_not=resume.USE_UNKNOWN)
-    modelled_pct = remaining_leg_share(board, before.waypoint, before.fix) * _leg_energy_pct(
-        board, before.waypoint, pace
-    )
-    modelled_pct += sum(_leg_energy_pct(board, leg, pace) for leg in rest)
     expected_pct = before.factor * modelled_pct
     used_pct = before.remaining_pct - state.power.battery.remaining_pct
     if abs(used_pct - expected_pct) > max(ENERGY_TOLERANCE_PCT, ENERGY_TOLERANCE * expected_pct):
@@ -331,17 +319,13 @@ def _pace_of(state: VehicleState) -> Pace:
     return AS_MODELLED if state.assignment.learned is None else state.assignment.learned.pace
 
 
-def _leg_duration_s(board: OnboardMission, leg: int, pace: Pace) -> float:
-    return pace.factor_of(board.path.waypoints[leg].phase) * board.legs[leg].duration_s
-
-
-def _leg_energy_pct(board: OnboardMission, leg: int, pace: Pace) -> float:
-    return pace.factor_of(board.path.waypoints[leg].phase) * board.legs[leg].energy_pct
-
-
-def _remaining_leg_s(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> float:
-    """Return how long the rest of a leg takes from a place on it."""
-    return remaining_leg_share(board, waypoint, fix) * _leg_duration_s(board, waypoint, pace)
+def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> tuple[float, float]:
+    """Return how long the rest of a mission takes from a place on one of its legs, and what it costs in percent."""
+    points, legs = board.path.waypoints[waypoint:], board.legs[waypoint:]
+    factors = [pace.factor_of(point.phase) for point in points]
+    factors[0] *= remaining_leg_share(board, waypoint, fix)
+    paced = list(zip(factors, legs, strict=True))
+    return sum(factor * leg.duration_s for factor, leg in paced), sum(factor * leg.energy_pct for factor, leg in paced)
 
 
 def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:

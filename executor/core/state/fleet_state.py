@@ -189,6 +189,11 @@ class FlightProgress:
     finished: bool = False
     separation: ClosestApproach | None = None
 
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the flight has begun, and was not aborted."""
+        return self.launched_s is not None and not self.recalled
+
 
 SAME_M = 0.5
 """Distances to the line that differ by less are one."""
@@ -257,6 +262,11 @@ class ReplanningState:
     records: tuple[ReplanRecord, ...] = ()
     outlook: Mapping[str, LossOutlook] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
+
+    @property
+    def is_changing(self) -> bool:
+        """Whether a re-plan is under way, or about to begin."""
+        return self.replan is not None or self.urgent or self.ordered
 
 
 @dataclass(frozen=True, slots=True)
