@@ -223,7 +223,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/replanning/test_replan_cycle_losses.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),
-    "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
     "tests/executor/core/state/test_vehicle_parts.py": (
         "executor/core/interface/ports.py",
         "executor/core/interface/recorded_log.py",

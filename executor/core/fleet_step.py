@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from executor.core import launch
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
@@ -23,8 +24,7 @@ from executor.core.inflight.faults.watchpoint_types import Watchpoint, WatchView
 from executor.core.inflight.homing import landing, return_home
 from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
-from executor.core.launch import upload_result, vehicle_start
-from executor.core.launch.upload_result import apply_upload_result
+from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, takeoff
 from executor.core.operator import intent_handling
 from executor.core.replanning import lower_to_inspection_height, new_missions, pilot_takeover, replan_cycle, survivors
@@ -98,9 +98,9 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
         case events.Tick():
             return _apply_tick(context, state, event.late_s, now_s)
         case events.LaunchOrdered():
-            return vehicle_start.launch_fleet(context, state, now_s)
+            return launch.launch_fleet(context, state, now_s)
         case events.StartEnded():
-            return vehicle_start.apply_start_result(context, state, event, now_s)
+            return launch.apply_start_result(context, state, event, now_s)
         case events.UploadEnded():
             return apply_upload_result(context, state, event, now_s)
         case events.SolveEnded():
@@ -317,7 +317,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if vehicle.stage is Stage.PILOT:
         return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
-        return vehicle_start.monitor_start(context, state, vehicle, now_s)
+        return launch.monitor_start(context, state, vehicle, now_s)
     if landing.has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
     return return_home.issue_homing_order(context, state, name, now_s)
@@ -480,7 +480,7 @@ PHASES: tuple[TickPhase, ...] = (
         "reassigned.",
     ),
     TickPhase(
-        "missions offered again", upload_result.retry_declined_missions,
+        "missions offered again", launch.retry_declined_missions,
         "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
         "vehicle that answers again.",
     ),
@@ -501,7 +501,7 @@ PHASES: tuple[TickPhase, ...] = (
         "After the re-plan and the asked distance: a sortie can wait on its base, a vehicle in the air cannot.",
     ),
     TickPhase(
-        "starts", vehicle_start.retry_waiting_starts,
+        "starts", launch.retry_waiting_starts,
         "After the vehicles: one that has just left its start, to its pilot or by a fault, is not started again.",
     ),
     TickPhase(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from executor.core.context import Context
 from executor.core.interface.check_codes import Check
-from executor.core.preflight import mission_checks, pack_checks, vehicle_checks
+from executor.core.preflight import mission_checks, vehicle_checks
 from executor.core.preflight.failsafe_parameters import LinkFailsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.vehicle_parts import OnboardMission
@@ -69,7 +69,7 @@ def build_checklist(
             found += vehicle_checks.check_pad_ground(context, fact)
         found += vehicle_checks.check_shutter(fact, setup.dialect, path)
         found += vehicle_checks.check_own_geofence(context, fact, path)
-        found += pack_checks.check_pack(context, fact)
+        found += vehicle_checks.check_pack(context, fact)
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.

@@ -10,10 +10,11 @@ from executor.core.formatting import format_count
 from executor.core.interface.check_codes import Check, Severity
 from executor.core.interface.ports import Clock
 from executor.core.preflight import fence_checks as fences
-from executor.core.preflight.board_changes import ChangeStage, build_board_record
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight.board_changes import (
     Answers,
+    ChangeStage,
     ParameterProposal,
+    build_board_record,
     check_return_height,
     propose_return_changes,
 )

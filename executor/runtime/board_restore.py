@@ -11,16 +11,14 @@ from typing import Generic
 from executor.core.interface.messages import Heartbeat, Message, ParamValue, SendParamRequest
 from executor.core.interface.ports import Clock, Link
 from executor.core.preflight.board_changes import (
+    Answers,
     Change,
     ChangeStage,
     KeptList,
     KeptParameter,
+    Present,
     ValueOrigin,
     format_number,
-)
-from executor.core.preflight.parameter_proposals import (
-    Answers,
-    Present,
     list_newer_return_parameters,
     list_return_parameters,
 )

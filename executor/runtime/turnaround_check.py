@@ -8,8 +8,8 @@ from executor.core.interface.events import Examined
 from executor.core.interface.messages import Heartbeat
 from executor.core.interface.ports import Clock, Link
 from executor.core.preflight import fence_checks
+from executor.core.preflight.board_changes import ParameterProposal, propose_return_changes
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters
-from executor.core.preflight.parameter_proposals import ParameterProposal, propose_return_changes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.errors import PreflightFailed
 from executor.runtime import procedures, vehicle_preflight

@@ -24,7 +24,7 @@ from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
 from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
 from executor.core.lines import sorties
-from executor.core.preflight import pack_checks
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
@@ -61,9 +61,9 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
         return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-    heard = pack_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
-    found = pack_checks.assess_pack_at_rest(setup, heard)
+    found = vehicle_checks.assess_pack_at_rest(setup, heard)
     held_pct = heard.remaining_pct if found is None else found.held_pct
     vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
     state = state.put(vehicle)
@@ -72,7 +72,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         why = sorties.PACK_POOR.format(pack=said, reserve_pct=setup.reserve_pct)
         return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
     line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
-    if known := pack_checks.describe_pack_history(setup, context.drone.capacity_ah):
+    if known := vehicle_checks.describe_pack_history(setup, context.drone.capacity_ah):
         more = f"; {sorties.NAMED_PACK.format(label=vehicle.turn.label)}{known}"
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
         line = line.with_level(Level.WARNING)
@@ -259,13 +259,13 @@ def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examin
 
 
 def _install_pack(
-    context: Context, vehicle: VehicleState, heard: pack_checks.PackReading, overstated_pct: float, now_s: float
+    context: Context, vehicle: VehicleState, heard: vehicle_checks.PackReading, overstated_pct: float, now_s: float
 ) -> VehicleState:
     """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
     setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
     prior = account.derive_prior(known.battery, setup.prior)
     battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
-    facts = pack_checks.pack_facts_from_parameters(heard.parameters)
+    facts = vehicle_checks.pack_facts_from_parameters(heard.parameters)
     rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
     power = PowerState(
         battery=battery,
@@ -278,7 +278,9 @@ def _install_pack(
     return replace(vehicle, power=power, turn=turn)
 
 
-def _describe_pack(vehicle: VehicleState, heard: pack_checks.PackReading, found: pack_checks.PackAtRest | None) -> str:
+def _describe_pack(
+    vehicle: VehicleState, heard: vehicle_checks.PackReading, found: vehicle_checks.PackAtRest | None
+) -> str:
     named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
     reports = sorties.REPORTS.format(left_pct=heard.remaining_pct)
     return named + (reports if found is None else f" {found.standing.words}")

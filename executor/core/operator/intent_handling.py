@@ -21,7 +21,7 @@ from executor.core.lines import operator
 from executor.core.operator import intent_refusals
 from executor.core.operator.intent_refusals import Wish
 from executor.core.replanning import pilot_takeover, replan_cycle
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import ON_GROUND
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.fleet_state import FleetState, Stepped

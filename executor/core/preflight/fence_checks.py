@@ -10,14 +10,16 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import Check, CheckCode, Severity
 from executor.core.lines import checklist
-from executor.core.preflight.board_changes import KeptParameter, format_number, plan_change
-from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight.board_changes import (
     REAL32,
+    KeptParameter,
     ParameterProposal,
     Present,
+    format_number,
     list_change_checks,
+    plan_change,
 )
+from executor.core.preflight.failsafe_parameters import UNKNOWN, Parameters, describe_action, fence_names, select_names
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
 from missions import Dialect, FlightPath, MissionItem

@@ -22,7 +22,7 @@ from executor.core.interface.commands import Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
 from executor.core.lines import replanning
 from executor.core.replanning import replan_cycle, replan_separation, survivors
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import limit_to_hours
 from executor.core.state import landing_projection
 from executor.core.state.fleet_state import FleetState, Replan, Stepped

@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
-from executor.core.interface.commands import Command, Solve, Survivor
-from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.interface.commands import Command, Say, Solve, Survivor
+from executor.core.interface.events import Gain, NewRoute, SolveEnded
 from executor.core.lines import replanning
-from executor.core.replanning import new_missions, replan_messages, replan_separation, survivors
+from executor.core.replanning import new_missions, replan_separation, survivors
 from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
 from planner import segment_of
@@ -85,7 +85,7 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Step
     to_spare = find_left_over_segments(state) | (freed & state.coverage.left_over)
     if not alone and not freed and not to_spare:
         return state.with_replanning(ordered=False), ()
-    trigger = known.trigger if asked else replan_messages.explain_orphan_segments(context, state, alone)
+    trigger = known.trigger if asked else explain_orphan_segments(context, state, alone)
     revision, done = known.revision + 1, set(state.coverage.inspected)
     own = tuple(sorted((alone | freed) - to_spare - done))
     offers = replan_separation.close_occupied_segments(context, state, offers, (*own, *to_spare), now_s)
@@ -114,7 +114,7 @@ def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) ->
 
 def _count_attempts(state: FleetState, alone: frozenset[int]) -> tuple[FleetState, frozenset[int]]:
     """Count how often what is without a vehicle was flown in vain; what nobody flew past was not."""
-    flown = alone & replan_messages.find_passed_segments(state)
+    flown = alone & find_passed_segments(state)
     attempts = {
         **state.coverage.attempts,
         **{segment: state.coverage.attempts.get(segment, 0) + 1 for segment in flown},
@@ -139,7 +139,7 @@ def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozens
         return state, ()
     state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
     line = replanning.NOBODY_ALOFT if stages & survivors.ON_GROUND else replanning.NOBODY_LEFT
-    return state, (line.say(segments=replan_messages.format_segments(context, alone)),)
+    return state, (line.say(segments=format_segments(context, alone)),)
 
 
 def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
@@ -170,11 +170,11 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
         state = state.put(state.vehicles[route.vehicle].with_assignment(pending=event.revision))
     lines: list[Command] = []
     if not plan.solve.given:
-        lines.append(replan_messages.announce_solution(event, [route.vehicle for route in unmade]))
+        lines.append(announce_solution(event, [route.vehicle for route in unmade]))
     if event.gain is not None and event.gain.short:
-        lines.append(replan_messages.announce_short_budgets(event.gain))
+        lines.append(announce_short_budgets(event.gain))
     if event.uncovered:
-        lines.append(replanning.NOT_COVERED.say(segments=replan_messages.format_segments(context, event.uncovered)))
+        lines.append(replanning.NOT_COVERED.say(segments=format_segments(context, event.uncovered)))
     plan = replace(
         plan,
         solve_s=event.solve_s,
@@ -240,3 +240,67 @@ def build_loss_problem(context: Context, state: FleetState, name: str, now_s: fl
     wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
     offers = replan_separation.close_occupied_segments(context, state, offers, wanted, now_s)
     return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")
+
+
+def format_segments(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
+    """Return segments in words, by the names of the assets where they have any."""
+    names = {segment: context.segment_name(segment) for segment in sorted(segments)}
+    if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
+        return f"segments {', '.join(map(str, names))}"
+    return ", ".join(names.values())
+
+
+def find_passed_segments(state: FleetState) -> frozenset[int]:
+    """Return the segments that a vehicle has flown past on its mission, proven or not."""
+    past: set[int] = set()
+    for vehicle in state.vehicles.values():
+        past |= {segment for segment, _ in vehicle.assignment.runs_broken}
+        if vehicle.assignment.board is not None:
+            ahead = {segment_of(visit) for visit in vehicle.remaining_visits()}
+            past |= {segment_of(visit) for visit in vehicle.assignment.board.visits} - ahead
+    return frozenset(past)
+
+
+def explain_orphan_segments(context: Context, state: FleetState, alone: frozenset[int]) -> str:
+    """Return why segments are without a vehicle that no fault left behind."""
+    past = find_passed_segments(state)
+    reasons = {replanning.NOT_PROVEN: alone & past, replanning.WITHOUT_VEHICLE: alone - past}
+    found = ((why, format_segments(context, segments)) for why, segments in reasons.items() if segments)
+    return "; ".join(why.format(segments=segments) for why, segments in found)
+
+
+def announce_solution(event: SolveEnded, names: list[str]) -> Say:
+    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
+
+    Args:
+        event: The solver's answer.
+        names: Of those who are given one.
+    """
+    gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
+    given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
+    return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)
+
+
+def _describe_gain(gain: Gain, *, changed: bool) -> str:
+    if not changed:
+        return replanning.NO_GAIN
+    longest = replanning.LONGEST.format(longest_s=gain.longest_s)
+    shorter = round(gain.longest_s) < round(gain.carried_s)
+    covered = []
+    if gain.segments:
+        covered.append(replanning.RECOVERED.format(segments=format_count(gain.segments, "segment")))
+    elif gain.length_m >= 1.0 and not shorter:
+        covered.append(replanning.LENGTH_RECOVERED.format(length_m=gain.length_m))
+    if gain.left_over:
+        moved = replanning.TAKEN_OVER if gain.left_over > 0 else replanning.MOVED_BACK
+        covered.append(moved.format(segments=format_count(abs(gain.left_over), "segment")))
+    if covered:
+        return f"{', '.join(covered)}; {longest}"
+    why = replanning.LIMITED if gain.short else replanning.SHORTER if shorter else replanning.NO_DUPLICATES
+    return why.format(longest=longest, carried_s=gain.carried_s)
+
+
+def announce_short_budgets(gain: Gain) -> Say:
+    """Say who cannot go on with what is on board."""
+    line = replanning.BUDGET_SHORT if len(gain.short) == 1 else replanning.BUDGETS_SHORT
+    return line.say(vehicles=", ".join(sorted(gain.short)))

@@ -22,7 +22,7 @@ from executor.core.context import Context, Scene
 from executor.core.imaging import picture_proof
 from executor.core.inflight.homing.return_home import is_on_mission
 from executor.core.lines import resume
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.replan_cycle import format_segments
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_run import GAP_S, NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
 from executor.core.state.landing_projection import remaining_leg_share

@@ -18,7 +18,7 @@ from executor.core.interface.endings import Ending
 from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.lines import replanning, resume
 from executor.core.replanning import new_missions, survivors
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
 from executor.core.resume.link_blackout import catch_up_mission
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, NewMission, Replan, Stepped

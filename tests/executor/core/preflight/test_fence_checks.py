@@ -10,8 +10,8 @@ from executor.core.context import Context, FenceRules
 from executor.core.interface.check_codes import Severity
 from executor.core.interface.messages import ParamValue
 from executor.core.preflight import fence_checks, vehicle_checks
+from executor.core.preflight.board_changes import Answers, propose_return_changes
 from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.parameter_proposals import Answers, propose_return_changes
 from executor.core.state.onboard_fence import fence_top_m
 from missions import MissionItem
 from missions.items import PlaceCommand

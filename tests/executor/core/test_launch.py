@@ -11,7 +11,7 @@ from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Command, HandsOff, Level, Say, Start
 from executor.core.interface.events import Event, Heard, StartEnded, Tick
-from executor.core.launch.vehicle_start import apply_start_result, resume_start, retry_waiting_starts, start_from_base
+from executor.core.launch import apply_start_result, resume_start, retry_waiting_starts, start_from_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState
 from tests.executor.builders import with_facts

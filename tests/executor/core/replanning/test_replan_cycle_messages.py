@@ -8,7 +8,7 @@ import pytest
 
 from executor.core.interface.events import Gain, SolveEnded
 from executor.core.replanning import replan_cycle
-from executor.core.replanning.replan_messages import (
+from executor.core.replanning.replan_cycle import (
     announce_short_budgets,
     announce_solution,
     explain_orphan_segments,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from executor.core import launch
 from executor.core.interface.commands import Level, ReadMission, Upload
 from executor.core.interface.endings import Ending
 from executor.core.interface.events import UploadEnded
 from executor.core.interface.intents import Action
-from executor.core.launch import upload_result
 from executor.core.state.vehicle_state import Stage
 from tests.executor.builders import fleet_of
 from tests.executor.core.stories import story
@@ -53,7 +53,7 @@ def test_who_was_busy_is_offered_a_mission_when_it_answers(autopilot: str, code:
     failed_s = flight.now_s
     assert f"{AROUND} until it answers again" in flight.said(Level.WARNING)
     again_s = flight.run(lambda: AGAIN in flight.said())
-    assert again_s - failed_s == pytest.approx(upload_result.AGAIN_S, abs=2.0)
+    assert again_s - failed_s == pytest.approx(launch.AGAIN_S, abs=2.0)
     assert flight.given(ReadMission) == [ReadMission("uav3")]
     flight.run(lambda: len(uploads(flight)) == 2)
     assert planned_with(flight)[:3] == [{"uav1", "uav3"}, {"uav1"}, {"uav1", "uav3"}]
@@ -79,12 +79,12 @@ def test_it_is_not_offered_before_it_is_heard_again() -> None:
 def test_who_takes_none_of_them_is_planned_around() -> None:
     flight = losing(*(unfit(revision) for revision in (1, 3, 5, 7, 9)))
     flight.finish()
-    assert len(uploads(flight)) == upload_result.OFFERS
+    assert len(uploads(flight)) == launch.OFFERS
     assert [line for line in flight.said() if line.startswith(AROUND)] == [
-        *[f"{AROUND} until it answers again"] * (upload_result.OFFERS - 1),
+        *[f"{AROUND} until it answers again"] * (launch.OFFERS - 1),
         f"{AROUND} for the rest of the flight",
     ]
-    assert flight.said().count(AGAIN) == upload_result.OFFERS - 1
+    assert flight.said().count(AGAIN) == launch.OFFERS - 1
     assert flight.vehicle("uav3").assignment.stubborn
     assert set(flight.state.coverage.inspected) == EVERYTHING
 
@@ -102,14 +102,14 @@ def test_who_is_with_its_pilot_is_offered_nothing() -> None:
     flight = losing(unfit(1))
     flight.crafts["uav3"].mode = 5  # LOITER, by its pilot
     flight.run(lambda: flight.stage("uav3") is Stage.PILOT)
-    flight.pass_s(2 * upload_result.AGAIN_S)
+    flight.pass_s(2 * launch.AGAIN_S)
     assert (len(uploads(flight)), flight.given(ReadMission)) == (1, [])
 
 
 def test_who_is_held_is_offered_its_mission_when_it_goes_on() -> None:
     flight = losing(unfit(1))
     flight.ask(Action.HOLD, "uav3")
-    flight.pass_s(2 * upload_result.AGAIN_S)
+    flight.pass_s(2 * launch.AGAIN_S)
     assert len(uploads(flight)) == 1
     flight.ask(Action.RESUME, "uav3")
     flight.run(lambda: len(uploads(flight)) == 2)
@@ -120,7 +120,7 @@ def test_who_does_not_let_its_mission_be_read_is_offered_none() -> None:
     flight.crafts["uav3"].unreadable = True
     flight.finish()
     assert len(uploads(flight)) == 1
-    assert len(flight.given(ReadMission)) == upload_result.OFFERS - 1
+    assert len(flight.given(ReadMission)) == launch.OFFERS - 1
     assert flight.vehicle("uav3").fault is None
     assert set(flight.state.coverage.inspected) == EVERYTHING
 

@@ -7,7 +7,7 @@ import pytest
 from executor.core.context import Context
 from executor.core.interface.check_codes import Severity
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight.board_changes import (
     KEPT_HIGHER_M,
     Answers,
     ParameterProposal,

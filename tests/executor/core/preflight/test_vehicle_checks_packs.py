@@ -11,7 +11,7 @@ from executor.core.battery.resting_voltage import Chemistry, PackFacts
 from executor.core.context import Context
 from executor.core.interface.check_codes import CheckCode, Severity
 from executor.core.interface.messages import Position
-from executor.core.preflight import pack_checks
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import PX4
 from tests.executor.core.vehicles import DISARMED, FLEET
@@ -27,7 +27,7 @@ def said(
 ) -> list[tuple[Severity, str]]:
     setup = replace(context.vehicles["uav1"], pack=site or PackFacts())
     context = replace(context, vehicles={**context.vehicles, "uav1": setup})
-    found = pack_checks.check_pack(context, facts)
+    found = vehicle_checks.check_pack(context, facts)
     assert {one.code for one in found} <= {CheckCode.PACK}
     return [(one.severity, one.text) for one in found]
 
@@ -95,7 +95,7 @@ def of_history(known: PackHistory | None, budget_pct: float, reserve_pct: float,
         empty_pct=empty_pct,
     )  # fmt: skip
     context = replace(FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": setup})
-    return [(one.severity, one.text) for one in pack_checks.check_pack(context, SOUND)[:-1]]
+    return [(one.severity, one.text) for one in vehicle_checks.check_pack(context, SOUND)[:-1]]
 
 
 def test_a_worn_pack_is_told_with_what_is_reckoned_with_for_it() -> None:
