@@ -149,21 +149,13 @@ def apply_start_result(context: Context, state: FleetState, event: StartEnded, n
     if event.armed and not vehicle.armed and not has_fresh_heartbeat(context, vehicle, now_s):
         # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
         why = event.reason + takeoff.UNHEARD_SINCE
-        return _declare_not_started(context, state, vehicle, why, now_s, FaultKind.LINK)
+        return declare_fault(context, state, vehicle, _build_start_fault(why, now_s, FaultKind.LINK))
     why = event.reason + (takeoff.DISARMED_SINCE if stopped else "")
-    return _declare_not_started(context, state, vehicle, why, now_s)
+    return declare_fault(context, state, vehicle, _build_start_fault(why, now_s))
 
 
-def _declare_not_started(
-    context: Context,
-    state: FleetState,
-    vehicle: VehicleState,
-    why: str,
-    now_s: float,
-    kind: FaultKind = FaultKind.INTERRUPTION,
-) -> Stepped:
-    reason = takeoff.NOT_STARTED.format(why=why)
-    return declare_fault(context, state, vehicle, Fault(kind, reason, now_s, FaultCode.NOT_STARTED))
+def _build_start_fault(why: str, now_s: float, kind: FaultKind = FaultKind.INTERRUPTION) -> Fault:
+    return Fault(kind, takeoff.NOT_STARTED.format(why=why), now_s, FaultCode.NOT_STARTED)
 
 
 def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -173,7 +165,7 @@ def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, no
     stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
     if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
         why = takeoff.MODE_CHANGED if released else takeoff.ARMED_THEN_DISARMED
-        state, more = _declare_not_started(context, state, vehicle, why, now_s)
+        state, more = declare_fault(context, state, vehicle, _build_start_fault(why, now_s))
         return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
     flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
     return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
@@ -207,7 +199,7 @@ def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> S
         paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
         state = state.put(paid)
         if starts and why:
-            state, more = _declare_not_started(context, state, paid, why, now_s)
+            state, more = declare_fault(context, state, paid, _build_start_fault(why, now_s))
             commands.extend(more)
         elif starts:
             commands.append(Start(vehicle.name))

@@ -67,9 +67,9 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
     held_pct = heard.remaining_pct if found is None else found.held_pct
     vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
     state = state.put(vehicle)
-    said = _describe_pack(vehicle, heard, found)
+    pack = _describe_pack(vehicle, heard, found)
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
-        why = sorties.PACK_POOR.format(pack=said, reserve_pct=setup.reserve_pct)
+        why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
         return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
     line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
     if known := vehicle_checks.describe_pack_history(setup, context.drone.capacity_ah):
@@ -83,7 +83,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
         state = _close_intent(state, vehicle, Outcome.DONE, (None, sorties.PASSED_REPLANNING), now_s)
         more += sorties.REPLANNING_WITH_IT
-    return state, (line.say(vehicle=vehicle.name, pack=said, more=more),)
+    return state, (line.say(vehicle=vehicle.name, pack=pack, more=more),)
 
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
