@@ -14,8 +14,8 @@ from executor.core import launch
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
+from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
-from executor.core.imaging import picture_proof
 from executor.core.inflight import climb_conflicts
 from executor.core.inflight.closest_approach import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
@@ -27,7 +27,7 @@ from executor.core.interface.commands import AskStreams, Command, Finish, HandsO
 from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, takeoff
 from executor.core.operator import intent_handling
-from executor.core.replanning import lower_to_inspection_height, new_missions, pilot_takeover, replan_cycle, survivors
+from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import leg_times, vehicle_position
@@ -174,10 +174,10 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
         state, more = out_of_service.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None:
-        state = picture_proof.record_flown_segments(
+        state = asset_status.record_flown_segments(
             context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s
         )
-    state = picture_proof.record_passed_pylons(context, state, before, now_s)
+    state = asset_status.record_passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
@@ -219,7 +219,7 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
     name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
-        state, more = pilot_takeover.apply_takeover(context, state, vehicle)
+        state, more = withdrawal.apply_takeover(context, state, vehicle)
         return state, (flight.HEARD.say(vehicle=name), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
@@ -298,9 +298,9 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and mode_causes.is_taken_over(vehicle, now_s) and not lost:
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.is_surely_foreign(now_s) and not lost:
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     left_its_mission = bool(raised) and raised[0][0].code is FaultCode.MODE_CHANGED
     if left_its_mission and mode_causes.is_gcs_absence_failsafe(context, state.listening.absences, vehicle, now_s):
         return _return_after_absence(context, state, vehicle, now_s)
@@ -315,7 +315,7 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if why := landing.describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
-        return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
+        return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return launch.monitor_start(context, state, vehicle, now_s)
     if landing.has_landed(vehicle):
@@ -346,7 +346,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     if mode_causes.has_never_landed(context, vehicle):
         return _bring_home_flying_vehicle(context, state, vehicle, "landed", now_s)
     if vehicle.armed and mode_causes.may_arm_late(vehicle, now_s) and vehicle.custody.cause is ModeCause.OURS:
@@ -470,7 +470,7 @@ PHASES: tuple[TickPhase, ...] = (
         "that plans or commands: it goes by the stages and faults that are set here.",
     ),
     TickPhase(
-        "pictures", picture_proof.judge_pictures,
+        "pictures", asset_status.judge_pictures,
         "After the vehicles: only those in the air with a link are asked again. Before the re-plan: a segment "
         "flown without its pictures is open.",
     ),

@@ -10,9 +10,8 @@ from executor.core.context import Context
 from executor.core.interface.check_codes import Check
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock
-from executor.core.preflight import fence_checks
-from executor.core.preflight.board_changes import ChangeStage, KeptList, build_board_record
-from executor.core.preflight.fence_checks import OnboardLists
+from executor.core.preflight import board_changes
+from executor.core.preflight.board_changes import ChangeStage, KeptList, OnboardLists, build_board_record
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list, encode_fence
 from executor.core.state.vehicle_parts import OnboardMission
@@ -53,7 +52,7 @@ def check_fences_on_board(
     """
     kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
 
-    def ours(name: str, kind: MissionKind, items: fence_checks.Items | None) -> fence_checks.Items | None:
+    def ours(name: str, kind: MissionKind, items: board_changes.Items | None) -> board_changes.Items | None:
         known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
         return items if known is not None and items is not None and known.is_ours(items) else None
 
@@ -61,7 +60,7 @@ def check_fences_on_board(
     for name, lists in found.items():
         known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
         board = boards[name]
-        told += fence_checks.check_onboard_lists(
+        told += board_changes.check_onboard_lists(
             context, facts[name], None if board is None else board.path, lists, known
         )
     return told

@@ -9,7 +9,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.interface.check_codes import Check, Severity
 from executor.core.interface.ports import Clock
-from executor.core.preflight import fence_checks as fences
+from executor.core.preflight import board_changes
 from executor.core.preflight.board_changes import (
     Answers,
     ChangeStage,
@@ -30,10 +30,10 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
     async def read(name: str) -> Answers:
-        beside = fences.list_fence_parameters(context, name)
+        beside = board_changes.list_fence_parameters(context, name)
         return await board_restore.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    return fences.add_fence_changes(
+    return board_changes.add_fence_changes(
         context, propose_return_changes(context, await run_for_each(context.vehicles, read))
     )
 
@@ -78,7 +78,7 @@ async def apply_changes(
         async with turn:
             ends = await board_restore.set_changes(links[name], clock, proposal.changes_of(name))
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
-        own = fences.list_fence_parameters(context, name)
+        own = board_changes.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
         rest = {key: problem for key, problem in ends.items() if key not in own}
         if rest:

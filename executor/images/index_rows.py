@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from executor.core.context import Context
-from executor.core.imaging.picture_proof import describe_unseen_parts
+from executor.core.imaging.asset_status import describe_unseen_parts
 from executor.core.payload.camera_state import Picture
 from executor.core.state.fleet_state import FleetState
 from missions.cameras import CameraTasks, Trigger

@@ -7,7 +7,7 @@ from executor.core.interface.check_codes import Severity
 from executor.core.interface.events import Examined
 from executor.core.interface.messages import Heartbeat
 from executor.core.interface.ports import Clock, Link
-from executor.core.preflight import fence_checks
+from executor.core.preflight import board_changes
 from executor.core.preflight.board_changes import ParameterProposal, propose_return_changes
 from executor.core.preflight.failsafe_parameters import describe_unread_parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts
@@ -61,9 +61,9 @@ async def examine_vehicle(
 
 async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
     """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = fence_checks.list_fence_parameters(context, name)
+    beside = board_changes.list_fence_parameters(context, name)
     present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return fence_checks.add_fence_changes(context, propose_return_changes(context, {name: present}))
+    return board_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:

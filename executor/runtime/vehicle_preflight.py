@@ -20,7 +20,7 @@ from executor.core.interface.messages import (
 )
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import failsafe_parameters, vehicle_checks
-from executor.core.preflight.fence_checks import OnboardLists
+from executor.core.preflight.board_changes import OnboardLists
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.duplicate_ids import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.firmware import parse_banner_version

@@ -10,7 +10,7 @@ from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
-from executor.core.imaging import asset_status, picture_proof
+from executor.core.imaging import asset_status
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
 from executor.core.inflight.homing.return_home import bring_home, is_on_mission
@@ -20,7 +20,7 @@ from executor.core.interface.intents import Action, Intent, IntentReason, Intent
 from executor.core.lines import operator
 from executor.core.operator import intent_refusals
 from executor.core.operator.intent_refusals import Wish
-from executor.core.replanning import pilot_takeover, replan_cycle
+from executor.core.replanning import replan_cycle, withdrawal
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import ON_GROUND
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
@@ -181,7 +181,7 @@ def _withdraw(wish: Wish, state: FleetState, trigger: str, text: str) -> _Intent
 def _include(wish: Wish) -> _IntentResult:
     context, state, vehicle = wish.context, wish.state, wish.vehicle
     if vehicle.stage is Stage.PILOT:
-        state, more = pilot_takeover.take_back_from_pilot(context, state, vehicle, wish.now_s)
+        state, more = withdrawal.take_back_from_pilot(context, state, vehicle, wish.now_s)
         return _IntentResult(state, operator.INCLUDED, more)
     left = replan_cycle.find_left_over_segments(state)
     again = takeoff_offers.is_offered_reinspection(state, vehicle)
@@ -240,7 +240,7 @@ def _order_replan(wish: Wish, state: FleetState, trigger: str, text: str, segmen
 def _prove(wish: Wish) -> _IntentResult:
     context, state, coverage = wish.context, wish.state, wish.state.coverage
     if not wish.intent.assets:
-        wanted = coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state)
+        wanted = coverage.list_inferred_segments() | asset_status.find_missed_segments(context, state)
         state = replace(state, coverage=asset_status.discard_proof(coverage, wanted))
         names = format_segments(context, wanted)
         return _order_replan(wish, state, operator.PROOF_REQUESTED, operator.PROVE, names)

@@ -13,7 +13,7 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.out_of_service import is_base_closed, list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
-from executor.core.imaging import asset_status, picture_proof
+from executor.core.imaging import asset_status
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import return_home
 from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
@@ -248,7 +248,7 @@ def _object_to_proof(wish: Wish) -> Reasons:
         found = asset_status.select_segments_to_reinspect(context, state, assets)
         yield None if isinstance(found, frozenset) else found
     else:
-        open_ = state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state)
+        open_ = state.coverage.list_inferred_segments() | asset_status.find_missed_segments(context, state)
         yield not open_ and operator.ALL_PROVEN
     yield from _object_to_any_replan(wish)
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.core.context import Context, Scene
-from executor.core.imaging import picture_proof
+from executor.core.imaging import asset_status
 from executor.core.inflight.homing.return_home import is_on_mission
 from executor.core.lines import resume
 from executor.core.replanning.replan_cycle import format_segments
@@ -120,7 +120,7 @@ def catch_up_mission(
     state = state.put(vehicle)
     new = [segment for segment in found.segments if segment not in state.coverage.inspected]
     heard_s = vehicle.link.heard_s or 0.0
-    state = picture_proof.record_flown_segments(
+    state = asset_status.record_flown_segments(
         context, state, vehicle.name, [(segment, None) for segment in new], heard_s
     )
     inferred = state.coverage.inferred | {*new, *proven}

@@ -12,7 +12,7 @@ import pytest
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.imaging.picture_proof import find_missed_segments
+from executor.core.imaging.asset_status import find_missed_segments
 from executor.core.interface.commands import Level, Say, Solve
 from executor.core.interface.events import IntentReceived, Tick
 from executor.core.interface.intents import Action, Intent, IntentReason, Outcome

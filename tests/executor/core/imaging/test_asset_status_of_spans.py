@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.imaging.picture_proof import find_unseen_stretches, max_picture_spacing_m
+from executor.core.imaging.asset_status import find_unseen_stretches, max_picture_spacing_m
 from missions.cameras import SpanCameraTask, Trigger
 
 

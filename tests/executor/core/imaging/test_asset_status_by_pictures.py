@@ -9,7 +9,7 @@ import pytest
 
 from executor.core import fleet_step
 from executor.core.context import Context
-from executor.core.imaging.picture_proof import (
+from executor.core.imaging.asset_status import (
     WAITS_S,
     find_missed_segments,
     judge_pictures,
