@@ -78,15 +78,15 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
         able = _find_reinspections(context, state, ready, now_s)
     if not able or (not again and _has_other_candidate(context, state, now_s)):
         return _withdraw_offer(state), ()
-    state = state.with_crew(offer_wanted_s=crew.offer_wanted_s or now_s)
-    if crew.offer is None and _is_landing_expected(state) and now_s - (crew.offer_wanted_s or now_s) < LANDING_S:
-        return state, ()
+    wanted_s = crew.offer_wanted_s or now_s
+    if crew.offer is None and _is_landing_expected(state) and now_s - wanted_s < LANDING_S:
+        return state.with_crew(offer_wanted_s=wanted_s), ()
     segments = tuple(sorted(frozenset[int]().union(*able.values())))
     if crew.offer is not None and (crew.offer.vehicles, crew.offer.again) == (tuple(able), again):
         return _expire_offer(context, state.with_crew(offer=replace(crew.offer, segments=segments)), now_s)
     offer = TakeoffOffer(tuple(able), segments, now_s, again)
     line = sorties.OFFER.with_level(Level.WARNING) if again else sorties.OFFER  # nothing is left open by a no
-    return state.with_crew(offer=offer), (line.say(offer=describe_offer(context, offer)),)
+    return state.with_crew(offer=offer, offer_wanted_s=wanted_s), (line.say(offer=describe_offer(context, offer)),)
 
 
 def _find_reinspections(
