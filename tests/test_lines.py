@@ -34,9 +34,9 @@ def constants(node: ast.expr) -> Iterator[tuple[str, str]]:
 
 
 def said(path: Path) -> Iterator[tuple[int, tuple[str, str], set[str]]]:
-    """Yield each `subject.NAME.say(name=value)`, and `.of(subject, name=value)`, of a file with its names."""
+    """Yield each `subject.NAME.say(name=value)` of a file with its names."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in {"say", "of"}:
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "say":
             for line in constants(node.func.value):
                 if line in LINES:
                     yield node.lineno, line, {word.arg for word in node.keywords if word.arg}
@@ -62,5 +62,5 @@ def test_a_line_is_said_with_its_level_or_with_another() -> None:
 
 def test_a_line_of_the_checklist_has_its_severity_or_another() -> None:
     line = ChecklistLine(Severity.OK, CheckCode.ENERGY, "battery {left_pct:.0f} %")
-    assert line.of("uav1", left_pct=61.4) == Check(Severity.OK, "uav1", "battery 61 %", CheckCode.ENERGY)
-    assert line.of("uav1", Severity.STOP, left_pct=61.4).severity is Severity.STOP
+    assert line.say("uav1", left_pct=61.4) == Check(Severity.OK, "uav1", "battery 61 %", CheckCode.ENERGY)
+    assert line.say("uav1", Severity.STOP, left_pct=61.4).severity is Severity.STOP

@@ -10,6 +10,8 @@ from pathlib import Path
 from tests.test_architecture import PACKAGES, ROOT, modules
 
 SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "tests/test_lines.py": ("executor/core/interface/check_codes.py", "executor/core/interface/commands.py"),
+    "tests/executor/core/operator/test_intent_refusals.py": ("executor/core/interface/intents.py",),
     "tests/simulator/test_fences.py": ("simulator/fence.py", "simulator/lists_ardupilot.py"),
     "tests/benchmarks/test_reallogs.py": (
         "benchmarks/detectionbench.py",
@@ -219,7 +221,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/core/inflight/faults/watchpoint_types.py",
     ),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
-    "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
     "tests/executor/core/replanning/test_replan_cycle_losses.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_fleet_step_messages.py": ("executor/core/inflight/closest_approach.py",),

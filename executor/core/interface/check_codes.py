@@ -93,6 +93,6 @@ class ChecklistLine:
     code: CheckCode
     words: str
 
-    def of(self, subject: str, severity: Severity | None = None, **values: object) -> Check:
-        """Return it of a subject, with these values; at another severity than usual where that is given."""
+    def say(self, subject: str, severity: Severity | None = None, **values: object) -> Check:
+        """Return the check that says it of a subject with these values, at its own severity or at another."""
         return Check(severity or self.severity, subject, self.words.format(**values), self.code)

@@ -1,4 +1,4 @@
-"""Lines about the flight as a whole: who is heard again, what is not proven, what is seen again, and its end."""
+"""Lines about the flight as a whole: links regained, what is not proven, what is seen again, and its end."""
 
 from executor.core.interface.commands import CrewLine, Level
 

@@ -3,7 +3,7 @@
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
 
-INFO, WARNING, FAULT = Level
+INFO, WARNING, _ = Level
 
 # Why it is refused. The same codes go to the page and over MQTT.
 OVER = IntentReason.OVER, "the flight is over"

@@ -66,8 +66,8 @@ AGAIN_FROM_PAD = CrewLine(INFO, "{vehicle}: re-inspects {segments} at inspection
 
 # A vehicle leaves the plan.
 LEAVES = CrewLine(FAULT, "{parts}")
-FAULT = "{vehicle}: {kind}, {why}"
-LINK_FAULT = "{vehicle}: {why}"
+FAULT_TRIGGER = "{vehicle}: {kind}, {why}"
+LINK_TRIGGER = "{vehicle}: {why}"
 PILOT_HAS_IT = "with its pilot, not commanded"
 DISARM = "disarm commanded"
 RTL = "RTL commanded"

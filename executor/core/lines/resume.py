@@ -2,7 +2,7 @@
 
 from executor.core.interface.commands import CrewLine, Level
 
-INFO, WARNING, FAULT = Level
+INFO, WARNING, _ = Level
 
 RUNS_AGAIN = CrewLine(WARNING, "the ground station runs again, after {away_s:.0f} s")
 NOTE = CrewLine(WARNING, "{note}")

@@ -288,7 +288,7 @@ def propose_return_changes(
         said = answers.present
         if answers.unread:
             unread = describe_unread_parameters(answers.unread)
-            checks.append(checklist.CHANGES_UNKNOWN.of(name, unread=unread))
+            checks.append(checklist.CHANGES_UNKNOWN.say(name, unread=unread))
             continue
         allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
         own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
@@ -300,7 +300,7 @@ def propose_return_changes(
 
 def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
-    return [checklist.TO_BE_SET.of(one.vehicle, change=one.words_set) for one in changes]
+    return [checklist.TO_BE_SET.say(one.vehicle, change=one.words_set) for one in changes]
 
 
 def _propose_for_vehicle(
@@ -312,7 +312,7 @@ def _propose_for_vehicle(
     known = said.get(name)
     if known is None:
         names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
-        return [], checklist.RTL_UNKNOWN.of(vehicle, names=names)
+        return [], checklist.RTL_UNKNOWN.say(vehicle, names=names)
     is_m = known.value * unit_m
     most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
     changes, height_m = [], is_m
@@ -324,7 +324,7 @@ def _propose_for_vehicle(
         changes.append(plan_change(setup, known, value, unit, why))
     changes += _propose_other_changes(setup, said, height_m)
     is_ = "is" if height_m == is_m else "will be"
-    return changes, checklist.RTL_ALTITUDE.of(vehicle, is_=is_, height_m=round(height_m, 1), name=name)
+    return changes, checklist.RTL_ALTITUDE.say(vehicle, is_=is_, height_m=round(height_m, 1), name=name)
 
 
 def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
@@ -342,7 +342,7 @@ def check_return_height(context: Context, vehicle: str, proposal: ParameterPropo
     new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
     height_m = round((said[name].value if ends.get(name) else new) * unit_m, 1)
     line = checklist.RTL_STAYS if ends.get(name) else checklist.RTL_SET_BUT if problems else checklist.RTL_SET
-    return line.of(vehicle, height_m=height_m, name=name, wanted_m=wanted_m, problems=problems)
+    return line.say(vehicle, height_m=height_m, name=name, wanted_m=wanted_m, problems=problems)
 
 
 def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
@@ -447,7 +447,7 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
         return []
     missing = [one for one in names if one not in said]
     if missing:
-        return [checklist.NO_FENCE.of(name, names=", ".join(missing))]
+        return [checklist.NO_FENCE.say(name, names=", ".join(missing))]
     rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
     action = int(new.get(rule.action, said[rule.action].value))
     does = describe_action(rule.actions, action) if action else "nothing"
@@ -456,8 +456,8 @@ def check_fence_settings(context: Context, name: str, said: Present, made: Seque
     margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
     if does in {"nothing", "warning", UNKNOWN}:
         does = UNKNOWN if does == UNKNOWN else checklist.DOES_NOTHING
-        return [checklist.FENCE_IDLE.of(name, does=does, setting=setting)]
-    return [checklist.FENCE.of(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
+        return [checklist.FENCE_IDLE.say(name, does=does, setting=setting)]
+    return [checklist.FENCE.say(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
 
 
 def check_onboard_lists(
@@ -486,7 +486,7 @@ def _check_onboard_fence(
     name, given = facts.name, context.fencing is not None and context.fencing.enabled
     dialect = context.vehicles[name].dialect
     if lists.fence is None:
-        return [checklist.FENCE_UNREADABLE.of(name, Severity.STOP if given else None)]
+        return [checklist.FENCE_UNREADABLE.say(name, Severity.STOP if given else None)]
     if not lists.fence or lists.fence == ours.fence:
         return []
     what = checklist.FOREIGN_FENCE.format(items=format_count(len(lists.fence), "item"))
@@ -494,7 +494,7 @@ def _check_onboard_fence(
     if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
     if not _is_polygon_fence_enabled(dialect, facts.parameters):
-        return [checklist.FENCE_OFF.of(name, fence=what)]
+        return [checklist.FENCE_OFF.say(name, fence=what)]
     pad_m = context.vehicles[name].pad_m
     places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
     shapes = parse_outlines(lists.fence, context.frame)
@@ -502,15 +502,15 @@ def _check_onboard_fence(
     out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
         lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
-        return [checklist.FENCE_LEFT.of(name, fence=what, lat_deg=lat_deg, lon_deg=lon_deg)]
-    return [checklist.FENCE_FITS.of(name, fence=what, stays=checklist.FENCE_KEPT if given else "")]
+        return [checklist.FENCE_LEFT.say(name, fence=what, lat_deg=lat_deg, lon_deg=lon_deg)]
+    return [checklist.FENCE_FITS.say(name, fence=what, stays=checklist.FENCE_KEPT if given else "")]
 
 
 def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
     name, rule = facts.name, context.fencing
     given = rule is not None and rule.enabled and rule.rally != "keep"
     if lists.rally is None:
-        return [checklist.RALLY_UNREADABLE.of(name, Severity.STOP if given else None)]
+        return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
     if lists.rally == ours.rally:
         return []
     pad_m = context.vehicles[name].pad_m
@@ -518,7 +518,7 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
     far = [one for one in away_m if one > NEAR_M]
     if not far or given:
         return []
-    return [checklist.RALLY_FAR.of(name, points=format_count(len(far), "rally point"), away_m=max(far))]
+    return [checklist.RALLY_FAR.say(name, points=format_count(len(far), "rally point"), away_m=max(far))]
 
 
 def _round_up_fence_top(context: Context, name: str, said: Present) -> float:

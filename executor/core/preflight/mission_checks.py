@@ -43,10 +43,10 @@ def check_flight_heights(
         worth_a_look: What was found about the network's heights when it was read.
     """
     return [
-        checklist.HEIGHTS.of("heights", heights=describe_heights(setup, paths)),
-        *(checklist.HEIGHTS.of("heights", Severity.WARNING, heights=text) for text in worth_a_look),
-        *(checklist.TOO_LOW.of("heights", found=text) for text in find_low_places(setup, paths)),
-        *(checklist.TOO_HIGH.of("heights", found=text) for text in check_ceiling(setup, paths)),
+        checklist.HEIGHTS.say("heights", heights=describe_heights(setup, paths)),
+        *(checklist.HEIGHTS.say("heights", Severity.WARNING, heights=text) for text in worth_a_look),
+        *(checklist.TOO_LOW.say("heights", found=text) for text in find_low_places(setup, paths)),
+        *(checklist.TOO_HIGH.say("heights", found=text) for text in check_ceiling(setup, paths)),
     ]
 
 
@@ -151,8 +151,8 @@ def check_inspection_distances(
     words = describe_inspection_distances(setup.inspection.height_m, rows)
     near = check_inspection_airspace(setup, [build_airway(setup, path) for path in paths])
     return [
-        checklist.DISTANCES.of("distance", distances=words),
-        *(checklist.TOO_NEAR.of("separation", found=text) for text in near),
+        checklist.DISTANCES.say("distance", distances=words),
+        *(checklist.TOO_NEAR.say("separation", found=text) for text in near),
     ]
 
 
@@ -175,17 +175,17 @@ def check_missions_and_areas(
         pad = setup.pad_of(name)
         off_m = math.dist(place_m, (pad.east_m, pad.north_m))
         if off_m > OFF_PAD_M:
-            found.append(checklist.OFF_STATED_PAD.of(name, off_m=off_m))
+            found.append(checklist.OFF_STATED_PAD.say(name, off_m=off_m))
     if setup.alternates:
-        found.append(checklist.ALTERNATES.of("areas", names=", ".join(setup.alternates)))
+        found.append(checklist.ALTERNATES.say("areas", names=", ".join(setup.alternates)))
     if not setup.areas:
         return found
     wrong = check_areas(setup, paths)
-    found += [checklist.AREAS_ENTERED.of("areas", found=text) for text in wrong]
+    found += [checklist.AREAS_ENTERED.say("areas", found=text) for text in wrong]
     if not wrong:
-        found.append(checklist.AREAS_KEPT.of("areas", areas=format_count(len(setup.areas), "area")))
+        found.append(checklist.AREAS_KEPT.say("areas", areas=format_count(len(setup.areas), "area")))
     crossed = describe_returns_through_areas(setup, paths, routes)
-    return found + [checklist.RETURNS_THROUGH.of("areas", found=text) for text in crossed]
+    return found + [checklist.RETURNS_THROUGH.say("areas", found=text) for text in crossed]
 
 
 def describe_returns_through_areas(

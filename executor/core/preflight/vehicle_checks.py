@@ -91,7 +91,7 @@ class VehicleFacts:
         if not lacking:
             return []
         unread = failsafe_parameters.describe_unread_parameters(lacking)
-        return [replace(checklist.NOT_READ.of(self.name, what=what, unread=unread), code=code)]
+        return [replace(checklist.NOT_READ.say(self.name, what=what, unread=unread), code=code)]
 
     @property
     def words(self) -> str:
@@ -115,17 +115,17 @@ def check_identity(
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in firmware.MULTICOPTERS:
-        found.append(checklist.VEHICLE_TYPE.of(facts.name, type=firmware.describe_vehicle_type(kind)))
+        found.append(checklist.VEHICLE_TYPE.say(facts.name, type=firmware.describe_vehicle_type(kind)))
     is_, number = facts.heartbeat.autopilot, dialect.number
     if is_ != number:
-        found.append(checklist.AUTOPILOT.of(facts.name, autopilot=is_, name=dialect.name, number=number))
-    found += [checklist.DOUBLE_SYSID.of(facts.name, found=describe_foreign_system(one)) for one in facts.doubles]
+        found.append(checklist.AUTOPILOT.say(facts.name, autopilot=is_, name=dialect.name, number=number))
+    found += [checklist.DOUBLE_SYSID.say(facts.name, found=describe_foreign_system(one)) for one in facts.doubles]
     if facts.heartbeat.armed:
-        found.append(checklist.ARMED.of(facts.name))
+        found.append(checklist.ARMED.say(facts.name))
     away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
         where = "the depot" if stated_m is None else "its pad"
-        found.append(checklist.FAR_FROM_PAD.of(facts.name, away_m=away_m, where=where, most_m=FARTHEST_PAD_M))
+        found.append(checklist.FAR_FROM_PAD.say(facts.name, away_m=away_m, where=where, most_m=FARTHEST_PAD_M))
     return found
 
 
@@ -135,9 +135,9 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
     off_m = pad.alt_m - context.frame.alt_m
     heights = checklist.PAD_AND_DEPOT.format(pad_m=pad.alt_m, depot_m=context.frame.alt_m)
     if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
-        return [checklist.PAD_HEIGHT.of(facts.name, heights=heights)]
+        return [checklist.PAD_HEIGHT.say(facts.name, heights=heights)]
     if abs(off_m) > context.setup.inspection.height_m - margin_m(context.setup):
-        return [checklist.PAD_HEIGHT_MATTERS.of(facts.name, heights=heights, off_m=abs(off_m))]
+        return [checklist.PAD_HEIGHT_MATTERS.say(facts.name, heights=heights, off_m=abs(off_m))]
     return []
 
 
@@ -155,7 +155,7 @@ def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
     if not abs(off_m) > known.uncertainty_m + GPS_M:
         return []
     severity = Severity.STOP if off_m > terrain.margin_m else None
-    check = checklist.PAD_GROUND.of(
+    check = checklist.PAD_GROUND.say(
         facts.name, severity, pad_m=pad.alt_m, ground_m=ground_m, source=known.source,
         off_m=abs(off_m), lower="lower" if off_m > 0 else "higher",
     )  # fmt: skip
@@ -168,7 +168,7 @@ def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
         line = checklist.FIRMWARE_UNKNOWN
     elif (facts.version.major, facts.version.minor) < dialect.oldest_version:
         line = checklist.FIRMWARE_OLD
-    return line.of(facts.name, firmware=facts.words, oldest=oldest, tested=dialect.tested_version)
+    return line.say(facts.name, firmware=facts.words, oldest=oldest, tested=dialect.tested_version)
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
@@ -181,9 +181,9 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
         wanted_s: The site file's figure for that; None if it has none.
     """
     if wanted_s is not None and waited_s > wanted_s and not own.unread:
-        return checklist.DECLARED_LATER.of(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
+        return checklist.DECLARED_LATER.say(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
     severity = Severity.STOP if own.unread else None if own.acts else Severity.WARNING
-    return checklist.DECLARED_LOST.of(facts.name, severity, failsafe=own.words, waited_s=waited_s)
+    return checklist.DECLARED_LOST.say(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -193,14 +193,14 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
-        found.append(checklist.STATION_UNKNOWN.of(facts.name, what=what, names=" or ".join(names)))
+        found.append(checklist.STATION_UNKNOWN.say(facts.name, what=what, names=" or ".join(names)))
     if counted is not None and counted[1] != ours:
         name, value = counted
-        found.append(checklist.STATION_OTHER.of(facts.name, value=value, name=name, ours=ours))
+        found.append(checklist.STATION_OTHER.say(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
-        found.append(checklist.STATION_HIDES.of(facts.name, system=station.system, component=component, then=then))
+        found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
 
 
@@ -220,11 +220,11 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
         line = checklist.BATTERY_FAILSAFE
         actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
     severity = None if known else Severity.WARNING
-    found = [line.of(facts.name, severity, settings=settings, actions=actions)]
+    found = [line.say(facts.name, severity, settings=settings, actions=actions)]
     early = failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version)
-    found += [checklist.RETURNS_EARLY.of(facts.name, action=words) for words in early]
+    found += [checklist.RETURNS_EARLY.say(facts.name, action=words) for words in early]
     return found + [
-        checklist.ACTS_IN_FLIGHT.of(facts.name, action=action.words, left_pct=left_pct)
+        checklist.ACTS_IN_FLIGHT.say(facts.name, action=action.words, left_pct=left_pct)
         for action in rule.actions
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct
     ]
@@ -247,7 +247,7 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     action = facts.parameters.get(rule.action, 0.0)
     if action and failsafe_parameters.describe_action(rule.actions, action) == failsafe_parameters.UNKNOWN:
         does = failsafe_parameters.UNKNOWN
-        found.append(checklist.GEOFENCE_ACTION.of(facts.name, action=does, name=rule.action, value=action))
+        found.append(checklist.GEOFENCE_ACTION.say(facts.name, action=does, name=rule.action, value=action))
     # What its owner has set is no limit to be lifted for a fence of ours.
     severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
@@ -256,11 +256,11 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     ):
         if limit_m is not None and needed_m > limit_m:
             found.append(
-                checklist.GEOFENCE_ENDS.of(
+                checklist.GEOFENCE_ENDS.say(
                     facts.name, severity, limit_m=limit_m, needed_m=needed_m, what=what, name=name
                 )
             )
-    return found or [checklist.GEOFENCE_FITS.of(facts.name)]
+    return found or [checklist.GEOFENCE_FITS.say(facts.name)]
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -271,7 +271,7 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     absent = [name for name in names if name not in facts.parameters]
     if not absent:
         return []
-    return [checklist.TIMES_BY_DEFAULT.of(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
+    return [checklist.TIMES_BY_DEFAULT.say(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
 
 
 def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -288,10 +288,10 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
     on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
     setting = {rule: f"{rule.parameter} {facts.parameters[rule.parameter]:g}" for rule in set_}
     follows, unknown, name = checklist.TERRAIN_FOLLOWED, checklist.TERRAIN_UNKNOWN, facts.name
-    found = [follows.of(name, setting=setting[rule], meaning=rule.words) for rule in on if rule.in_flight]
-    found += [unknown.of(name, setting=setting[rule]) for rule in set_ if rule not in on]
+    found = [follows.say(name, setting=setting[rule], meaning=rule.words) for rule in on if rule.in_flight]
+    found += [unknown.say(name, setting=setting[rule]) for rule in set_ if rule not in on]
     idle = "; ".join(f"{setting[rule]} {rule.words}" for rule in on)
-    return found or [checklist.TERRAIN_NOT_FOLLOWED.of(name, idle=f" ({idle})" if idle else "")]
+    return found or [checklist.TERRAIN_NOT_FOLLOWED.say(name, idle=f" ({idle})" if idle else "")]
 
 
 def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -310,9 +310,9 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
         return unread
     value = facts.parameters.get(rule.parameter)
     if value:
-        return [checklist.SHUTTER.of(facts.name, name=rule.parameter, value=value)]
+        return [checklist.SHUTTER.say(facts.name, name=rule.parameter, value=value)]
     said = f"does not say {rule.parameter}" if value is None else f"{rule.parameter} 0"
-    return [checklist.NO_SHUTTER.of(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
+    return [checklist.NO_SHUTTER.say(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
 
 
 def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
@@ -330,11 +330,11 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
-        return checklist.SPARE.of(name, left_pct=remaining_pct)
+        return checklist.SPARE.say(name, left_pct=remaining_pct)
     needed = _estimate_flight(context, path)
     left_pct = remaining_pct - needed.energy_pct
     line = checklist.ENERGY_SHORT if left_pct < setup.reserve_pct else checklist.ENERGY
-    return line.of(
+    return line.say(
         name, has_pct=remaining_pct, minutes=needed.duration_s / 60, needs_pct=needed.energy_pct, left_pct=left_pct,
         reserve_pct=setup.reserve_pct,
     )  # fmt: skip
@@ -348,13 +348,13 @@ def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Che
         signed: Whether frames must be signed.
     """
     if signed:
-        return checklist.SIGNED.of("signing")
+        return checklist.SIGNED.say("signing")
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:
         radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
-        return checklist.UNSIGNED.of("signing", beyond=checklist.RADIOS if radios else checklist.NO_RADIOS)
+        return checklist.UNSIGNED.say("signing", beyond=checklist.RADIOS if radios else checklist.NO_RADIOS)
     are = "is" if len(open_) == 1 else "are"
-    return checklist.UNSIGNED_ON_NETWORK.of("signing", vehicles=", ".join(open_), are=are)
+    return checklist.UNSIGNED_ON_NETWORK.say("signing", vehicles=", ".join(open_), are=are)
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
@@ -362,14 +362,14 @@ def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: 
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
     line = checklist.DISK_FULL if free_bytes < SPARE_ROOM * needed else checklist.DISK
-    return line.of("disk", free_gb=free_bytes / 1e9, needed_mb=needed / 1e6)
+    return line.say("disk", free_gb=free_bytes / 1e9, needed_mb=needed / 1e6)
 
 
 def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
     if near := check_separation(paths, layer_m, home_alt_m=home_alt_m):
-        return [checklist.TOO_NEAR.of("separation", found=text) for text in near]
-    return [checklist.SEPARATED.of("separation", layer_m=layer_m)]
+        return [checklist.TOO_NEAR.say("separation", found=text) for text in near]
+    return [checklist.SEPARATED.say("separation", layer_m=layer_m)]
 
 
 def parse_prearm_reason(text: str) -> str | None:
@@ -484,7 +484,7 @@ def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
         return []
     worn = known.share_of(planned_ah) < 1.0
     severity, history = Severity.WARNING if worn else None, describe_pack_history(setup, planned_ah)
-    return [checklist.PACK_HISTORY.of(setup.name, severity, label=known.label, history=history)]
+    return [checklist.PACK_HISTORY.say(setup.name, severity, label=known.label, history=history)]
 
 
 def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
@@ -517,14 +517,14 @@ def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]
     if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
         return []
     factor = planned_ah / counted_ah
-    return [checklist.PACK_CAPACITY.of(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
+    return [checklist.PACK_CAPACITY.say(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
 
 
 def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
     if facts.voltage_v is None:
-        return [checklist.NO_VOLTAGE.of(facts.name)]
+        return [checklist.NO_VOLTAGE.say(facts.name)]
     if found is None:
         return []
     line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
     severity = Severity.WARNING if found.doubtful else None
-    return [line.of(facts.name, severity, standing=found.standing.words, count=found.count)]
+    return [line.say(facts.name, severity, standing=found.standing.words, count=found.count)]

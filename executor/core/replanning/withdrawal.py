@@ -60,7 +60,7 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     if stage is Stage.RETURNING and not then:
         then = _describe_homing(context, state, vehicle.name, now_s)
         state, commands = return_home.bring_home(context, state, state.vehicles[vehicle.name], now_s)
-    trigger = replanning.LINK_FAULT if kind is FaultKind.LINK else replanning.FAULT
+    trigger = replanning.LINK_TRIGGER if kind is FaultKind.LINK else replanning.FAULT_TRIGGER
     trigger = trigger.format(vehicle=vehicle.name, kind=kind.value, why=why)
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
     parts = (trigger, then, _describe_reassignment(state, vehicle.name, left))
