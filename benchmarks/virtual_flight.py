@@ -23,10 +23,10 @@ from executor.analysis.documents import FlightReport
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
+from executor.core.interface.codes import Check, Severity
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
 from executor.core.interface.ports import EventSink
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from executor.core.interface.codes import Check, CheckCode, ChecklistLine, Severity
 from executor.core.interface.commands import CrewLine, Level, Say
 from tests.test_architecture import ROOT, modules
 
 LINES = {
-    (path.stem, name): line.words if isinstance(line, CrewLine) else str(line)
+    (path.stem, name): line.words if isinstance(line, CrewLine | ChecklistLine) else str(line)
     for path in (ROOT / "executor/core/lines").glob("[a-z]*.py")
     for name, line in vars(import_module(f"executor.core.lines.{path.stem}")).items()
-    if name.isupper()
+    if name.isupper() and not isinstance(line, Level | Severity)
 }
 """The words of each line, and of each part of one."""
 
@@ -58,3 +59,9 @@ def test_a_line_is_said_with_its_level_or_with_another() -> None:
     line = CrewLine(Level.INFO, "{vehicle}: landed with {left_pct:.0f} %")
     assert line.say(vehicle="uav1", left_pct=61.4) == Say(Level.INFO, "uav1: landed with 61 %")
     assert line.with_level(Level.WARNING).say(vehicle="uav1", left_pct=61.4).level is Level.WARNING
+
+
+def test_a_line_of_the_checklist_has_its_severity_or_another() -> None:
+    line = ChecklistLine(Severity.OK, CheckCode.ENERGY, "battery {left_pct:.0f} %")
+    assert line.say("uav1", left_pct=61.4) == Check(Severity.OK, "uav1", "battery 61 %", CheckCode.ENERGY)
+    assert line.say("uav1", Severity.STOP, left_pct=61.4).severity is Severity.STOP

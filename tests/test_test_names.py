@@ -147,10 +147,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/cli/test_plan_inputs_day.py": ("missions/day_plan.py",),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
-    "tests/executor/core/operator/test_intent_handling_back_in_the_plan.py": (
-        "executor/core/ground/return_to_service.py",
-    ),
-    "tests/executor/core/operator/test_intent_handling_out_of_the_plan.py": ("executor/core/replanning/withdrawal.py",),
+    "tests/executor/core/operator/test_intent_refusals.py": ("executor/core/interface/intents.py",),
+    "tests/executor/core/replanning/test_replan_cycle_losses.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/state/test_vehicle_parts.py": (
         "executor/core/interface/ports.py",
         "executor/core/interface/recorded_log.py",
@@ -158,7 +156,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
     "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
-    "tests/executor/core/test_fleet_step_uploads.py": ("executor/core/launch/upload_result.py",),
     "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
@@ -233,7 +230,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "scripts/pages/states.py",
     ),
     "tests/test_extras.py": ("executor/adapters/extras.py",),
-    "tests/test_lines.py": ("executor/core/interface/commands.py",),
+    "tests/test_lines.py": (
+        "executor/core/interface/check_codes.py",
+        "executor/core/interface/commands.py",
+    ),
 }
 """By a test file, the modules that it shows beside what it is called after."""
 

@@ -22,8 +22,7 @@ from executor.adapters.run_directory import (
     YesNo,
 )
 from executor.core.formatting import format_count
-from executor.core.interface.codes import CheckCode
-from executor.core.preflight.vehicle_checks import Severity
+from executor.core.interface.codes import CheckCode, Severity
 from executor.core.state.vehicle_state import FaultCode, FaultKind
 from missions.validation import is_none
 

@@ -10,9 +10,10 @@ from types import MappingProxyType
 from executor.analysis import documents
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
+from executor.core.interface.codes import Check
 from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import mission_checks
-from executor.core.preflight.vehicle_checks import Check, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_parts import FlownLeg, LegBoundary
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad

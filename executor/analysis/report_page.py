@@ -15,8 +15,8 @@ from executor.adapters.templates import format_value, render_template, write_pag
 from executor.analysis.documents import FlightReport, InspectionRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import formatting
+from executor.core.interface.codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Severity
 
 PICTURES = {
     "map.png": "The first plan, and what was flown",

@@ -19,8 +19,8 @@ from executor.adapters.interrupts import discard_output
 from executor.core import formatting
 from executor.core.context import Context
 from executor.core.fleet_view import FleetView, VehicleView, build_fleet_view
+from executor.core.interface.codes import Check, Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.core.state.fleet_state import FleetState
 
 DRAWS_PER_S = 4.0

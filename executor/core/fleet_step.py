@@ -10,67 +10,26 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from executor.core import launch
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.ground import kill_switch, takeoff_offers, turnaround
+from executor.core.ground import out_of_service, takeoff_offers, turnaround
+from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
-from executor.core.imaging import picture_proof
 from executor.core.inflight import climb_conflicts, homing
 from executor.core.inflight.climb_conflicts import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
-from executor.core.inflight.homing import (
-    apply_touchdown,
-    describe_unexpected_landing,
-    has_landed,
-    is_coming_home,
-    is_flying_again,
-    is_on_mission,
-)
+from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
-from executor.core.interface.events import (
-    Asked,
-    Event,
-    Examined,
-    Heard,
-    IntentReceived,
-    LaunchOrdered,
-    LossJudged,
-    MissionRead,
-    MissionsWanted,
-    OrderEnded,
-    Reopened,
-    Resumed,
-    ReturnAllOrdered,
-    ReturnEnded,
-    SolveEnded,
-    StartEnded,
-    Tick,
-    UploadEnded,
-)
-from executor.core.interface.messages import (
-    ComponentText,
-    Heartbeat,
-    LandedState,
-    MissionCurrent,
-    PayloadMessage,
-    Position,
-)
-from executor.core.launch import vehicle_start
-from executor.core.launch.upload_result import apply_upload_result
+from executor.core.launch import apply_upload_result
+from executor.core.lines import flight, takeoff
 from executor.core.operator import intent_handling
-from executor.core.replanning import (
-    lower_to_inspection_height,
-    mission_retry,
-    new_missions,
-    pilot_takeover,
-    replan_cycle,
-    survivors,
-)
+from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
-from executor.core.state import legs
+from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import (
     KEPT_LINES,
     Briefing,
@@ -84,12 +43,7 @@ from executor.core.state.fleet_state import (
 )
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
 from executor.core.state.vehicle_position import (
-    describe_down_place,
     describe_gps_return,
-    describe_last_position,
-    is_at_rest,
-    is_over_pad,
-    is_resting_place_known,
 )
 from executor.core.state.vehicle_state import (
     Fault,
@@ -134,7 +88,7 @@ def build_initial_state(
     return FleetState(vehicles, crew=CrewDialogue(briefing=Briefing(checks)))
 
 
-def step(context: Context, state: FleetState, event: Event, now_s: float) -> Stepped:
+def step(context: Context, state: FleetState, event: events.Event, now_s: float) -> Stepped:
     """Apply one event."""
     state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
@@ -143,39 +97,49 @@ def step(context: Context, state: FleetState, event: Event, now_s: float) -> Ste
     return (state.with_crew(said=(*state.crew.said, *lines)[-KEPT_LINES:]) if lines else state), commands
 
 
-def _dispatch_event(  # noqa: C901, PLR0911 - one return for each kind of event
-    context: Context, state: FleetState, event: Event, now_s: float
+def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind of event
+    context: Context, state: FleetState, event: events.Event, now_s: float
 ) -> Stepped:
     match event:
-        case Heard():
+        case events.Heard():
             return _apply_message(context, state, event, now_s)
-        case Tick():
+        case events.Tick():
             return _apply_tick(context, state, event.late_s, now_s)
-        case LaunchOrdered():
-            return vehicle_start.launch_fleet(context, state, now_s)
-        case StartEnded():
-            return vehicle_start.apply_start_result(context, state, event, now_s)
-        case UploadEnded():
+        case events.LaunchOrdered():
+            return launch.launch_fleet(context, state, now_s)
+        case events.StartEnded():
+            return launch.apply_start_result(context, state, event, now_s)
+        case events.UploadEnded():
             return apply_upload_result(context, state, event, now_s)
-        case SolveEnded() | Examined():
-            return turnaround.apply_turnaround_event(context, state, event, now_s)
-        case MissionsWanted():
+        case events.SolveEnded():
+            return turnaround.apply_sortie_solution(context, state, event, now_s)
+        case events.Examined():
+            return turnaround.apply_examination(context, state, event, now_s)
+        case events.MissionsWanted():
             return new_missions.apply_missions_wanted(context, state, event, now_s)
-        case LossJudged():
+        case events.LossJudged():
             return _record_loss_judgement(state, event, now_s), ()
-        case ReturnEnded() | OrderEnded() | IntentReceived() | ReturnAllOrdered():
-            return intent_handling.apply_operator_event(context, state, event, now_s)
-        case Reopened():
+        case events.IntentReceived(intent):
+            return intent_handling.apply_intent(context, state, intent, now_s)
+        case events.OrderEnded():
+            return intent_handling.apply_order_result(context, state, event, now_s)
+        case events.ReturnEnded():
+            return intent_handling.apply_return_result(state, event, now_s)
+        case events.ReturnAllOrdered():
+            return intent_handling.recall_fleet(context, state, now_s)
+        case events.Reopened():
             return reconciliation.apply_reopening(state, event, now_s)
-        case Resumed() | MissionRead():
+        case events.Resumed() | events.MissionRead():
             return _apply_mission_findings(context, state, event, now_s)
-        case Asked(question, text, lines):
+        case events.Asked(question, text, lines):
             asked = Question(question, text, lines)
             return state.with_crew(briefing=replace(state.crew.briefing, question=asked, answered="")), ()
 
 
-def _apply_mission_findings(context: Context, state: FleetState, event: Resumed | MissionRead, now_s: float) -> Stepped:
-    if isinstance(event, MissionRead):
+def _apply_mission_findings(
+    context: Context, state: FleetState, event: events.Resumed | events.MissionRead, now_s: float
+) -> Stepped:
+    if isinstance(event, events.MissionRead):
         return mission_check.apply_mission_read(state, event.found, now_s)
     taken = reconciliation.resume_fleet(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
@@ -189,25 +153,25 @@ def _apply_mission_findings(context: Context, state: FleetState, event: Resumed 
     return state, tuple(commands)
 
 
-def _record_loss_judgement(state: FleetState, event: LossJudged, now_s: float) -> FleetState:
+def _record_loss_judgement(state: FleetState, event: events.LossJudged, now_s: float) -> FleetState:
     if event.revision != state.replanning.revision:
         return state
     outlook = {**state.replanning.outlook, event.vehicle: LossOutlook(now_s, event.uncovered)}
     return state.with_replanning(outlook=MappingProxyType(outlook))
 
 
-def _apply_message(context: Context, state: FleetState, event: Heard, now_s: float) -> Stepped:
+def _apply_message(context: Context, state: FleetState, event: events.Heard, now_s: float) -> Stepped:
     before = state.vehicles[event.vehicle]
-    if isinstance(event.message, ComponentText):
+    if isinstance(event.message, messages.ComponentText):
         return status_texts.show_text(state, before, event.message, now_s)
-    if isinstance(event.message, PayloadMessage):
+    if isinstance(event.message, messages.PayloadMessage):
         return apply_payload_message(context, state, before, event.message, now_s), ()
     folded = apply_message(context, before, event.message, now_s)
-    if isinstance(event.message, Heartbeat):
+    if isinstance(event.message, messages.Heartbeat):
         folded = replace(
             folded, state=mode_causes.update_mode_cause(context, state.listening.absences, before, folded.state, now_s)
         )
-    elif isinstance(event.message, MissionCurrent | LandedState | Position):
+    elif isinstance(event.message, messages.MissionCurrent | messages.LandedState | messages.Position):
         start = context.vehicles[event.vehicle].start
         folded = replace(folded, state=legs.track_legs(before, folded.state, now_s, start))
     state = state.put(folded.state)
@@ -215,21 +179,21 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
     if folded.text is not None:
         state, more = status_texts.show_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
-        state, more = kill_switch.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
+        state, more = out_of_service.apply_kill_switch_text(state, state.vehicles[event.vehicle], folded.text, now_s)
         commands.extend(more)
     if folded.inspected is not None:
-        state = picture_proof.record_flown_segments(
+        state = asset_status.record_flown_segments(
             context, state, event.vehicle, [(folded.inspected, folded.flown)], now_s
         )
-    state = picture_proof.record_passed_pylons(context, state, before, now_s)
+    state = asset_status.record_passed_pylons(context, state, before, now_s)
     if folded.state.assignment.runs_broken is not before.assignment.runs_broken:
         # What was inferred of its beginning is worth nothing now: it counts when all of it is seen.
         broken = {folded.state.assignment.runs_broken[-1][0]} - set(state.coverage.inspected)
         state = state.with_coverage(inferred=state.coverage.inferred - broken)
-    if isinstance(event.message, Position):
+    if isinstance(event.message, messages.Position):
         state = record_separation(context, state, folded.state, now_s)
     # Only a heartbeat says in which mode it is, and whether it is armed; its last one is from before the silence.
-    if isinstance(event.message, Heartbeat):
+    if isinstance(event.message, messages.Heartbeat):
         state, more = _apply_heartbeat(context, state, before, now_s)
         commands.extend(more)
     return state, tuple(commands)
@@ -237,12 +201,11 @@ def _apply_message(context: Context, state: FleetState, event: Heard, now_s: flo
 
 def _announce_link_findings(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
     """Say who else is on its link, and that it has GPS again."""
-    lines = [
-        (Level.WARNING, line) for line in describe_new_foreign_systems(before.link.strangers, after.link.strangers)
-    ]
+    strangers = describe_new_foreign_systems(before.link.strangers, after.link.strangers)
+    said: list[Command] = [flight.FOUND.say(vehicle=after.name, found=found) for found in strangers]
     if regained := describe_gps_return(before, after, now_s):
-        lines.append((Level.INFO, regained))
-    return [Say(level, f"{after.name}: {line}") for level, line in lines]
+        said.append(flight.FOUND.with_level(Level.INFO).say(vehicle=after.name, found=regained))
+    return said
 
 
 def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, now_s: float) -> Stepped:
@@ -262,30 +225,27 @@ def _apply_heartbeat(context: Context, state: FleetState, before: VehicleState, 
 
 def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Make sure that a vehicle whose work was given away does not go on with it, in the air or on the ground."""
-    heard = f"{vehicle.name}: link regained"
+    name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
-        state, more = pilot_takeover.apply_takeover(context, state, vehicle)
-        return state, (Say(Level.WARNING, heard), *more)
+        state, more = withdrawal.apply_takeover(context, state, vehicle)
+        return state, (flight.HEARD.say(vehicle=name), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = homing.bring_home(context, state, vehicle, now_s)
-        if is_coming_home(context, vehicle):
-            return state, (Say(Level.WARNING, f"{heard}, returning or landing by itself"), *more)
-        return state, (Say(Level.WARNING, f"{heard}; its segments were reassigned, its mission is not resumed"), *more)
-    if not is_over_pad(context, vehicle):
-        state = state.put(
-            change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
-        )
-        return state, (Say(Level.FAULT, f"{heard}, {describe_down_place(context, vehicle)}"),)
+        comes = homing.is_coming_home(context, vehicle)
+        return state, ((flight.HEARD_COMING if comes else flight.HEARD_ALOFT).say(vehicle=name), *more)
+    if not vehicle_position.is_over_pad(context, vehicle):
+        down = change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
+        place = vehicle_position.describe_down_place(context, vehicle)
+        return state.put(down), (flight.HEARD_DOWN.say(vehicle=name, place=place),)
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
-    if not is_on_mission(context, vehicle):
-        return state, (Say(Level.INFO, f"{heard}, on the ground"),)
+    if not homing.is_on_mission(context, vehicle):
+        return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=""),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
-        text = f"{heard}, on the ground with its pilot, not commanded: armed now, it takes off with its old mission"
-        return state, (Say(Level.WARNING, text),)
-    text = f"{heard}, on the ground; switched to RTL, so that it cannot take off with its old mission"
-    return state, (Say(Level.INFO, text), SendHome(vehicle.name))
+        line = flight.HEARD_ON_GROUND.with_level(Level.WARNING)
+        return state, (line.say(vehicle=name, then=flight.PILOT_HAS_IT),)
+    return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=flight.SET_TO_RTL), SendHome(name))
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -318,12 +278,9 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     told, lines = warning_rules.find_new_warnings(view, state.crew.told.get(name, ()))
     if told is not state.crew.told.get(name):
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
-    commands.extend(Say(Level.WARNING, line) for line in lines)
-    if (
-        vehicle.stage is not Stage.PILOT
-        and not mode_causes.is_under_foreign_control(vehicle)
-        and watch_view.is_stream_request_due(view)
-    ):
+    commands.extend(flight.NOT_WELL.say(line=line) for line in lines)
+    ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
+    if ours and watch_view.is_stream_request_due(view):
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name))
     if mission_check.is_mission_read_due(vehicle, now_s):
@@ -349,9 +306,9 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     name = vehicle.name
     lost = next((why for point, why in raised if point.kind is FaultKind.LINK), "")
     if vehicle.stage is not Stage.PILOT and mode_causes.is_taken_over(vehicle, now_s) and not lost:
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.is_surely_foreign(now_s) and not lost:
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     left_its_mission = bool(raised) and raised[0][0].code is FaultCode.MODE_CHANGED
     if left_its_mission and mode_causes.is_gcs_absence_failsafe(context, state.listening.absences, vehicle, now_s):
         return _return_after_absence(context, state, vehicle, now_s)
@@ -363,25 +320,25 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := describe_unexpected_landing(context, vehicle, now_s):
+    if why := homing.describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
-        return pilot_takeover.monitor_taken_vehicle(context, state, vehicle, now_s)
+        return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
-        return vehicle_start.monitor_start(context, state, vehicle, now_s)
-    if has_landed(vehicle):
+        return launch.monitor_start(context, state, vehicle, now_s)
+    if homing.has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
     return homing.issue_homing_order(context, state, name, now_s)
 
 
 def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
     """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
-    if not is_resting_place_known(vehicle, now_s):
+    if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
     spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
-    state, commands = apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    state, commands = homing.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
-    return state, (*commands, Say(Level.INFO, f"{vehicle.name}: {waits}")) if waits else commands
+    return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands
 
 
 def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -389,19 +346,19 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
     if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
-        if not vehicle.armed and not vehicle.sortie.place_told and is_at_rest(vehicle, now_s):
+        if not vehicle.armed and not vehicle.sortie.place_told and vehicle_position.is_at_rest(vehicle, now_s):
             state = state.put(vehicle.with_sortie(place_told=True))
-            return state, (Say(Level.FAULT, f"{vehicle.name}: {describe_down_place(context, vehicle)}"),)
-        if not is_flying_again(vehicle):
+            place = vehicle_position.describe_down_place(context, vehicle)
+            return state, (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=place),)
+        if not homing.is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):
-        return pilot_takeover.apply_takeover(context, state, vehicle)
+        return withdrawal.apply_takeover(context, state, vehicle)
     if mode_causes.has_never_landed(context, vehicle):
         return _bring_home_flying_vehicle(context, state, vehicle, "landed", now_s)
     if vehicle.armed and mode_causes.may_arm_late(vehicle, now_s) and vehicle.custody.cause is ModeCause.OURS:
-        text = f"{vehicle.name}: armed on its pad although the start was cancelled"
-        return state.put(change_stage(vehicle, Stage.RETURNING)), (Say(Level.WARNING, text),)
+        return state.put(change_stage(vehicle, Stage.RETURNING)), (takeoff.ARMED_LATE.say(vehicle=vehicle.name),)
     return state, ()
 
 
@@ -409,10 +366,11 @@ def _bring_home_flying_vehicle(
     context: Context, state: FleetState, vehicle: VehicleState, taken_for: str, now_s: float
 ) -> Stepped:
     """Bring a vehicle home that was taken to be on the ground and flies: its work was given away."""
-    text = f"{vehicle.name}: reported {taken_for} but is airborne, {describe_last_position(context, vehicle, now_s)}"
+    position = vehicle_position.describe_last_position(context, vehicle, now_s)
+    said = takeoff.FLIES_AGAIN.say(vehicle=vehicle.name, taken_for=taken_for, position=position)
     back = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = homing.bring_home(context, state, back, now_s)
-    return state, (Say(Level.FAULT, text), *more)
+    return state, (said, *more)
 
 
 def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
@@ -421,7 +379,7 @@ def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleSt
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)
     lies = lies.with_motion(anchor=vehicle.motion.fix)
-    return state.put(lies), (Say(Level.FAULT, f"{vehicle.name}: {why}"),)
+    return state.put(lies), (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=why),)
 
 
 def _report_unproven_segment(context: Context, state: FleetState, name: str) -> Stepped:
@@ -437,7 +395,7 @@ def _report_unproven_segment(context: Context, state: FleetState, name: str) -> 
     segment = board.tracks[visit].segment
     if segment in state.coverage.inspected:
         return state, ()
-    return state, (Say(Level.WARNING, f"{name}: {context.segment_name(segment)} is not proven: {why}"),)
+    return state, (flight.UNPROVEN.say(vehicle=name, segment=context.segment_name(segment), why=why),)
 
 
 def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -448,25 +406,26 @@ def _return_after_absence(context: Context, state: FleetState, vehicle: VehicleS
     vehicle = change_stage(vehicle, Stage.RETURNING).with_assignment(run=None)
     vehicle = vehicle.with_motion(anchor=None).with_sortie(left_s=now_s)
     state, more = homing.bring_home(context, state, vehicle, now_s)
-    trigger = f"{vehicle.name}: ended its mission while the ground station was offline"
-    state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
-    return state, (Say(Level.WARNING, f"{trigger}; returning"), *more)
+    trigger = flight.ENDED_IN_ABSENCE.format(vehicle=vehicle.name)
+    return state.want_replan(trigger, now_s), (flight.RETURNING.say(trigger=trigger), *more)
 
 
 def _apply_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, fault)
-    text = f"{vehicle.name}: {fault.reason}; {describe_last_position(context, vehicle, fault.detected_s)}"
-    vehicle = vehicle.with_orders(errand=None)
+    position = vehicle_position.describe_last_position(context, vehicle, fault.detected_s)
+    stage, line = Stage.DOWN, flight.FAULT_AGAIN
     if fault.kind is FaultKind.LINK:
-        return state.put(change_stage(vehicle, Stage.LOST)), (Say(Level.WARNING, text),)
-    return state.put(change_stage(vehicle, Stage.DOWN).with_sortie(place_told=False)), (Say(Level.FAULT, text),)
+        stage, line = Stage.LOST, line.with_level(Level.WARNING)
+    place_told = vehicle.sortie.place_told and stage is Stage.LOST
+    vehicle = change_stage(vehicle.with_orders(errand=None), stage).with_sortie(place_told=place_told)
+    return state.put(vehicle), (line.say(vehicle=vehicle.name, reason=fault.reason, position=position),)
 
 
 def _is_down_off_pad(context: Context, vehicle: VehicleState) -> bool:
     """Return whether its motors stopped where neither a landing was commanded nor its pad is."""
     down = vehicle.sortie.armed_once and not vehicle.armed
-    return down and not vehicle.orders.lands and not is_over_pad(context, vehicle)
+    return down and not vehicle.orders.lands and not vehicle_position.is_over_pad(context, vehicle)
 
 
 def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -475,16 +434,17 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
         return state, ()
     if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or takeoff_offers.is_offer_open(state):
         return state, ()
-    if turnaround.find_awaited_vehicles(context, state, now_s) or lower_to_inspection_height.is_clearance_awaited(
-        context, state, now_s
-    ):
+    awaited = lower_to_inspection_height.is_clearance_awaited(context, state, now_s)
+    if awaited or turnaround.find_awaited_vehicles(context, state, now_s):
         return state, ()
     if not state.progress.recalled and replan_cycle.find_orphan_segments(context, state):
         return state, ()
     missing = context.segments - len(state.coverage.inspected)
-    reason = "all segments inspected" if missing == 0 else f"{format_count(missing, 'segment')} not inspected"
+    reason = flight.ALL_INSPECTED
+    if missing:
+        reason = flight.NOT_INSPECTED.format(segments=format_count(missing, "segment"))
     if left := state.coverage.left_over - set(state.coverage.inspected):
-        reason += f", {len(left)} of them planned for the next sortie"
+        reason += flight.NEXT_SORTIE.format(count=len(left))
     return state.with_progress(finished=True), (Finish(reason),)
 
 
@@ -518,7 +478,7 @@ PHASES: tuple[TickPhase, ...] = (
         "that plans or commands: it goes by the stages and faults that are set here.",
     ),
     TickPhase(
-        "pictures", picture_proof.judge_pictures,
+        "pictures", asset_status.judge_pictures,
         "After the vehicles: only those in the air with a link are asked again. Before the re-plan: a segment "
         "flown without its pictures is open.",
     ),
@@ -528,7 +488,7 @@ PHASES: tuple[TickPhase, ...] = (
         "reassigned.",
     ),
     TickPhase(
-        "missions offered again", mission_retry.retry_declined_missions,
+        "missions offered again", launch.retry_declined_missions,
         "After the vehicles: one that is lost is offered none. Before the re-plan: it begins in this tick, with the "
         "vehicle that answers again.",
     ),
@@ -549,7 +509,7 @@ PHASES: tuple[TickPhase, ...] = (
         "After the re-plan and the asked distance: a sortie can wait on its base, a vehicle in the air cannot.",
     ),
     TickPhase(
-        "starts", vehicle_start.retry_waiting_starts,
+        "starts", launch.retry_waiting_starts,
         "After the vehicles: one that has just left its start, to its pilot or by a fault, is not started again.",
     ),
     TickPhase(

@@ -14,7 +14,7 @@ from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.takeoff_offers import describe_offer
-from executor.core.imaging import picture_proof
+from executor.core.imaging import asset_status
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
@@ -277,7 +277,7 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         segments_total=context.segments,
         inspected=tuple(sorted(state.coverage.inspected)),
         uncovered=_list_uncovered(state),
-        missed=tuple(sorted(picture_proof.find_missed_segments(context, state))),
+        missed=tuple(sorted(asset_status.find_missed_segments(context, state))),
         replan=None
         if plan is None
         else ReplanView(plan.solve.revision, plan.solve.trigger, plan.solve_s is None, tuple(sorted(plan.pending))),

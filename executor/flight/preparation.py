@@ -16,20 +16,22 @@ from executor import supervised
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
-from executor.core.preflight import fence_checks, mission_checks, pack_checks, vehicle_checks
-from executor.core.preflight.board_changes import ChangeStage, KeptList, KeptParameter, build_board_record
-from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
-from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight import board_changes, mission_checks, vehicle_checks
+from executor.core.preflight.board_changes import (
     Answers,
+    ChangeStage,
+    KeptList,
+    OnboardLists,
     ParameterProposal,
+    build_board_record,
     check_return_height,
     propose_return_changes,
 )
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
@@ -193,7 +195,7 @@ def build_checklist(
             found += vehicle_checks.check_pad_ground(context, fact)
         found += vehicle_checks.check_shutter(fact, setup.dialect, path)
         found += vehicle_checks.check_own_geofence(context, fact, path)
-        found += pack_checks.check_pack(context, fact)
+        found += vehicle_checks.check_pack(context, fact)
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
@@ -249,17 +251,17 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
     async def read(name: str) -> Answers:
-        beside = fence_checks.list_fence_parameters(context, name)
+        beside = board_changes.list_fence_parameters(context, name)
         return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    return fence_checks.add_fence_changes(
+    return board_changes.add_fence_changes(
         context, propose_return_changes(context, await run_for_each(context.vehicles, read))
     )
 
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
     """Return every change with its old and new value and its reason."""
-    return [f"{change.vehicle}: {change.words}" for change in proposal.changes]
+    return [f"{change.vehicle}: {change.words_set}" for change in proposal.changes]
 
 
 def compose_changes_question(proposal: ParameterProposal, *, fences: int = 0) -> str:
@@ -286,12 +288,8 @@ async def apply_changes(
             clear of the others, or what its fence needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
-    about = {name: (setup.sysid, setup.dialect.name) for name, setup in context.vehicles.items()}
-    planned = [
-        KeptParameter(one.vehicle, *about[one.vehicle], one.name, one.old, one.new, one.kind, one.unit, one.why)
-        for one in proposal.changes
-    ]
-    record = open_parameter_record(run, console, build_board_record(planned, read_kept_parameters(run) or ()))
+    kept = build_board_record(proposal.changes, read_kept_parameters(run) or ())
+    record = open_parameter_record(run, console, kept)
     record.write_first("nothing was changed on board")
     checks: list[Check] = []
     unfenced: list[str] = []
@@ -301,7 +299,7 @@ async def apply_changes(
         async with turn:
             ends = await asking.set_changes(links[name], clock, proposal.changes_of(name))
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
-        own = fence_checks.list_fence_parameters(context, name)
+        own = board_changes.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
         rest = {key: problem for key, problem in ends.items() if key not in own}
         if rest:
@@ -345,7 +343,7 @@ def check_fences_on_board(
     """
     kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
 
-    def ours(name: str, kind: MissionKind, items: fence_checks.Items | None) -> fence_checks.Items | None:
+    def ours(name: str, kind: MissionKind, items: board_changes.Items | None) -> board_changes.Items | None:
         known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
         return items if known is not None and items is not None and known.is_ours(items) else None
 
@@ -353,7 +351,7 @@ def check_fences_on_board(
     for name, lists in found.items():
         known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
         board = boards[name]
-        told += fence_checks.check_onboard_lists(
+        told += board_changes.check_onboard_lists(
             context, facts[name], None if board is None else board.path, lists, known
         )
     return told

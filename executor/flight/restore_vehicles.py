@@ -21,8 +21,12 @@ from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
 from executor.core.preflight import board_changes
-from executor.core.preflight.board_changes import Change, ChangeStage, Items, KeptList, KeptParameter
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight.board_changes import (
+    Change,
+    ChangeStage,
+    Items,
+    KeptList,
+    KeptParameter,
     Present,
     list_return_parameters,
 )

@@ -24,13 +24,12 @@ from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.fleet_view import build_fleet_view
 from executor.core.imaging.asset_status import build_asset_views, list_asked_pictures
+from executor.core.interface.codes import Check, Severity
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Asked, IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
-from executor.core.preflight.fence_checks import OnboardLists
-from executor.core.preflight.parameter_proposals import ParameterProposal
-from executor.core.preflight.vehicle_checks import Check, Severity
+from executor.core.preflight.board_changes import OnboardLists, ParameterProposal
 from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission

@@ -18,9 +18,9 @@ from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_a
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import Level
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
-from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission

@@ -18,7 +18,7 @@ from typing import Any
 
 from executor.adapters.run_directory import RunDirectory
 from executor.core.context import Context
-from executor.core.imaging.picture_proof import describe_unseen_parts
+from executor.core.imaging.asset_status import describe_unseen_parts
 from executor.core.payload.camera_state import Picture
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError

@@ -20,7 +20,7 @@ from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
-from executor.core.replanning import loss_preview, new_missions
+from executor.core.replanning import new_missions, replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
@@ -436,7 +436,7 @@ async def keep_judging(flight: Flight, judge: LossJudge) -> None:
     judged: tuple[object, ...] | None = None
     while True:
         began_s = loop.time()
-        moment = loss_preview.build_judgement_key(flight.state)
+        moment = replan_cycle.build_judgement_key(flight.state)
         if moment != judged and await _judge_all(flight, judge):
             judged = moment
         await asyncio.sleep(max(REST_S, SHARE * (loop.time() - began_s)))
@@ -444,12 +444,12 @@ async def keep_judging(flight: Flight, judge: LossJudge) -> None:
 
 async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
     """Judge everybody once; returns whether that came to its end."""
-    names = loss_preview.select_vehicles_to_judge(flight.state)
+    names = replan_cycle.select_vehicles_to_judge(flight.state)
     for name in names:
         revision = flight.state.replanning.revision
-        if name not in loss_preview.select_vehicles_to_judge(flight.state):
+        if name not in replan_cycle.select_vehicles_to_judge(flight.state):
             return False
-        problem = loss_preview.build_loss_problem(flight.context, flight.state, name, flight.now_s())
+        problem = replan_cycle.build_loss_problem(flight.context, flight.state, name, flight.now_s())
         uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
         if uncovered is None or revision != flight.state.replanning.revision:
             return False

@@ -12,19 +12,20 @@ from dataclasses import dataclass, field
 
 from executor.core.context import Context
 from executor.core.interface import messages
+from executor.core.interface.codes import Severity
 from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import failsafe_parameters, fence_checks, prearm
-from executor.core.preflight.parameter_proposals import (
+from executor.core.preflight import board_changes, failsafe_parameters, vehicle_checks
+from executor.core.preflight.board_changes import (
     Answers,
-    ParameterChange,
+    KeptParameter,
     ParameterProposal,
     Present,
     list_newer_return_parameters,
     list_return_parameters,
     propose_return_changes,
 )
-from executor.core.preflight.vehicle_checks import Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -92,7 +93,7 @@ class _VehicleAnswers:
         self.changed.set()
 
     def _note_prearm_text(self, text: str) -> None:
-        reason = prearm.parse_prearm_reason(text)
+        reason = vehicle_checks.parse_prearm_reason(text)
         if reason is not None:
             self.reasons_s.pop(reason, None)
             self.reasons_s[reason] = self.clock.now_s()
@@ -127,7 +128,7 @@ class _VehicleAnswers:
         if self.best_remaining_pct is None:
             return "no battery state"
         if self.is_unarmable:
-            return prearm.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
+            return vehicle_checks.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
         return ""
 
 
@@ -299,7 +300,7 @@ async def _read_at_pace(link: Link, clock: Clock, names: Iterable[str]) -> Answe
     return Answers(present, frozenset(unread))
 
 
-async def set_changes(link: Link, clock: Clock, changes: Iterable[ParameterChange]) -> dict[str, str]:
+async def set_changes(link: Link, clock: Clock, changes: Iterable[KeptParameter]) -> dict[str, str]:
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:
@@ -343,15 +344,15 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> fence_checks.OnboardLists:
+async def read_lists(link: Link, clock: Clock) -> board_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return fence_checks.OnboardLists(
+    return board_changes.OnboardLists(
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_checks.OnboardLists) -> None:
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: board_changes.OnboardLists) -> None:
     """Put a fence and rally points on board; None of either leaves what is there.
 
     Raises:
@@ -405,16 +406,16 @@ async def examine_vehicle(
         voltage_v=facts.voltage_v,
         cells=facts.cells,
         parameters=tuple(sorted(facts.parameters.items())),
-        changed=tuple(change.words for change in proposal.changes_of(name)),
+        changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
 
 
 async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
     """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = fence_checks.list_fence_parameters(context, name)
+    beside = board_changes.list_fence_parameters(context, name)
     present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return fence_checks.add_fence_changes(context, propose_return_changes(context, {name: present}))
+    return board_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:

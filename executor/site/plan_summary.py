@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from executor.core.formatting import describe_unreachable, format_count, join_first_names
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.preflight import mission_checks
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel

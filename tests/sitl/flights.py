@@ -14,8 +14,8 @@ import pytest
 
 from executor.adapters import clock
 from executor.core.context import Context
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.flight import run_flight

@@ -13,7 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.clock import SystemClock
-from executor.core.preflight.vehicle_checks import Severity
+from executor.core.interface.codes import Severity
 from executor.flight import open_links
 from executor.flight.preparation import (
     apply_changes,

@@ -218,8 +218,8 @@ KINDS: Mapping[int, MessageKind] = (
 )
 """By message id: what is read; RADIO_STATUS is also what SiK radios send."""
 TOLD_BY_VEHICLES = frozenset({
-    message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE", "LOCAL_POSITION_NED",
-    "POSITION_TARGET_LOCAL_NED",
+    message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE",
+    "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED",
 })  # fmt: skip
 
 

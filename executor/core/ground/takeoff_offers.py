@@ -2,44 +2,36 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
-from executor.core.interface.commands import Level, Say
+from executor.core.interface.commands import Level
+from executor.core.lines import sorties
 from executor.core.replanning import (
     lower_to_inspection_height,
-    reinspection,
     replan_cycle,
     replan_separation,
     survivors,
 )
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
-from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
-from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState, current_setup_of
+from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase, build_open_task
 from planner import Vehicle, segment_of
 
 LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
-_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 
 
 def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
-    setup, fix = current_setup_of(context, vehicle), vehicle.motion.fix
+    never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
-    out = out or vehicle.sensors.tilted_since_s is not None or vehicle.turn.asked_s is not None
-    if out or vehicle.stage not in _ON_GROUND or vehicle.assignment.pending is not None or fix is None:
+    busy = vehicle.turn.asked_s is not None or vehicle.assignment.pending is not None
+    if out or busy or never or vehicle.stage not in survivors.ON_GROUND:
         return False
-    if vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER:
-        return False
-    heard = vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
-    spare_pct = (vehicle.power.battery.remaining_pct or 0.0) - setup.reserve_pct
-    on_pad = math.dist(fix.place_m, setup.pad_m) <= context.limits.off_pad_m
-    return heard and on_pad and spare_pct >= LEAST_SPARE_PCT
+    return survivors.is_heard(context, vehicle, now_s) and not survivors.find_takeoff_obstacles(context, vehicle)
 
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
@@ -76,45 +68,30 @@ def find_reachable_segments(context: Context, vehicle: VehicleState, segments: f
 
 def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Offer, change or withdraw what the crew may say yes to."""
-    if (
-        context.fly_again is RelaunchPolicy.AUTO
-        or context.day is not None  # who lands there waits for its pack
-        or state.progress.launched_s is None
-        or state.progress.recalled
-        or state.progress.finished
-    ):
+    crew, known, flight = state.crew, state.replanning, state.progress
+    # Of a day who lands waits for its pack.
+    never = context.fly_again is RelaunchPolicy.AUTO or context.day is not None
+    if never or flight.finished or not flight.is_under_way:
         return _withdraw_offer(state), ()
-    if (
-        state.crew.offers_over
-        or state.replanning.replan is not None
-        or state.replanning.urgent
-        or state.replanning.ordered
-        or now_s < state.replanning.wait_until_s
-    ):
+    if crew.offers_over or known.is_changing or now_s < known.wait_until_s:
         return state, ()
     ready = [one for one in state.vehicles.values() if is_idle(context, one, now_s) and one.orders.cleared_s is None]
     wanted = find_open_segments(context, state)
-    again = not wanted and reinspection.is_fleet_down(state)
+    again = not wanted and lower_to_inspection_height.is_fleet_down(state)
     able = {one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, one, wanted))}
     if again:
         able = _find_reinspections(context, state, ready, now_s)
     if not able or (not again and _has_other_candidate(context, state, now_s)):
         return _withdraw_offer(state), ()
-    if (
-        state.crew.offer is None
-        and _is_landing_expected(state)
-        and now_s - (state.crew.offer_wanted_s or now_s) < LANDING_S
-    ):
-        return state.with_crew(offer_wanted_s=state.crew.offer_wanted_s or now_s), ()
+    wanted_s = crew.offer_wanted_s or now_s
+    if crew.offer is None and _is_landing_expected(state) and now_s - wanted_s < LANDING_S:
+        return state.with_crew(offer_wanted_s=wanted_s), ()
     segments = tuple(sorted(frozenset[int]().union(*able.values())))
-    if state.crew.offer is not None and (state.crew.offer.vehicles, state.crew.offer.again) == (tuple(able), again):
-        if state.crew.offer.segments != segments:
-            state = state.with_crew(offer=replace(state.crew.offer, segments=segments))
-        return _expire_offer(context, state, now_s)
+    if crew.offer is not None and (crew.offer.vehicles, crew.offer.again) == (tuple(able), again):
+        return _expire_offer(context, state.with_crew(offer=replace(crew.offer, segments=segments)), now_s)
     offer = TakeoffOffer(tuple(able), segments, now_s, again)
-    state = state.with_crew(offer=offer, offer_wanted_s=state.crew.offer_wanted_s or now_s)
-    level = Level.WARNING if again else Level.FAULT  # nothing is left open by a no
-    return state, (Say(level, f"{describe_offer(context, offer)} Use include for each that may take off"),)
+    line = sorties.OFFER.with_level(Level.WARNING) if again else sorties.OFFER  # nothing is left open by a no
+    return state.with_crew(offer=offer, offer_wanted_s=wanted_s), (line.say(offer=describe_offer(context, offer)),)
 
 
 def _find_reinspections(
@@ -150,13 +127,15 @@ def is_offer_open(state: FleetState) -> bool:
 
 def describe_offer(context: Context, offer: TakeoffOffer) -> str:
     """Return an offer in words."""
-    names = " and ".join(offer.vehicles)
-    count = format_count(len(offer.segments), "segment")
-    pads = "Are their pads" if len(offer.vehicles) > 1 else "Is its pad"
-    listed = ", ".join(context.segment_name(segment) for segment in offer.segments[:6])
-    more = ", ..." if len(offer.segments) > 6 else ""
-    what = f"re-inspect {count} at inspection height" if offer.again else f"take over {count}"
-    return f"{names} can {what} ({listed}{more}). {pads} clear of people?"
+    names = [context.segment_name(segment) for segment in offer.segments[:6]]
+    names += ["..."] if len(offer.segments) > 6 else []
+    work = sorties.RE_INSPECT if offer.again else sorties.TAKE_OVER
+    return sorties.OFFERED.format(
+        vehicles=" and ".join(offer.vehicles),
+        work=work.format(segments=format_count(len(offer.segments), "segment")),
+        names=", ".join(names),
+        pads=sorties.PADS if len(offer.vehicles) > 1 else sorties.ONE_PAD,
+    )
 
 
 def _withdraw_offer(state: FleetState) -> FleetState:
@@ -173,19 +152,17 @@ def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> b
 
 
 def _is_landing_expected(state: FleetState) -> bool:
+    """Return whether somebody who may be offered is on its way home."""
     return any(
         not vehicle.orders.excluded
         and (vehicle.fault is None or vehicle.fault.kind in MAY_FLY_AGAIN)
-        and (
-            vehicle.stage is Stage.RETURNING
-            or (
-                vehicle.stage is Stage.FLYING
-                and vehicle.leg is not None
-                and vehicle.leg.phase in {Phase.RETURN, Phase.LAND}
-            )
-        )
+        and (vehicle.stage is Stage.RETURNING or (vehicle.stage is Stage.FLYING and _is_on_last_legs(vehicle)))
         for vehicle in state.vehicles.values()
     )
+
+
+def _is_on_last_legs(vehicle: VehicleState) -> bool:
+    return vehicle.leg is not None and vehicle.leg.phase in {Phase.RETURN, Phase.LAND}
 
 
 def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -198,18 +175,16 @@ def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:
         return state.with_crew(offer=replace(offer, alone_since_s=now_s)), ()
     if now_s - offer.alone_since_s < context.offer_s:
         return state, ()
-    left = find_open_segments(context, state)
+    left, state = find_open_segments(context, state), state.with_crew(offer=None, offers_over=True)
     if offer.again:
-        text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {_describe_distant_segments(offer)}"
-        return state.with_crew(offer=None, offers_over=True), (Say(Level.INFO, text),)
-    state = state.with_crew(offer=None, offers_over=True).with_coverage(
-        given_up=state.coverage.given_up | (left - state.coverage.left_over)
-    )
-    over = f"{format_count(len(left), 'segment')} {'is' if len(left) == 1 else 'are'} left over"
-    text = f"no vehicle was cleared for take-off within {context.offer_s:g} s; {over}"
-    return state, (Say(Level.WARNING, text),)
+        line = sorties.EXPIRED.with_level(Level.INFO)
+        return state, (line.say(offer_s=context.offer_s, left=_describe_distant_segments(offer)),)
+    state = state.with_coverage(given_up=state.coverage.given_up | (left - state.coverage.left_over))
+    is_ = "is" if len(left) == 1 else "are"
+    over = sorties.LEFT_OVER.format(segments=format_count(len(left), "segment"), is_=is_)
+    return state, (sorties.EXPIRED.say(offer_s=context.offer_s, left=over),)
 
 
 def _describe_distant_segments(offer: TakeoffOffer) -> str:
-    count = format_count(len(offer.segments), "segment")
-    return f"{count} {'was' if len(offer.segments) == 1 else 'were'} inspected above inspection height only"
+    was = "was" if len(offer.segments) == 1 else "were"
+    return sorties.DISTANT.format(segments=format_count(len(offer.segments), "segment"), was=was)

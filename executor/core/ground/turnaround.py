@@ -18,24 +18,19 @@ from executor.core.battery.pack_condition import PackState, RestReading
 from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
-from executor.core.ground.return_to_service import clear_for_takeoff, return_to_service
+from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.commands import Command, Examine, Level, Say, Solve
+from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
-from executor.core.interface.intents import Intent, IntentReason, Outcome
+from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
+from executor.core.lines import sorties
+from executor.core.preflight import vehicle_checks
 from executor.core.preflight.failsafe_parameters import read_link_failsafe
-from executor.core.preflight.pack_checks import (
-    PackAtRest,
-    PackReading,
-    assess_pack_at_rest,
-    describe_pack_history,
-    pack_facts_from_parameters,
-)
 from executor.core.replanning import replan_cycle, survivors
-from executor.core.replanning.flying_hours import find_remaining_hours, min_draw_pct
+from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState, Turnaround
-from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
+from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState
+from executor.core.state.vehicle_state import VehicleState, current_setup_of
 from missions import build_flight_path, estimate
 from planner import segment_of
 
@@ -45,61 +40,49 @@ LATE_S = 30.0
 """An examination that has not come to its end so much later than that never will."""
 PLACELESS_S = 10.0
 """Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
-_ON_BASE = frozenset({Stage.GROUND, Stage.LANDED})
 
 
-def begin_turnaround(
-    state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
-) -> tuple[FleetState, str, tuple[Command, ...]]:
+def begin_turnaround(state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float) -> Stepped:
     """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
     state, ready = return_to_service(state, vehicle)
-    state = state.put(ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None))
-    named = f"pack {intent.pack}" if intent.pack else "a pack without an id"
-    return state, f"{named} installed; running checks before the next sortie", (Examine(vehicle.name),)
+    turned = ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
+    return state.put(turned), (Examine(vehicle.name),)
 
 
-def apply_turnaround_event(context: Context, state: FleetState, event: Examined | SolveEnded, now_s: float) -> Stepped:
-    """Take what was found on a vehicle, or by the solver."""
-    if isinstance(event, Examined):
-        return _apply_examination(context, state, event, now_s)
-    return _apply_sortie_solution(context, state, event, now_s)
-
-
-def _apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
+def apply_examination(context: Context, state: FleetState, event: Examined, now_s: float) -> Stepped:
     """Take what was found on a vehicle: it may go, with which budget, or stays."""
     vehicle = state.vehicles[event.vehicle]
     if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
         return state, ()
     if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
         # It lost them as it booted; who changed them without a boot meant it.
-        text = f"{vehicle.name}: parameters set again after reboot: {'; '.join(event.changed)}"
-        return state, (Say(Level.INFO, text), Examine(vehicle.name, sets=True))
+        said = sorties.PARAMETERS_SET.say(vehicle=vehicle.name, changes="; ".join(event.changed))
+        return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
         return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-    heard = PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
+    heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
-    found = assess_pack_at_rest(setup, heard)
+    found = vehicle_checks.assess_pack_at_rest(setup, heard)
     held_pct = heard.remaining_pct if found is None else found.held_pct
     vehicle = _install_pack(context, vehicle, heard, heard.remaining_pct - held_pct, now_s)
     state = state.put(vehicle)
-    said = _describe_pack(vehicle, heard, found)
+    pack = _describe_pack(vehicle, heard, found)
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
-        why = f"{said}: too close to its reserve of {setup.reserve_pct:g} %"
+        why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
         return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
-    level, budget_pct = Level.INFO, survivors.build_pad_survivor(context, vehicle).budget_pct
-    text = f"{vehicle.name}: its checks have passed: {said}"
-    if known := describe_pack_history(setup, context.drone.capacity_ah):
-        text = f"{text}; pack {vehicle.turn.label}{known}"
+    line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
+    if known := vehicle_checks.describe_pack_history(setup, context.drone.capacity_ah):
+        more = f"; {sorties.NAMED_PACK.format(label=vehicle.turn.label)}{known}"
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
-        level, text = Level.WARNING, f"{text}; its budget is {budget_pct:.0f} % instead of {setup.budget_pct:g} %"
+        line = line.with_level(Level.WARNING)
+        more += sorties.BUDGET.format(budget_pct=budget_pct, planned_pct=setup.budget_pct)
     if context.day is not None:
-        ready = vehicle.with_turn(ready_s=now_s)
-        return state.put(ready), (Say(level, text),)
-    state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
-    state = _close_intent(
-        state, vehicle.turn.intent, Outcome.DONE, "its checks have passed; re-planning with it", None, now_s
-    )
-    return state, (Say(level, f"{text}; re-planning with it"),)
+        state = state.put(vehicle.with_turn(ready_s=now_s))
+    else:
+        state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
+        state = _close_intent(state, vehicle, Outcome.DONE, (None, sorties.PASSED_REPLANNING), now_s)
+        more += sorties.REPLANNING_WITH_IT
+    return state, (line.say(vehicle=vehicle.name, pack=pack, more=more),)
 
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -116,7 +99,7 @@ def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> St
     return state, tuple(commands)
 
 
-def _apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
+def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
     """Take the solver's answer; one that has nothing for the sortie that it was asked for ends the crew's word."""
     plan = state.replanning.replan
     state, commands = replan_cycle.apply_solution(context, state, event, now_s)
@@ -134,9 +117,10 @@ def _apply_sortie_solution(context: Context, state: FleetState, event: SolveEnde
     turn = replace(vehicle.turn, beyond=vehicle.turn.beyond | asked if good else vehicle.turn.beyond)
     if good and turn.ahead:
         turn = replace(turn, ahead=turn.ahead[1:])
-    why = f"no open segment is within its budget of {offer.budget_pct:.0f} %"
+    why = sorties.NOT_IN_BUDGET
     if in_time_pct < survivors.build_pad_survivor(context, vehicle).budget_pct:
-        why = f"no open segment can be inspected in the {format_duration(left_s)} that are left of its hours"
+        why = sorties.NOT_IN_HOURS
+    why = why.format(budget_pct=offer.budget_pct, left="" if math.isinf(left_s) else format_duration(left_s))
     state, more = _end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
     return state, (*commands, *more)
 
@@ -145,11 +129,8 @@ def queue_first_sorties(context: Context, state: FleetState, now_s: float) -> Fl
     """Return the state at the launch of a day: the crew's yes is for every first sortie that may begin now."""
     for vehicle in state.vehicles.values():
         stays = vehicle.armed or vehicle.sortie.rebooted_s is not None
-        if (
-            find_next_sortie(state, vehicle)
-            and not stays
-            and not describe_hours_conflict(context, state, vehicle, now_s)
-        ):
+        flies = find_next_sortie(state, vehicle) and not stays
+        if flies and not describe_hours_conflict(context, state, vehicle, now_s):
             state = state.put(vehicle.with_turn(asked_s=now_s, ready_s=now_s))
     return state
 
@@ -158,9 +139,7 @@ def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetStat
     """Return the state in which a vehicle's next sortie is on board, and it is told to start."""
     vehicle = state.vehicles[name]
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, ahead=vehicle.turn.ahead[1:]))
-    return _close_intent(
-        state, vehicle.turn.intent, Outcome.DONE, "its next sortie is on board; it starts", None, now_s
-    )
+    return _close_intent(state, vehicle, Outcome.DONE, (None, sorties.ON_BOARD), now_s)
 
 
 def end_failed_turnaround(state: FleetState, name: str, why: str, now_s: float) -> Stepped:
@@ -177,8 +156,7 @@ def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
     pending = frozenset[str]() if plan is None else plan.pending
     for vehicle in state.vehicles.values():
         if vehicle.turn.asked_s is not None and vehicle.name not in pending:
-            why = "its turnaround was under way when the ground station went away"
-            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, why, now_s)
+            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
             commands.extend(more)
     return state, tuple(commands)
 
@@ -211,7 +189,7 @@ def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState,
 def is_in_service(vehicle: VehicleState) -> bool:
     """Return whether a vehicle stands on its base, kept from another sortie by its pack, or a closed base, alone."""
     out = vehicle.fault is not None or vehicle.orders.excluded or vehicle.custody.taken is not None
-    return vehicle.stage in _ON_BASE and not out and not vehicle.armed
+    return vehicle.stage in survivors.ON_GROUND and not out and not vehicle.armed
 
 
 def find_unplanned_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -235,15 +213,15 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
         return ""
     if vehicle.orders.base_closed:
-        return "its base is closed"
+        return sorties.BASE_CLOSED[1]
     if _is_done_for_day(context, state, vehicle, now_s):
         return ""
     visits = find_next_sortie(state, vehicle)
     open_ = len(visits) or len(find_unplanned_segments(context, state) - vehicle.turn.beyond)
     if not open_:
         return ""
-    what = f"sortie {_next_sortie_number(vehicle)}, " if visits else ""
-    return f"waiting for pack confirmation: {what}{format_count(open_, 'segment')}{'' if visits else ' open'}"
+    awaited = sorties.AWAITED if visits else sorties.AWAITED_OPEN
+    return awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
 
 
 def describe_hours_conflict(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
@@ -257,37 +235,36 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
     part = later_s is None and min_draw_pct(context, left_s) >= LEAST_SPARE_PCT
     if part or 0.0 < lasts_s <= left_s or (not lasts_s and left_s > 0.0):
         return ""
-    then = (
-        f"its next hours begin at T+{format_duration(later_s)}" if later_s is not None else "it has no hours after now"
-    )
-    return f"its next sortie of {format_duration(lasts_s)} does not end within its hours; {then}"
+    lasts = format_duration(lasts_s)
+    if later_s is None:
+        return sorties.NO_HOURS.format(lasts=lasts)
+    return sorties.NOT_IN_NEXT_HOURS.format(lasts=lasts, later=format_duration(later_s))
 
 
 def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examined) -> str:
     """Return why a vehicle may not go, whatever its pack is; empty if it may."""
-    setup, fix = context.vehicles[vehicle.name], vehicle.motion.fix
+    setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, vehicle)
     if not event.ready or event.remaining_pct is None:
-        return event.reason or "no battery state"
-    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return "it is not on its pad, where its climb and landing are planned"
-    if vehicle.sensors.tilted_since_s is not None:
-        return "it is tilted, it may have tipped over"
+        return event.reason or sorties.NO_BATTERY_STATE
+    for code in (IntentReason.OFF_PAD, IntentReason.TILTED):
+        if code in obstacles:
+            return obstacles[code][1]
     if event.changed:
-        return f"its parameters differ from those set for the flight: {event.changed[0]}"
+        return sorties.PARAMETERS_DIFFER.format(change=event.changed[0])
     own = read_link_failsafe(setup.dialect, dict(event.parameters))
     if own.acts is not None and (own.after_s if own.acts else None) != setup.failsafe_s:
-        return f"its link failsafe is not the one before the flight: {own.words}"
+        return sorties.FAILSAFE_DIFFERS.format(failsafe=own.words)
     return ""
 
 
 def _install_pack(
-    context: Context, vehicle: VehicleState, heard: PackReading, overstated_pct: float, now_s: float
+    context: Context, vehicle: VehicleState, heard: vehicle_checks.PackReading, overstated_pct: float, now_s: float
 ) -> VehicleState:
     """Return a vehicle whose battery's account begins anew; what was learned of the vehicle itself stays."""
     setup, known = context.vehicles[vehicle.name].with_pack(vehicle.turn.label), vehicle.power
     prior = account.derive_prior(known.battery, setup.prior)
     battery = account.restart_account(known.battery, heard.remaining_pct, 0, now_s, prior, setup.dialect.percent_middle)
-    facts = pack_facts_from_parameters(heard.parameters)
+    facts = vehicle_checks.pack_facts_from_parameters(heard.parameters)
     rest = None if heard.voltage_v is None else RestReading(heard.voltage_v, heard.remaining_pct, now_s)
     power = PowerState(
         battery=battery,
@@ -300,11 +277,12 @@ def _install_pack(
     return replace(vehicle, power=power, turn=turn)
 
 
-def _describe_pack(vehicle: VehicleState, heard: PackReading, found: PackAtRest | None) -> str:
-    named = f"pack {vehicle.turn.label}" if vehicle.turn.label else "its pack"
-    if found is None:
-        return f"{named} reports {heard.remaining_pct:.0f} %"
-    return f"{named} {found.standing.words}"
+def _describe_pack(
+    vehicle: VehicleState, heard: vehicle_checks.PackReading, found: vehicle_checks.PackAtRest | None
+) -> str:
+    named = sorties.NAMED_PACK.format(label=vehicle.turn.label) if vehicle.turn.label else sorties.ITS_PACK
+    reports = sorties.REPORTS.format(left_pct=heard.remaining_pct)
+    return named + (reports if found is None else f" {found.standing.words}")
 
 
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
@@ -316,8 +294,8 @@ def _release_later_sorties(context: Context, state: FleetState, vehicle: Vehicle
     left = visits - set(state.coverage.inspected)
     state = state.put(vehicle.with_turn(ahead=()))
     state = replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left))
-    what = f"{format_count(len(left), 'segment')} of its later sorties"
-    return state, (Say(Level.WARNING, f"{vehicle.name}: {what} open for the sorties of others"),) if left else ()
+    said = sorties.OPENED.say(vehicle=vehicle.name, segments=format_count(len(left), "segment"))
+    return state, (said,) if left else ()
 
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
@@ -326,8 +304,7 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
     if over := _find_end_reason(state, vehicle, now_s):
-        code, why = over
-        return _end_turnaround(state, vehicle, code, why, now_s)
+        return _end_turnaround(state, vehicle, *over, now_s)
     # The first reports after the launch come in a moment.
     placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
     unknown = vehicle.power.battery.remaining_pct is None or not placed
@@ -337,25 +314,25 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     return _assign_next_sortie(context, state, vehicle, turn.ready_s, now_s)
 
 
-def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[IntentReason, str] | None:
+def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
     """Return why the crew's word for a vehicle does not hold any more; None where it does."""
     turn = vehicle.turn
     if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
+        return sorties.ABORTED
     if vehicle.orders.base_closed:
-        return IntentReason.BASE_CLOSED, "its base is closed"
-    if vehicle.stage not in _ON_BASE or vehicle.armed or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
-        return IntentReason.OVERTAKEN, f"it is {vehicle.stage.value} now"
-    if turn.ready_s is not None and (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
-        return IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
-    if turn.ready_s is not None and now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
-        return IntentReason.NOT_READY, f"no position for {PLACELESS_S:g} s: it may have rebooted since its checks"
-    if turn.ready_s is None and now_s - (turn.asked_s or now_s) > READY_S + LATE_S:
-        return IntentReason.UNANSWERED, "its checks did not finish"
-    if turn.ready_s is not None and now_s - turn.ready_s > CLEARED_S:
-        why = f"it could not start within {CLEARED_S:g} s, and its pad may not be clear any more"
-        return IntentReason.OVERTAKEN, why
-    return None
+        return sorties.BASE_CLOSED
+    elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed
+    if elsewhere or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
+        return fill_in(sorties.ELSEWHERE, stage=vehicle.stage.value)
+    if turn.ready_s is None:
+        late = now_s - (turn.asked_s or now_s) > READY_S + LATE_S
+        return sorties.UNFINISHED if late else None
+    if (vehicle.sortie.rebooted_s or -math.inf) > turn.ready_s:
+        return sorties.REBOOTED
+    if now_s - max(turn.ready_s, _last_position_s(vehicle)) > PLACELESS_S:
+        return fill_in(sorties.PLACELESS, placeless_s=PLACELESS_S)
+    expired = now_s - turn.ready_s > CLEARED_S
+    return fill_in(sorties.EXPIRED_CLEARANCE, cleared_s=CLEARED_S) if expired else None
 
 
 def _last_position_s(vehicle: VehicleState) -> float:
@@ -386,12 +363,18 @@ def _assign_next_sortie(
     pool -= set(offer.barred) | vehicle.turn.beyond
     if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
         giver, visits = found
-        state, vehicle = _hand_over_sortie(state, state.vehicles[giver], vehicle, visits)
-        text = f"{vehicle.name}: takes over the last sortie of {giver}, {format_count(len(visits), 'segment')}"
-        said.append(Say(Level.INFO, text))
+        ahead = state.vehicles[giver].turn.ahead
+        kept = tuple(sortie for sortie in ahead if not set(visits) & set(sortie.visits))
+        vehicle = vehicle.with_turn(ahead=(PlannedSortie(visits, 0.0),))
+        state = state.put(state.vehicles[giver].with_turn(ahead=kept)).put(vehicle)
+        count = format_count(len(visits), "segment")
+        said.append(sorties.TAKES_OVER.say(vehicle=vehicle.name, giver=giver, segments=count))
     if not visits and not pool:
-        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, "no segment is open for it", now_s)
-    vehicle = replace(vehicle, turn=_drop_finished_sorties(vehicle, visits)).with_orders(cleared_s=ready_s)
+        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
+    ahead = vehicle.turn.ahead  # from the first of which anything is open
+    while ahead and not set(visits) & set(ahead[0].visits):
+        ahead = ahead[1:]
+    vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
     whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
@@ -401,14 +384,14 @@ def _assign_next_sortie(
         offer = replace(offer, budget_pct=min(offer.budget_pct, most_pct), most_pct=min(offer.most_pct, most_pct))
     revision = state.replanning.revision + 1
     own = frozenset(segment_of(visit) for visit in visits)
-    trigger = f"{vehicle.name}: sortie {_next_sortie_number(vehicle)}"
+    trigger = sorties.SORTIE.format(vehicle=vehicle.name, number=_next_sortie_number(vehicle))
     solve = Solve(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
     )  # fmt: skip
     state = state.put(vehicle).with_replanning(revision=revision, replan=Replan(solve, now_s))
-    what = f"{format_count(len(visits), 'segment')}, as planned" if as_planned else "re-planned for its budget"
-    return state, (*said, Say(Level.INFO, f"{trigger}: {what}"), solve)
+    line, count = sorties.AS_PLANNED if as_planned else sorties.REPLANNED, format_count(len(visits), "segment")
+    return state, (*said, line.say(trigger=trigger, segments=count), solve)
 
 
 def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
@@ -449,24 +432,6 @@ def _list_open_sorties(
     return [visits for visits in sorties if visits]
 
 
-def _hand_over_sortie(
-    state: FleetState, giver: VehicleState, taker: VehicleState, visits: tuple[int, ...]
-) -> tuple[FleetState, VehicleState]:
-    """Make one vehicle's sortie another's."""
-    kept = tuple(sortie for sortie in giver.turn.ahead if not set(visits) & set(sortie.visits))
-    taker = taker.with_turn(ahead=(PlannedSortie(visits, 0.0),))
-    state = state.put(giver.with_turn(ahead=kept))
-    return state.put(taker), taker
-
-
-def _drop_finished_sorties(vehicle: VehicleState, visits: tuple[int, ...]) -> Turnaround:
-    """Return its turn without sorties of which nothing is open; the first one is that of `visits`."""
-    ahead = vehicle.turn.ahead
-    while ahead and not set(visits) & set(ahead[0].visits):
-        ahead = ahead[1:]
-    return replace(vehicle.turn, ahead=ahead or (PlannedSortie((), 0.0),))
-
-
 def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
     """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
     found = estimate(build_flight_path(context.setup, vehicle.name, visits), context.pricing.models[vehicle.name])
@@ -480,15 +445,16 @@ def _next_sortie_number(vehicle: VehicleState) -> int:
 def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
     """End the crew's word without a start: it has to be given again."""
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None).with_orders(cleared_s=None))
-    state = _close_intent(state, vehicle.turn.intent, Outcome.FAILED, why, code, now_s)
-    return state, (Say(Level.WARNING, f"{vehicle.name}: not cleared for take-off: {why}; repeat `swap` when fixed"),)
+    state = _close_intent(state, vehicle, Outcome.FAILED, (code, why), now_s)
+    return state, (sorties.NOT_CLEARED.say(vehicle=vehicle.name, why=why),)
 
 
 def _close_intent(
-    state: FleetState, intent: str, outcome: Outcome, text: str, code: IntentReason | None, now_s: float
+    state: FleetState, vehicle: VehicleState, outcome: Outcome, why: tuple[IntentReason | None, str], now_s: float
 ) -> FleetState:
-    record = state.crew.intents.get(intent)
+    intents, (code, text) = state.crew.intents, why
+    record = intents.get(vehicle.turn.intent)
     if record is None or record.ended_s is not None:
         return state
-    over = replace(record, outcome=outcome, text=text, ended_s=now_s, code=code)
-    return state.with_crew(intents=MappingProxyType({**state.crew.intents, intent: over}))
+    ended = record.end(outcome, text, now_s, code)
+    return state.with_crew(intents=MappingProxyType({**intents, vehicle.turn.intent: ended}))

@@ -1,19 +1,50 @@
-"""What became of each asset: of those that ask for pictures where a site does, else of all segments."""
+"""What became of each asset: whether its pictures show all of it, and looking again at those that an operator names.
+
+Assets are those that ask for pictures where a site has any, else all segments. One is named as everywhere: a text is
+its name, which `pylon V101-4` may share with others, a number its segment.
+
+Flown is not seen: one that was flown waits for the words of its pictures; those that got lost are asked for again. What
+is not shown then was flown but not seen, and is planned again like anything else that is open.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
+from types import MappingProxyType
 
 from executor.core.context import Context
-from executor.core.imaging.picture_proof import find_missed_segments
+from executor.core.interface.commands import AskPicture, Command
+from executor.core.interface.intents import Reason, fill_in
+from executor.core.lines import operator, pictures
+from executor.core.payload.camera_state import AwaitedPictures, MissingPictures, WantedPicture
 from executor.core.replanning.replan_cycle import find_left_over_segments
-from executor.core.state.fleet_state import Coverage, FleetState
+from executor.core.replanning.survivors import find_barred_segments
+from executor.core.state.fleet_state import Coverage, FleetState, Stepped
+from executor.core.state.inspection_run import SegmentPass
+from executor.core.state.vehicle_state import IN_THE_AIR, VehicleState
+from missions import Phase
+from missions.cameras import FIRST_COMPONENT, SpanCameraTask, Trigger
+from missions.inspection_height import visit_distances_m
+from planner import segment_of
 
 ROUNDED = 0.01
 """Of the distance between two pictures: a track of 99.999 m has room for as many as one of 100 m."""
+WAITS_S = 8.0
+"""For the words of pictures, once a span is flown: time to ask for a lost one three times."""
+ASK_AGAIN_S = 2.0
+TRIES = 8
+"""Where a fifth of all frames is lost each way, three questions leave one picture of a hundred unknown."""
+AT_ONCE = 5
+"""Pictures that are asked for in one turn."""
+LATE_M = 2.5
+"""A picture may be taken, or said to be, this much later than it was asked for; two fixes add to it."""
+SPACES = 1.5
+"""Times the distance that was asked for: one picture that is missing leaves twice as much."""
+FILM_S = 3.0
+"""A camera says once a second that it films, and a word may be lost."""
 
 
 class AssetState(Enum):
@@ -104,3 +135,298 @@ def _count_pictures(coverage: Coverage, segment: int, asked: Mapping[str, int]) 
     """Return how many of them there are: more of one camera do not stand for those that another lacks."""
     caught = set(coverage.caught.get(segment, ()))
     return sum(min(most, sum(one == camera for one, _ in caught)) for camera, most in asked.items()) if caught else 0
+
+
+def select_segments_to_reinspect(
+    context: Context, state: FleetState, assets: Sequence[int | str]
+) -> frozenset[int] | Reason:
+    """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
+    # What no vehicle has a camera for that works.
+    barred = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
+    blind = frozenset.intersection(*barred) if barred else frozenset[int]()
+    again, coverage = set[int](), state.coverage
+    for asset in assets:
+        found = _segments_of(context, asset)
+        if not found:
+            unknown = operator.SEGMENT_UNKNOWN if isinstance(asset, int) else operator.ASSET_UNKNOWN
+            return fill_in(unknown, asset=asset, last=len(context.setup.network.segments) - 1)
+        flown = (found & context.wanted) - blind
+        if not flown:
+            return _object_to_segment(context, min(found))
+        # What nobody is to fly: it counts, its pictures are waited for, or it was given up.
+        closed = flown & {*coverage.inspected, *coverage.unseen, *coverage.given_up}
+        if not closed:
+            return fill_in(operator.ASSET_OPEN, asset=context.segment_name(min(flown)))
+        again |= closed
+    return frozenset(again)
+
+
+def reopen_segments(coverage: Coverage, again: frozenset[int]) -> Coverage:
+    """Return the coverage in which segments are open as if nobody had flown them."""
+    was_seen = again & set(coverage.inspected)
+    return replace(
+        discard_proof(coverage, again),
+        unseen=MappingProxyType({one: waits for one, waits in coverage.unseen.items() if one not in again}),
+        # What was missed once and seen later is not missed now: somebody wants it better.
+        not_seen=tuple(one for one in coverage.not_seen if one.segment not in was_seen),
+        # It gets as many tries as anything that was never flown.
+        attempts=MappingProxyType({one: tries for one, tries in coverage.attempts.items() if one not in again}),
+    )
+
+
+def discard_proof(coverage: Coverage, again: frozenset[int]) -> Coverage:
+    """Return the coverage in which segments do not count, and what proved them does not either."""
+    inspected: dict[int, str] = {one: by for one, by in coverage.inspected.items() if one not in again}
+    flown: dict[int, SegmentPass] = {one: how for one, how in coverage.flown.items() if one not in again}
+    return replace(
+        coverage,
+        inspected=MappingProxyType(inspected),
+        flown=MappingProxyType(flown),
+        inferred=coverage.inferred - again,
+        given_up=coverage.given_up - again,
+        caught=MappingProxyType({one: seen for one, seen in coverage.caught.items() if one not in again}),
+        caught_nearer=MappingProxyType({one: seen for one, seen in coverage.caught_nearer.items() if one not in again}),
+    )
+
+
+def _segments_of(context: Context, asset: int | str) -> frozenset[int]:
+    count = len(context.setup.network.segments)
+    if isinstance(asset, int):
+        return frozenset({asset} & set(range(count)))
+    return frozenset(segment for segment in range(count) if context.segment_name(segment) == asset)
+
+
+def _object_to_segment(context: Context, segment: int) -> Reason:
+    """Return why a segment is never flown."""
+    name = context.segment_name(segment)
+    why = next((one.why for one in context.unreachable if one.segment == segment), "")
+    if why:
+        return fill_in(operator.NEVER_FLOWN, asset=name, why=why)
+    if segment not in context.wanted:
+        return fill_in(operator.NOT_ASKED_FOR, asset=name)
+    cameras = " and ".join(sorted(context.setup.looks.cameras_for(segment)))
+    return fill_in(operator.NO_CAMERA, asset=name, cameras=cameras)
+
+
+def requires_pictures(context: Context, segment: int) -> bool:
+    """Return whether a segment asks for pictures."""
+    return segment in context.setup.looks.spans or segment in context.setup.looks.pylons
+
+
+def record_flown_segments(
+    context: Context, state: FleetState, vehicle: str, segments: Iterable[tuple[int, SegmentPass | None]], now_s: float
+) -> FleetState:
+    """Take what was flown: it is inspected, or waits for its pictures.
+
+    What counts already counts by the nearer of two.
+    """
+    coverage = state.coverage
+    inspected, passes, unseen = dict(coverage.inspected), dict(coverage.flown), dict(coverage.unseen)
+    distances_m, by_mission_m = dict(coverage.inspected_at_m), _inspection_distances_m(context, state.vehicles[vehicle])
+    again: set[int] = set()
+    for segment, how in segments:
+        at_m = by_mission_m.get(segment)
+        if segment in inspected:
+            if not coverage.is_nearer_than_counted(segment, at_m):
+                continue
+            if requires_pictures(context, segment):
+                unseen[segment] = AwaitedPictures(vehicle, now_s, at_m)
+                continue
+            again.add(segment)
+        if at_m is not None:
+            distances_m[segment] = at_m
+        if how is not None:
+            passes[segment] = how
+        if requires_pictures(context, segment):
+            unseen[segment] = AwaitedPictures(vehicle, now_s)
+        else:
+            inspected[segment] = vehicle
+    coverage = replace(
+        coverage,
+        inspected=MappingProxyType(inspected),
+        flown=MappingProxyType(passes),
+        inspected_at_m=MappingProxyType(distances_m),
+        inferred=coverage.inferred - again,
+        unseen=MappingProxyType(unseen) if unseen else coverage.unseen,
+    )
+    return replace(state, coverage=coverage)
+
+
+def _inspection_distances_m(context: Context, vehicle: VehicleState) -> Mapping[int, float]:
+    """Return at which distances the mission on board inspects; nothing where every vehicle does so in its layer.
+
+    Of a segment that it has before it once more, from where it was the first time.
+    """
+    board, found = vehicle.assignment.board, dict[int, float]()
+    if board is None or not context.setup.inspection.same_distance:
+        return found
+    come_to = {point.visit for point in board.path.waypoints[: vehicle.assignment.waypoint + 1]}
+    for number, at_m in enumerate(visit_distances_m(context.setup, board.path, board.visits)):
+        segment = segment_of(board.visits[number])
+        if segment not in found or number in come_to:
+            found[segment] = at_m
+    return found
+
+
+def record_passed_pylons(context: Context, state: FleetState, before: VehicleState, now_s: float) -> FleetState:
+    """Take pylons for flown once their last viewpoint is behind the vehicle, by its own report.
+
+    Of viewpoints that were passed while nothing was heard, one counts as left behind without a picture.
+    """
+    vehicle = state.vehicles[before.name]
+    board, was, now = vehicle.assignment.board, before.assignment.waypoint, vehicle.assignment.waypoint
+    if not context.setup.looks.pylons or board is None or now <= was or before.assignment.board is not board:
+        return state
+    done = [
+        (board.tracks[point.visit].segment, None)
+        for point in board.path.waypoints[was:now]
+        if point.phase is Phase.INSPECT and point.visit is not None and board.tracks[point.visit].by_pictures
+    ]
+    passed = {capture for point in board.path.waypoints[was:now] for capture in point.captures if capture.points}
+    for camera, component in sorted({(one.camera, one.camera_id) for one in passed}):
+        memory = vehicle.payload.camera_of(camera, component)
+        memory = replace(memory, left_behind=memory.left_behind + 1)
+        vehicle = replace(vehicle, payload=vehicle.payload.with_camera(memory))
+    state = state.put(vehicle) if passed else state
+    return record_flown_segments(context, state, vehicle.name, done, now_s) if done else state
+
+
+def describe_unseen_parts(context: Context, state: FleetState, segment: int) -> list[str]:
+    """Return in words what pictures do not show of a segment; nothing where they show all of it."""
+    return _describe_missing_pictures(context, segment, state.coverage.caught.get(segment, ()))
+
+
+def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
+    pylon = context.setup.looks.pylons.get(segment)
+    if pylon is not None:
+        had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
+        gone = [str(number + 1) for number in range(len(pylon.points)) if number not in had]
+        missed = pictures.VIEWPOINTS_MISSED.format(camera=pylon.camera, viewpoints=", ".join(gone))
+        return [missed] if gone else []
+    begin_m, end_m = context.setup.tracks_m[segment]
+    length_m = float(((end_m - begin_m) ** 2).sum() ** 0.5)
+    words = []
+    for look in context.setup.looks.spans.get(segment, ()):
+        places = [at_m for camera, at_m in caught if camera == look.camera]
+        stretches = find_unseen_stretches(length_m, places, max_picture_spacing_m(look, context.inspection_speed_m_s))
+        if stretches:
+            where = ", ".join(pictures.STRETCH.format(begin_m=begin_m, end_m=end_m) for begin_m, end_m in stretches)
+            missed = pictures.STRETCHES_MISSED.format(camera=look.camera, stretches=where, length_m=length_m)
+            words.append(missed)
+    return words
+
+
+def max_picture_spacing_m(look: SpanCameraTask, speed_m_s: float) -> float:
+    """Return how far two pictures next to each other may be apart."""
+    if look.trigger is Trigger.VIDEO:
+        return FILM_S * speed_m_s + LATE_M
+    return SPACES * look.every_m + LATE_M
+
+
+def find_unseen_stretches(length_m: float, seen_at_m: Iterable[float], most_m: float) -> list[tuple[float, float]]:
+    """Return the stretches of a span that no picture shows, from a.
+
+    Args:
+        length_m: Of the span's flight track.
+        seen_at_m: Where along it pictures were taken that count.
+        most_m: How far two of them may be apart, and the first and the last from the ends.
+
+    >>> find_unseen_stretches(40.0, [0.0, 10.0, 30.0, 40.0], 15.0)
+    [(10.0, 30.0)]
+    """
+    places = sorted(min(max(at_m, 0.0), length_m) for at_m in seen_at_m)
+    return [
+        (before, after)
+        for before, after in zip([0.0, *places], [*places, length_m], strict=True)
+        if after - before > most_m
+    ]
+
+
+def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
+    """Return what was flown and is not seen: at once, while the words of pictures may still come."""
+    waiting = {
+        segment
+        for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
+        if describe_unseen_parts(context, state, segment)
+    }
+    return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
+
+
+def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Ask again for lost words, and judge what was flown."""
+    if not context.setup.looks:
+        return state, ()
+    state, asked = _request_lost_pictures(state, now_s)
+    commands: list[Command] = list(asked)
+    for segment, waits in state.coverage.unseen.items():
+        caught = state.coverage.caught if waits.nearer_m is None else state.coverage.caught_nearer
+        why = _describe_missing_pictures(context, segment, caught.get(segment, ()))
+        if why and now_s - waits.since_s < WAITS_S:
+            continue
+        if waits.nearer_m is None:
+            state, more = _judge_segment(context, state, segment, waits, why, now_s)
+        else:
+            state, more = _judge_nearer_pictures(context, state, segment, waits, waits.nearer_m, why)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _judge_segment(
+    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, why: list[str], now_s: float
+) -> Stepped:
+    coverage = state.coverage
+    unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
+    if not why:
+        return state.with_coverage(
+            unseen=unseen, inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle})
+        ), ()
+    words = "; ".join(why)
+    passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
+    found = MissingPictures(waits.vehicle, segment, now_s, words)
+    state = state.with_coverage(unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
+    return state, (pictures.NOT_SEEN.say(vehicle=waits.vehicle, segment=context.segment_name(segment), why=words),)
+
+
+def _judge_nearer_pictures(
+    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, at_m: float, why: list[str]
+) -> Stepped:
+    """Judge what counted already: by pictures from nearer, where they show all of it."""
+    coverage = state.coverage
+    nearer = coverage.caught_nearer.get(segment, ())
+    coverage = replace(
+        coverage,
+        unseen=MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment}),
+        caught_nearer=MappingProxyType({one: had for one, had in coverage.caught_nearer.items() if one != segment}),
+    )
+    if why:
+        state = replace(state, coverage=coverage)
+        if segment not in coverage.inspected:
+            return state, ()  # somebody has it open again meanwhile
+        name = context.segment_name(segment)
+        return state, (pictures.COUNTS_AS_BEFORE.say(vehicle=waits.vehicle, segment=name, why="; ".join(why)),)
+    coverage = replace(
+        coverage,
+        inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle}),
+        inspected_at_m=MappingProxyType({**coverage.inspected_at_m, segment: at_m}),
+        caught=MappingProxyType({**coverage.caught, segment: nearer}),
+        inferred=coverage.inferred - {segment},
+    )
+    return replace(state, coverage=coverage), ()
+
+
+def _request_lost_pictures(state: FleetState, now_s: float) -> Stepped:
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        # An autopilot says each once.
+        cameras = [one for one in vehicle.payload.cameras if one.component >= FIRST_COMPONENT]
+        payload = vehicle.payload
+        for camera in cameras if vehicle.stage in IN_THE_AIR and not vehicle.link.stale else ():
+            due = [one for one in camera.wanted if one.tries < TRIES and now_s - one.at_s >= ASK_AGAIN_S][:AT_ONCE]
+            if due:
+                asked = {one.sequence: WantedPicture(one.sequence, one.tries + 1, now_s) for one in due}
+                wanted = tuple(asked.get(one.sequence, one) for one in camera.wanted)
+                payload = payload.with_camera(replace(camera, wanted=wanted))
+                commands += [AskPicture(vehicle.name, camera.component, one.sequence) for one in due]
+        if payload is not vehicle.payload:
+            state = state.put(replace(vehicle, payload=payload))
+    return state, tuple(commands)

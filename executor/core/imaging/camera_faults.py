@@ -12,7 +12,8 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.commands import Command, Level, Say
+from executor.core.interface.commands import Command
+from executor.core.lines import pictures
 from executor.core.payload.camera_state import BrokenCamera, CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
@@ -105,19 +106,20 @@ def _find_camera_faults(
 ) -> Iterator[CameraFinding]:
     known = vehicle.payload
     memory = known.camera_of(capture.camera, capture.camera_id)
-    name = f"camera {capture.camera}"
+    name = capture.camera
     if known.gimbal is not None and known.off_since_s is not None and now_s - known.off_since_s >= OFF_S:
-        where = f"points at {known.gimbal.pitch_deg:.0f} degrees, not at {capture.pitch_deg}"
-        yield FaultCode.GIMBAL_STUCK, "its gimbal reports a failure" if known.gimbal.failed else f"its gimbal {where}"
+        why = pictures.GIMBAL_FAILED if known.gimbal.failed else pictures.GIMBAL_POINTS
+        yield FaultCode.GIMBAL_STUCK, why.format(pitch_deg=known.gimbal.pitch_deg, asked_deg=capture.pitch_deg)
     if memory.free_mib is not None and memory.free_mib < LEAST_MIB:
-        yield FaultCode.CARD_FULL, f"{name}: its card is full"
+        yield FaultCode.CARD_FULL, pictures.CARD_FULL.format(camera=name)
     if memory.failures >= FAILURES:
-        yield FaultCode.CARD_FULL, f"{name}: {memory.failures} pictures in a row failed, as it reports"
+        yield FaultCode.CARD_FULL, pictures.PICTURES_FAILED.format(camera=name, count=memory.failures)
     if capture.trigger is Trigger.ONCE:
         if memory.beside >= BESIDE:
-            yield FaultCode.GIMBAL_STUCK, f"its gimbal pointed elsewhere at {memory.beside} viewpoints in a row"
+            yield FaultCode.GIMBAL_STUCK, pictures.GIMBAL_ELSEWHERE.format(count=memory.beside)
         if memory.left_behind >= _count_misses_needed(vehicle, memory, VIEWPOINTS_LATE):
-            yield _build_silence_finding(memory, name, f"of {memory.left_behind} viewpoints", now_s)
+            missed = pictures.OF_VIEWPOINTS.format(count=memory.left_behind)
+            yield _build_silence_finding(memory, name, missed, now_s)
     elif known.working is not None:
         row = _count_misses_needed(vehicle, memory, PICTURES_LATE)
         yield from _find_late_pictures(context, capture, memory, row, known.working[1], now_s)
@@ -135,7 +137,6 @@ def _find_late_pictures(
     context: Context, capture: Capture, memory: CameraRecord, row: int, since_s: float, now_s: float
 ) -> Iterator[CameraFinding]:
     """Yield what is wrong with a camera that is to take a row of pictures, or to film."""
-    name = f"camera {capture.camera}"
     every_s = capture.every_m / context.inspection_speed_m_s
     late_s = LATEST_S if capture.is_filming else max(LATEST_S, row * every_s)
     last_s = since_s if memory.picture_s is None else max(since_s, memory.picture_s)
@@ -144,16 +145,17 @@ def _find_late_pictures(
     if now_s - last_s < late_s:
         return
     if capture.is_filming:
-        yield FaultCode.CAMERA_SILENT, f"{name}: it has not filmed for {now_s - last_s:.0f} s"
+        yield FaultCode.CAMERA_SILENT, pictures.NOT_FILMED.format(camera=capture.camera, late_s=now_s - last_s)
     else:
-        yield _build_silence_finding(memory, name, f"for {now_s - last_s:.0f} s", now_s)
+        since = pictures.FOR_SECONDS.format(late_s=now_s - last_s)
+        yield _build_silence_finding(memory, capture.camera, since, now_s)
 
 
-def _build_silence_finding(memory: CameraRecord, name: str, since: str, now_s: float) -> CameraFinding:
+def _build_silence_finding(memory: CameraRecord, camera: str, since: str, now_s: float) -> CameraFinding:
     present = memory.component >= FIRST_COMPONENT and memory.heard_s is not None and now_s - memory.heard_s <= HEARD_S
     if present:
-        return FaultCode.CAMERA_MUTE, f"{name}: online, but no picture reported {since}"
-    return FaultCode.CAMERA_SILENT, f"{name}: no picture {since}"
+        return FaultCode.CAMERA_MUTE, pictures.MUTE.format(camera=camera, since=since)
+    return FaultCode.CAMERA_SILENT, pictures.SILENT.format(camera=camera, since=since)
 
 
 def _report_broken_camera(
@@ -167,6 +169,6 @@ def _report_broken_camera(
     state = state.put(vehicle)
     blind = {segment_of(visit) for visit in vehicle.remaining_visits()} & find_barred_segments(context, vehicle)
     left = blind - set(state.coverage.inspected)
-    what = f"; {format_count(len(left), 'segment')} to be reassigned" if left else ""
+    what = pictures.TO_REASSIGN.format(segments=format_count(len(left), "segment")) if left else ""
     state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: {why}", now_s)
-    return state, (Say(Level.FAULT, f"{vehicle.name}: {why}; continuing without it{what}"), *more)
+    return state, (pictures.GOES_ON.say(vehicle=vehicle.name, why=why, left=what), *more)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import dataclass
+from enum import Enum, StrEnum
 from typing import Self
 
 
@@ -75,3 +76,34 @@ class CheckCode(ReasonCode):
     AREAS = "areas", "Whether missions keep out of areas, and where a vehicle's own return leads through one."
     PLAN = "plan", "What each vehicle flies."
     LEFT_OVER = "left_over", "What the plan leaves over, or is not about."
+
+
+class Severity(Enum):
+    """What a finding means for the flight."""
+
+    OK = "ok"
+    WARNING = "warning"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the checklist."""
+
+    severity: Severity
+    subject: str
+    text: str
+    code: CheckCode
+
+
+@dataclass(frozen=True, slots=True)
+class ChecklistLine:
+    """A line as it stands in `executor/core/lines`: its severity, subject, and words with `{names}` for values."""
+
+    severity: Severity
+    code: CheckCode
+    words: str
+
+    def say(self, subject: str, severity: Severity | None = None, **values: object) -> Check:
+        """Return the check that says it of a subject with these values, at its own severity or at another."""
+        return Check(severity or self.severity, subject, self.words.format(**values), self.code)

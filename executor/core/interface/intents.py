@@ -5,7 +5,7 @@ An intent is taken once: the same id again is answered with what became of it th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
@@ -136,6 +136,15 @@ class IntentReason(ReasonCode):
     UNANSWERED = "unanswered", "The vehicle did not answer in time."
 
 
+Reason = tuple[IntentReason, str]
+"""Why an intent is refused or fails: the code, and the words for people."""
+
+
+def fill_in(reason: Reason, **values: object) -> Reason:
+    """Return a reason with values in the place of the `{names}` of its words."""
+    return reason[0], reason[1].format(**values)
+
+
 @dataclass(frozen=True, slots=True)
 class Intent:
     """One wish of an operator."""
@@ -176,3 +185,7 @@ class IntentRecord:
     """Why it was refused or failed; None where it was not."""
     question: str = ""
     """What has to be confirmed first, where that is why it is refused: asked again with `confirmed` it is done."""
+
+    def end(self, outcome: Outcome, text: str, now_s: float, code: IntentReason | Ending | None = None) -> IntentRecord:
+        """Return it at its end."""
+        return replace(self, outcome=outcome, text=text, ended_s=now_s, code=code)

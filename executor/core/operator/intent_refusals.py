@@ -3,84 +3,91 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from executor.core.context import Context
 from executor.core.ground import turnaround
-from executor.core.ground.base_closure import is_base_closed, list_bases
+from executor.core.ground.out_of_service import is_base_closed, list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
-from executor.core.imaging import picture_proof, reinspection_request
+from executor.core.imaging import asset_status
 from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, IntentReason
+from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, Intent, Reason, fill_in
+from executor.core.lines import operator
 from executor.core.replanning import replan_cycle, survivors
+from executor.core.replanning.survivors import ON_GROUND, find_takeoff_obstacles
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import LEAST_SPARE_PCT
 from executor.core.state.vehicle_position import describe_position
-from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState, current_setup_of
+from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
 from missions import Phase
 from missions.geometry import place_distances_m
-from planner import segment_of
 
 LINE_M = 12.0
 """Nearer to the line than this nobody lands: wires sag and swing, and pylons are 5 to 10 m wide."""
 PAD_M = 4.0
 """Nearer to somebody else's pad than this nobody lands."""
-NOT_BEGUN = "the flight has not begun"
-_ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN})
+_DOWN_OR_AT_REST = ON_GROUND | {Stage.DOWN}
 _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND})
 
-Refusal = tuple[IntentReason, str] | None
-"""The code of a refusal with its words; None where nothing is refused."""
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What an operator asks for, and the flight in which it does so."""
+
+    context: Context
+    state: FleetState
+    intent: Intent
+    now_s: float
+
+    @property
+    def vehicle(self) -> VehicleState:
+        """The vehicle that it is for."""
+        if self.intent.vehicle is None:
+            raise ValueError(f"{self.intent.action.value} names no vehicle")
+        return self.state.vehicles[self.intent.vehicle]
+
+    def refuse(self, reason: Reason, **values: object) -> Reason:
+        """Return a reason with its words filled in: with these values, and with what the wish itself says."""
+        known = self.state.vehicles.get(self.intent.vehicle or "")
+        values |= {"action": self.intent.action.value, "vehicle": self.intent.vehicle, "base": self.intent.base}
+        stage = "" if known is None else known.stage.value
+        fault = "" if known is None or known.fault is None else known.fault.reason
+        return fill_in(reason, **values, stage=stage, fault=fault, vehicles=", ".join(self.state.vehicles))
 
 
-def find_refusal(context: Context, state: FleetState, intent: Intent, now_s: float) -> Refusal:
+Reasons = Iterator[Reason | Literal[False] | None]
+"""The reasons against a wish, the most important first; those that do not hold are false, or None."""
+
+
+def find_refusal(context: Context, state: FleetState, intent: Intent, now_s: float) -> Reason | None:
     """Return why an intent is refused, as code and words; None if it is not."""
-    if state.progress.finished:
-        return IntentReason.OVER, "the flight is over"
+    return next((reason for reason in _object(Wish(context, state, intent, now_s)) if reason), None)
+
+
+def _object(wish: Wish) -> Reasons:
+    state, intent = wish.state, wish.intent
+    yield state.progress.finished and operator.OVER
     if intent.action in BEFORE:
-        return _refuse_before_launch(state, intent)
-    if state.progress.launched_s is None:
-        return IntentReason.NOT_BEGUN, NOT_BEGUN
-    if intent.action in FOR_BASE:
-        return _refuse_for_base(context, state, intent)
-    if intent.action in FOR_ALL:
-        return _refuse_for_fleet(context, state, intent, now_s)
-    if intent.vehicle is None:
-        return (
-            IntentReason.VEHICLE_MISSING,
-            f"{intent.action.value} needs a vehicle: one of {', '.join(state.vehicles)}",
-        )
-    vehicle = state.vehicles.get(intent.vehicle)
-    if vehicle is None:
-        return (
-            IntentReason.VEHICLE_UNKNOWN,
-            f"there is no vehicle {intent.vehicle!r}: expected one of {', '.join(state.vehicles)}",
-        )
-    return _VEHICLE[intent.action](context, state, vehicle, now_s)
+        yield from _object_before_launch(wish)
+        return
+    yield state.progress.launched_s is None and operator.NOT_BEGUN
+    if intent.action not in FOR_ALL | FOR_BASE:
+        yield intent.vehicle is None and wish.refuse(operator.VEHICLE_MISSING)
+        yield intent.vehicle not in state.vehicles and wish.refuse(operator.VEHICLE_UNKNOWN)
+    elif intent.vehicle is not None:
+        yield wish.refuse(operator.FOR_BASE if intent.action in FOR_BASE else operator.FOR_FLEET)
+    yield from _OBJECTIONS[intent.action](wish)
 
 
-def _refuse_for_fleet(context: Context, state: FleetState, intent: Intent, now_s: float) -> Refusal:
-    if intent.vehicle is not None:
-        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
-    if intent.action is Action.PROVE and intent.assets:
-        return _refuse_reinspection(context, state, intent, now_s)
-    return _FLEET[intent.action](context, state, now_s)
-
-
-def _refuse_for_base(context: Context, state: FleetState, intent: Intent) -> Refusal:
-    known = list_bases(context)
-    if intent.vehicle is not None:
-        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for a base; expected no vehicle"
-    if intent.base not in known:
-        expected = f"expected one of {', '.join(known)}" if known else "this flight is not a day plan"
-        return IntentReason.BASE_UNKNOWN, f"there is no base {intent.base!r}: {expected}"
-    shut = is_base_closed(context, state, intent.base)
-    if intent.action is Action.CLOSE and shut:
-        return IntentReason.BASE_CLOSED, "it is closed already"
-    return (IntentReason.BASE_OPEN, "it is not closed") if intent.action is Action.OPEN and not shut else None
+def _object_before_launch(wish: Wish) -> Reasons:
+    asked, intent = wish.state.crew.briefing.question, wish.intent
+    yield wish.state.progress.launched_s is not None and operator.BEGUN
+    yield intent.vehicle is not None and wish.refuse(operator.FOR_FLEET)
+    yield (asked is None or asked.id != intent.action.value) and operator.NOT_ASKED
 
 
 def build_confirmation_question(context: Context, state: FleetState, intent: Intent) -> str:
@@ -89,92 +96,75 @@ def build_confirmation_question(context: Context, state: FleetState, intent: Int
     if vehicle is None or intent.confirmed:
         return ""
     if intent.action is Action.DISARM:
-        where_ = describe_position(context, vehicle)
-        return f"{vehicle.name} is down at {where_}: force its motors off? If it is still flying, it will fall"
+        return operator.MAY_DISARM.format(vehicle=vehicle.name, place=describe_position(context, vehicle))
     if intent.action is Action.SWAP:
-        named = f"Is pack {intent.pack} installed" if intent.pack else "Is another pack installed, or its own charged"
-        return f"{vehicle.name} will take off once its checks pass. {named}, and its pad clear of people?"
+        installed = operator.IS_PACK_INSTALLED if intent.pack else operator.IS_ANY_PACK_INSTALLED
+        return operator.MAY_SWAP.format(vehicle=vehicle.name, installed=installed.format(pack=intent.pack))
     if intent.action is Action.INCLUDE and vehicle.stage is not Stage.PILOT:
-        return f"{vehicle.name} may take off once its mission is uploaded. Is its pad clear of people?"
+        return operator.MAY_INCLUDE.format(vehicle=vehicle.name)
     if intent.action in _COMMANDING and is_under_foreign_control(vehicle):
-        return f"{vehicle.name} is with its pilot. Take control of it? Speak to the pilot first"
+        return operator.MAY_TAKE_CONTROL.format(vehicle=vehicle.name)
     return ""
 
 
-def _refuse_before_launch(state: FleetState, intent: Intent) -> Refusal:
-    asked = state.crew.briefing.question
-    if state.progress.launched_s is not None:
-        return IntentReason.BEGUN, "the flight has begun"
-    if intent.vehicle is not None:
-        return IntentReason.VEHICLE_UNEXPECTED, f"{intent.action.value} is for the whole fleet; expected no vehicle"
-    open_ = asked is not None and asked.id == intent.action.value
-    return None if open_ else (IntentReason.NOT_ASKED, "that question is not pending")
+def _object_to_base(wish: Wish) -> Reasons:
+    bases, closes = list_bases(wish.context), wish.intent.action is Action.CLOSE
+    if wish.intent.base not in bases:
+        yield wish.refuse(operator.BASE_UNKNOWN if bases else operator.NO_BASES, bases=", ".join(bases))
+    shut = is_base_closed(wish.context, wish.state, wish.intent.base)
+    yield closes and shut and operator.BASE_SHUT
+    yield not closes and not shut and operator.BASE_OPEN
 
 
-def _refuse_if_silent(vehicle: VehicleState, context: Context, now_s: float) -> Refusal:
-    heard_s = vehicle.link.heard_s
+def _object_to_silence(wish: Wish) -> Reasons:
+    heard_s = wish.vehicle.link.heard_s
     if heard_s is None:
-        return IntentReason.NEVER_HEARD, "no message was ever received from it"
-    if now_s - heard_s >= context.limits.link_stale_s:
-        return IntentReason.LINK_STALE, f"no message from it for {now_s - heard_s:.0f} s"
-    return None
+        yield operator.NEVER_HEARD
+    elif wish.now_s - heard_s >= wish.context.limits.link_stale_s:
+        yield wish.refuse(operator.LINK_STALE, age_s=wish.now_s - heard_s)
 
 
-def _refuse_hold(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:  # noqa: ARG001
-    if vehicle.stage is not Stage.FLYING and vehicle.stage is not Stage.PILOT:
-        return IntentReason.NOT_ON_MISSION, f"it is not on its mission, it is {vehicle.stage.value}"
-    if vehicle.orders.held_s is not None:
-        return IntentReason.ON_HOLD, "it holds already"
-    if vehicle.fault is not None or vehicle.orders.excluded:
-        return IntentReason.OUT_OF_PLAN, "it is out of the plan; return or land it"
-    if vehicle.assignment.pending is not None:
-        return IntentReason.UPLOADING, "mission upload in progress; try again in a moment"
+def _object_to_hold(wish: Wish) -> Reasons:
+    vehicle = wish.vehicle
     phase = None if vehicle.leg is None else vehicle.leg.phase
-    if phase is Phase.TAKEOFF:
-        return IntentReason.CLIMBING, "it is climbing from its pad; below its layer it could conflict with others"
-    if phase is Phase.LAND:
-        return IntentReason.LANDING, "it is landing"
-    return _refuse_if_silent(vehicle, context, now_s)
+    yield vehicle.stage not in {Stage.FLYING, Stage.PILOT} and wish.refuse(operator.NOT_ON_MISSION)
+    yield vehicle.orders.held_s is not None and operator.ON_HOLD
+    yield (vehicle.fault is not None or vehicle.orders.excluded) and operator.PULLED_OUT
+    yield vehicle.assignment.pending is not None and operator.UPLOADING
+    yield phase is Phase.TAKEOFF and operator.CLIMBING
+    yield phase is Phase.LAND and operator.IN_LANDING
+    yield from _object_to_silence(wish)
 
 
-def _refuse_resume(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:
-    if vehicle.stage is Stage.PILOT:
-        return IntentReason.WITH_PILOT, "it is with its pilot: the pilot must set mission mode; then include it"
-    if vehicle.stage is not Stage.FLYING or vehicle.orders.held_s is None:
-        return IntentReason.NOT_ON_HOLD, f"it is not on hold, it is {vehicle.stage.value}"
-    if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
-    return _refuse_if_silent(vehicle, context, now_s)
+def _object_to_resume(wish: Wish) -> Reasons:
+    vehicle = wish.vehicle
+    yield vehicle.stage is Stage.PILOT and operator.PILOT_RESUMES
+    on_hold = vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None
+    yield not on_hold and wish.refuse(operator.NOT_ON_HOLD)
+    yield wish.state.progress.recalled and operator.ABORTED
+    yield from _object_to_silence(wish)
 
 
-def _refuse_return(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:  # noqa: ARG001
-    match vehicle.stage:
-        case Stage.RETURNING if homing.is_coming_home(context, vehicle):
-            return IntentReason.RETURNING, "it is on its way home already"
-        case Stage.GROUND | Stage.LANDED | Stage.DOWN:
-            return IntentReason.ON_GROUND, "it is on the ground"
-        case Stage.LOST:
-            return IntentReason.LINK_LOST, "no link; RTL will be commanded as soon as the link is back"
-        case _:
-            return None
+def _object_to_return(wish: Wish) -> Reasons:
+    vehicle = wish.vehicle
+    comes_home = vehicle.stage is Stage.RETURNING and homing.is_coming_home(wish.context, vehicle)
+    yield comes_home and operator.RETURNING
+    yield vehicle.stage in _DOWN_OR_AT_REST and operator.ON_GROUND
+    yield vehicle.stage is Stage.LOST and operator.LINK_LOST
 
 
-def _refuse_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:
-    fix = vehicle.motion.fix
-    if vehicle.stage not in IN_THE_AIR or not vehicle.armed:
-        return IntentReason.NOT_FLYING, f"it is not flying, it is {vehicle.stage.value}"
-    if vehicle.orders.lands:
-        return IntentReason.LANDING, "it is landing already"
-    if fix is None or now_s - fix.at_s > context.limits.link_stale_s:
-        return IntentReason.POSITION_UNKNOWN, "its position is not known"
+def _object_to_landing(wish: Wish) -> Reasons:
+    context, vehicle, fix = wish.context, wish.vehicle, wish.vehicle.motion.fix
+    yield (vehicle.stage not in IN_THE_AIR or not vehicle.armed) and wish.refuse(operator.NOT_FLYING)
+    yield vehicle.orders.lands and operator.LANDING
+    if fix is None or wish.now_s - fix.at_s > context.limits.link_stale_s:
+        yield operator.POSITION_UNKNOWN
+        return
     line_m = _distance_to_line_m(context, fix.place_m)
-    if line_m < LINE_M:
-        return IntentReason.NEAR_LINE, f"it is {line_m:.0f} m from the line, too near to land safely; use return"
-    for other in state.vehicles:
-        pad_m = context.vehicles[other].pad_m
-        if other != vehicle.name and math.dist(fix.place_m, pad_m) < PAD_M:
-            return IntentReason.OTHER_PAD, f"it would land on the pad of {other}"
-    return None
+    yield line_m < LINE_M and wish.refuse(operator.NEAR_LINE, line_m=line_m)
+    for other in wish.state.vehicles:
+        near = other != vehicle.name and math.dist(fix.place_m, context.vehicles[other].pad_m) < PAD_M
+        yield near and wish.refuse(operator.OTHER_PAD, other=other)
 
 
 def _distance_to_line_m(context: Context, place_m: tuple[float, float]) -> float:
@@ -182,155 +172,106 @@ def _distance_to_line_m(context: Context, place_m: tuple[float, float]) -> float
     return float(place_distances_m(context.setup.network.ends_m, np.array([place_m])).min(initial=math.inf))
 
 
-def _refuse_exclusion(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:  # noqa: ARG001
-    if vehicle.fault is not None:
-        return IntentReason.OUT_OF_PLAN, f"it is out of the plan already: {vehicle.fault.reason}"
-    if vehicle.orders.excluded:
-        return IntentReason.OUT_OF_PLAN, "it is out of the plan already"
-    return None
+def _object_to_exclusion(wish: Wish) -> Reasons:
+    yield wish.vehicle.fault is not None and wish.refuse(operator.AT_FAULT)
+    yield wish.vehicle.orders.excluded and operator.OUT_OF_PLAN
 
 
-def _refuse_inclusion(  # noqa: PLR0911 - one return for each reason
-    context: Context, state: FleetState, vehicle: VehicleState, now_s: float
-) -> Refusal:
-    setup, remaining = current_setup_of(context, vehicle), vehicle.power.battery.remaining_pct
+def _object_to_inclusion(wish: Wish) -> Reasons:
+    context, state, vehicle = wish.context, wish.state, wish.vehicle
     if vehicle.stage is Stage.PILOT:
-        return _refuse_inclusion_from_pilot(state, vehicle)
-    if vehicle.stage not in _ON_GROUND or vehicle.armed:
-        return IntentReason.NOT_AT_REST, f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
-    if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
-    if silent := _refuse_if_silent(vehicle, context, now_s):
-        return silent
-    if stays := _refuse_takeoff(vehicle):
-        return stays
-    if vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None:
-        return IntentReason.CLEARED, "it is cleared for take-off already"
-    if (
-        vehicle.fault is None
-        and not vehicle.orders.excluded
-        and not vehicle.assignment.stubborn
-        and not find_open_segments(context, state)
-        and not is_offered_reinspection(state, vehicle)
-    ):
-        return IntentReason.IN_PLAN, "it is in the plan already, and no segment is left over"
-    if vehicle.motion.fix is None or math.dist(vehicle.motion.fix.place_m, setup.pad_m) > context.limits.off_pad_m:
-        return IntentReason.OFF_PAD, "it is not on its pad, where its climb and landing are planned"
-    if remaining is None or remaining < setup.reserve_pct + LEAST_SPARE_PCT:
-        shown = "unknown" if remaining is None else f"{remaining:.0f} %"
-        return (
-            IntentReason.BATTERY_LOW,
-            f"its battery is {shown}; expected more than its reserve of {setup.reserve_pct:g} %",
-        )
-    return None
+        yield from _object_to_inclusion_from_pilot(wish)
+        return
+    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and wish.refuse(operator.NOT_AT_REST)
+    yield state.progress.recalled and operator.ABORTED
+    yield from _object_to_silence(wish)
+    obstacles = find_takeoff_obstacles(context, vehicle)
+    yield from (obstacles.get(code) for code in (operator.TILTED[0], operator.BASE_CLOSED[0]))
+    yield (vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None) and operator.CLEARED
+    in_plan = vehicle.fault is None and not vehicle.orders.excluded and not vehicle.assignment.stubborn
+    wanted = not in_plan or find_open_segments(context, state) or is_offered_reinspection(state, vehicle)
+    yield not wanted and operator.IN_PLAN
+    yield from obstacles.values()
 
 
-def _refuse_takeoff(vehicle: VehicleState) -> Refusal:
-    """Return why a vehicle may not take off from where it stands."""
-    if vehicle.sensors.tilted_since_s is not None:
-        return IntentReason.TILTED, "it is tilted, it may have tipped over"
-    return (IntentReason.BASE_CLOSED, "its base is closed; open it first") if vehicle.orders.base_closed else None
+def _object_to_inclusion_from_pilot(wish: Wish) -> Reasons:
+    taken = wish.vehicle.custody.taken
+    yield (taken is None or taken.returned_s is None) and operator.PILOT_FLIES
+    yield wish.vehicle.fault is not None and wish.refuse(operator.GIVEN_AWAY)
+    yield wish.state.progress.recalled and operator.ABORTED
 
 
-def _refuse_swap(  # noqa: PLR0911 - one return for each reason
-    context: Context, state: FleetState, vehicle: VehicleState, now_s: float
-) -> Refusal:
-    if vehicle.stage is Stage.PILOT:
-        return IntentReason.WITH_PILOT, "it is with its pilot"
-    if vehicle.stage not in _ON_GROUND or vehicle.armed:
-        return IntentReason.NOT_AT_REST, f"it is not on the ground with its motors off, it is {vehicle.stage.value}"
-    if vehicle.link.heard_s is None:
-        return IntentReason.NEVER_HEARD, "no message was ever received from it"
-    if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
-    if vehicle.orders.base_closed:
-        return IntentReason.BASE_CLOSED, "its base is closed; open it first"
-    if vehicle.turn.asked_s is not None:
-        return IntentReason.SWAPPING, "its turnaround is under way already"
-    if vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None:
-        return IntentReason.CLEARED, "it is cleared for take-off already"
-    if not turnaround.find_next_visits(context, state, vehicle) and not _find_open_segments_for(
-        context, state, vehicle
-    ):
-        return IntentReason.NOTHING_TO_PLAN, "no open segment for another sortie"
-    if why := turnaround.describe_hours_conflict(context, state, vehicle, now_s):
-        return IntentReason.OUT_OF_HOURS, why
-    return None
+def _object_to_swap(wish: Wish) -> Reasons:
+    context, state, vehicle = wish.context, wish.state, wish.vehicle
+    yield vehicle.stage is Stage.PILOT and operator.WITH_PILOT
+    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and wish.refuse(operator.NOT_AT_REST)
+    yield vehicle.link.heard_s is None and operator.NEVER_HEARD
+    yield state.progress.recalled and operator.ABORTED
+    yield vehicle.orders.base_closed and operator.BASE_CLOSED
+    yield vehicle.turn.asked_s is not None and operator.SWAPPING
+    yield (vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None) and operator.CLEARED
+    open_ = turnaround.find_next_visits(context, state, vehicle) or (
+        find_open_segments(context, state)
+        if context.day is None
+        else turnaround.find_unplanned_segments(context, state) - vehicle.turn.beyond
+    )
+    yield not open_ and operator.NO_SORTIE
+    why = turnaround.describe_hours_conflict(context, state, vehicle, wish.now_s)
+    yield why != "" and wish.refuse(operator.OUT_OF_HOURS, conflict=why)
 
 
-def _find_open_segments_for(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
-    if context.day is not None:
-        return turnaround.find_unplanned_segments(context, state) - vehicle.turn.beyond
-    return find_open_segments(context, state)
+def _object_to_disarm(wish: Wish) -> Reasons:
+    yield wish.vehicle.stage is not Stage.DOWN and wish.refuse(operator.NOT_DOWN)
+    yield not wish.vehicle.armed and operator.DISARMED
+    yield from _object_to_silence(wish)
 
 
-def _refuse_inclusion_from_pilot(state: FleetState, vehicle: VehicleState) -> Refusal:
-    if vehicle.custody.taken is None or vehicle.custody.taken.returned_s is None:
-        return IntentReason.WITH_PILOT, "it is with its pilot: the pilot must set mission mode first"
-    if vehicle.fault is not None:
-        return IntentReason.OUT_OF_PLAN, f"it is out of the plan: {vehicle.fault.reason}"
-    return (IntentReason.ABORTED, "the flight was aborted") if state.progress.recalled else None
+def _object_to_any_replan(wish: Wish) -> Reasons:
+    """Yield why no re-plan can begin now, whatever is open."""
+    yield wish.state.progress.recalled and operator.ABORTED
+    yield (wish.state.replanning.replan is not None or wish.state.replanning.ordered) and operator.REPLANNING
+    yield not survivors.build_survivors(wish.context, wish.state, wish.now_s) and operator.NO_SURVIVOR
 
 
-def _refuse_disarm(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Refusal:  # noqa: ARG001
-    if vehicle.stage is not Stage.DOWN:
-        return IntentReason.NOT_DOWN, f"it is not down, it is {vehicle.stage.value}"
-    if not vehicle.armed:
-        return IntentReason.DISARMED, "its motors are off already"
-    return _refuse_if_silent(vehicle, context, now_s)
-
-
-def _refuse_replan(context: Context, state: FleetState, now_s: float) -> Refusal:
-    if state.progress.recalled:
-        return IntentReason.ABORTED, "the flight was aborted"
-    if state.replanning.replan is not None or state.replanning.ordered:
-        return IntentReason.REPLANNING, "a re-plan is under way"
-    offers = [
-        offer for vehicle in state.vehicles.values() if (offer := survivors.build_survivor(context, vehicle, now_s))
-    ]
-    if not offers:
-        return IntentReason.NO_VEHICLE, "no vehicle can take a new route now"
-    freed = {segment_of(visit) for offer in offers for visit in offer.tail}
+def _object_to_replan(wish: Wish) -> Reasons:
+    yield from _object_to_any_replan(wish)
+    context, state = wish.context, wish.state
+    freed = any(offer.tail for offer in survivors.build_survivors(context, state, wish.now_s))
     left = state.coverage.given_up | replan_cycle.find_left_over_segments(state)
-    if not freed and not left and not replan_cycle.find_orphan_segments(context, state):
-        return IntentReason.NOTHING_TO_PLAN, "nothing is left to re-plan"
-    return None
+    open_ = freed or left or replan_cycle.find_orphan_segments(context, state)
+    yield not open_ and operator.NOTHING_TO_REPLAN
 
 
-def _refuse_proof(context: Context, state: FleetState, now_s: float) -> Refusal:
-    if not state.coverage.list_inferred_segments() | picture_proof.find_missed_segments(context, state):
-        return IntentReason.NOTHING_TO_PLAN, "every counted segment is already proven by positions"
-    return _refuse_without_vehicle(context, state, now_s)
+def _object_to_proof(wish: Wish) -> Reasons:
+    context, state, assets = wish.context, wish.state, wish.intent.assets
+    if assets:
+        found = asset_status.select_segments_to_reinspect(context, state, assets)
+        yield None if isinstance(found, frozenset) else found
+    else:
+        open_ = state.coverage.list_inferred_segments() | asset_status.find_missed_segments(context, state)
+        yield not open_ and operator.ALL_PROVEN
+    yield from _object_to_any_replan(wish)
 
 
-def _refuse_reinspection(context: Context, state: FleetState, intent: Intent, now_s: float) -> Refusal:
-    found = reinspection_request.select_segments_to_reinspect(context, state, intent.assets)
-    return _refuse_without_vehicle(context, state, now_s) if isinstance(found, frozenset) else found
-
-
-def _refuse_without_vehicle(context: Context, state: FleetState, now_s: float) -> Refusal:
-    """Return why no re-plan can begin now; that nothing is open yet is no reason."""
-    why = _refuse_replan(context, state, now_s)
-    return None if why is not None and why[0] is IntentReason.NOTHING_TO_PLAN else why
-
-
-def _refuse_abort(context: Context, state: FleetState, now_s: float) -> Refusal:
+def _object_to_abort(wish: Wish) -> Reasons:
+    context, state = wish.context, wish.state
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
-    if not flies and state.crew.offer is None and not turnaround.find_awaited_vehicles(context, state, now_s):
-        return IntentReason.NO_VEHICLE, "no vehicle is on a mission"
-    return None
+    waits = state.crew.offer is not None or turnaround.find_awaited_vehicles(context, state, wish.now_s)
+    yield not flies and not waits and operator.NOBODY_FLIES
 
 
-_VEHICLE: Mapping[Action, Callable[[Context, FleetState, VehicleState, float], Refusal]] = {
-    Action.HOLD: _refuse_hold,
-    Action.RESUME: _refuse_resume,
-    Action.RETURN: _refuse_return,
-    Action.LAND: _refuse_landing,
-    Action.EXCLUDE: _refuse_exclusion,
-    Action.INCLUDE: _refuse_inclusion,
-    Action.SWAP: _refuse_swap,
-    Action.DISARM: _refuse_disarm,
+_OBJECTIONS: Mapping[Action, Callable[[Wish], Reasons]] = {
+    Action.HOLD: _object_to_hold,
+    Action.RESUME: _object_to_resume,
+    Action.RETURN: _object_to_return,
+    Action.LAND: _object_to_landing,
+    Action.EXCLUDE: _object_to_exclusion,
+    Action.INCLUDE: _object_to_inclusion,
+    Action.SWAP: _object_to_swap,
+    Action.DISARM: _object_to_disarm,
+    Action.CLOSE: _object_to_base,
+    Action.OPEN: _object_to_base,
+    Action.REPLAN: _object_to_replan,
+    Action.PROVE: _object_to_proof,
+    Action.ABORT: _object_to_abort,
 }
-_FLEET: Mapping[Action, Callable[[Context, FleetState, float], Refusal]] = {
-    Action.REPLAN: _refuse_replan, Action.PROVE: _refuse_proof, Action.ABORT: _refuse_abort,
-}  # fmt: skip

@@ -1,19 +1,46 @@
-"""What a flight changes on board and is to give back: parameters, fences and rally points."""
+"""What a flight changes on board and is to give back: what it proposes to set, what speaks against it, the record."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from missions import MissionItem, MissionKind
-from missions.fences import find_list_differences
+from executor.core.context import Context, VehicleSetup
+from executor.core.formatting import format_count
+from executor.core.interface.codes import Check, CheckCode, Severity
+from executor.core.interface.messages import ParamValue
+from executor.core.lines import checklist
+from executor.core.preflight.failsafe_parameters import (
+    UNKNOWN,
+    Parameters,
+    describe_action,
+    describe_unread_parameters,
+    fence_names,
+    select_names,
+)
+from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.state.onboard_fence import fence_top_m
+from missions import Dialect, FlightPath, MissionItem, MissionKind, ReturnParameters, max_return_height_m
+from missions.fences import find_first_outside, find_list_differences, parse_outlines
 
 Items = tuple[MissionItem, ...]
 Value = TypeVar("Value")
+Present = Mapping[str, ParamValue]
+"""What one vehicle answered, by name; a parameter that it does not have is missing."""
+
+REAL32 = 9
+"""MAV_PARAM_TYPE of a float; 1 to 8 are integers."""
+HIGHER_M = 0.5
+"""A return this much above its layer is in its layer: half of what autopilots hold their height to."""
+KEPT_HIGHER_M = 50.0
+"""The highest of a fleet may return this much higher than it must: a crew knows why, nobody else is up there, and the
+longer way up and down takes a minute and some 4 % of a battery."""
+NEAR_M = 5.0
+"""A rally point this near to a pad is the pad."""
 
 
 class ChangeStage(Enum):
@@ -105,6 +132,11 @@ class KeptParameter(BoardChange[float]):
     why: str
 
     @property
+    def words_set(self) -> str:
+        """Old, new and why, for the crew to confirm before it is set."""
+        return f"{self.name} {format_change(self.old, self.new, self.unit)}: {self.why}"
+
+    @property
     def words(self) -> str:
         """What is restored, for the crew to confirm."""
         return f"{self.vehicle}: {self.name} {format_change(self.new, self.old, self.unit)}"
@@ -123,6 +155,13 @@ class KeptParameter(BoardChange[float]):
     def is_same(one: float, found: float) -> bool:
         """Return whether what was found on board is this one, but for what is lost on its way."""
         return math.isclose(one, found, rel_tol=1e-5, abs_tol=1e-6)
+
+
+def plan_change(setup: VehicleSetup, found: ParamValue, new: float, unit: str, why: str) -> KeptParameter:
+    """Return a parameter that is to be set on a vehicle for the flight, from what is on board."""
+    return KeptParameter(
+        setup.name, setup.sysid, setup.dialect.name, found.name, found.value, new, found.kind, unit, why
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,3 +225,311 @@ def format_number(value: float) -> str:
 def format_change(before: float, after: float, unit: str) -> str:
     """Return how a value changes, as people write it."""
     return f"{format_number(before)} -> {format_number(after)}{f' {unit}' if unit else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What came of asking one vehicle for parameters: what is in neither of these is not there."""
+
+    present: Present
+    unread: frozenset[str] = frozenset()
+    """Of these nobody knows: the link was silent, or what came was no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterProposal:
+    """What a flight would change on board, and what that is held against."""
+
+    present: Mapping[str, Present]
+    """What each vehicle has now, as far as it matters to its RTL; without those of which that is not known."""
+    changes: tuple[KeptParameter, ...]
+    checks: tuple[Check, ...]
+    """The same for the checklist, with what is right already and what is not known."""
+
+    def changes_of(self, vehicle: str) -> tuple[KeptParameter, ...]:
+        """Return the changes of one vehicle."""
+        return tuple(change for change in self.changes if change.vehicle == vehicle)
+
+
+def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:
+    """Return the parameters that a vehicle is asked for before a change of its return."""
+    rule = dialect.return_parameters
+    return select_names(rule.height, rule.cone, rule.descend_height, rule.descend_wait)
+
+
+def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[str, ...]:
+    """Return what else it is asked for: the name of its height in newer firmware, where the older is not known."""
+    rule = dialect.return_parameters
+    return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
+
+
+def propose_return_changes(
+    context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None
+) -> ParameterProposal:
+    """Return what must be set so that every vehicle comes home by itself clear of the others.
+
+    What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
+    lower down may not return higher than its layer: it would climb through the layers of others.
+
+    Args:
+        context: Of the flight.
+        answered: What came of asking each vehicle.
+        ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
+            site's ceiling over the ground allows.
+    """
+    changes: list[KeptParameter] = []
+    checks: list[Check] = []
+    over_depot_m = {
+        name: context.return_height_m(name) + context.frame.up_m(context.setup.pad_of(name).alt_m)
+        for name in context.vehicles
+    }
+    highest = max(over_depot_m, key=over_depot_m.__getitem__)
+    for name, answers in answered.items():
+        said = answers.present
+        if answers.unread:
+            unread = describe_unread_parameters(answers.unread)
+            checks.append(checklist.CHANGES_UNKNOWN.say(name, unread=unread))
+            continue
+        allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
+        own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
+        changes += own
+        checks += [check, *list_change_checks(own)]
+    present = {name: answers.present for name, answers in answered.items() if not answers.unread}
+    return ParameterProposal(present, tuple(changes), tuple(checks))
+
+
+def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
+    """Return the lines of the checklist that name changes."""
+    return [checklist.TO_BE_SET.say(one.vehicle, change=one.words_set) for one in changes]
+
+
+def _propose_for_vehicle(
+    context: Context, vehicle: str, said: Present, kept_to_m: float
+) -> tuple[list[KeptParameter], Check]:
+    setup, wanted_m = context.vehicles[vehicle], context.return_height_m(vehicle)
+    rule = setup.dialect.return_parameters
+    name, unit_m = find_height_parameter(rule, said)
+    known = said.get(name)
+    if known is None:
+        names = " or ".join(one for one in (rule.height, rule.newer_height) if one is not None)
+        return [], checklist.RTL_UNKNOWN.say(vehicle, names=names)
+    is_m = known.value * unit_m
+    most_m = max(wanted_m + HIGHER_M, min(kept_to_m, wanted_m + KEPT_HIGHER_M))
+    changes, height_m = [], is_m
+    if not wanted_m - unit_m <= is_m <= most_m:
+        value = _round_up_height(wanted_m, unit_m, known.kind)
+        height_m = value * unit_m
+        unit = "cm" if unit_m < 1.0 else "m"
+        why = _explain_return_height(context)
+        changes.append(plan_change(setup, known, value, unit, why))
+    changes += _propose_other_changes(setup, said, height_m)
+    is_ = "is" if height_m == is_m else "will be"
+    return changes, checklist.RTL_ALTITUDE.say(vehicle, is_=is_, height_m=round(height_m, 1), name=name)
+
+
+def check_return_height(context: Context, vehicle: str, proposal: ParameterProposal, ends: Mapping[str, str]) -> Check:
+    """Say at which height a vehicle comes home by itself once its parameters are set.
+
+    Args:
+        context: Of the flight.
+        vehicle: Which one.
+        proposal: What was to be set.
+        ends: By name, why a parameter is not as wanted; empty where it is.
+    """
+    said, wanted_m = proposal.present[vehicle], context.return_height_m(vehicle)
+    name, unit_m = find_height_parameter(context.vehicles[vehicle].dialect.return_parameters, said)
+    problems = "; ".join(problem for problem in ends.values() if problem)
+    new = next((change.new for change in proposal.changes_of(vehicle) if change.name == name), said[name].value)
+    height_m = round((said[name].value if ends.get(name) else new) * unit_m, 1)
+    line = checklist.RTL_STAYS if ends.get(name) else checklist.RTL_SET_BUT if problems else checklist.RTL_SET
+    return line.say(vehicle, height_m=height_m, name=name, wanted_m=wanted_m, problems=problems)
+
+
+def find_height_parameter(rule: ReturnParameters, said: Present) -> tuple[str, float]:
+    """Return the parameter that holds the height of a vehicle's RTL, and its unit in metres."""
+    if rule.newer_height is not None and rule.height not in said and rule.newer_height in said:
+        return rule.newer_height, 1.0
+    return rule.height, rule.unit_m
+
+
+def _round_up_height(height_m: float, unit_m: float, kind: int) -> float:
+    """Return a height in a parameter's unit: whole centimetres, whole metres of an integer, else tenths."""
+    step = 0.1 if unit_m == 1.0 and kind == REAL32 else 1.0
+    return round(math.ceil(round(height_m / unit_m / step, 6)) * step, 1)
+
+
+def _explain_return_height(context: Context) -> str:
+    heights = context.setup.layers.track_heights_m
+    if len(context.vehicles) == 1:
+        return checklist.ABOVE_LINE
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
+        return checklist.ABOVE_LAYERS
+    return checklist.IN_ITS_LAYER
+
+
+def _propose_other_changes(setup: VehicleSetup, said: Present, height_m: float) -> list[KeptParameter]:
+    """Return what else keeps a vehicle from returning at that height."""
+    rule, changes = setup.dialect.return_parameters, []
+    cone = said.get(rule.cone)
+    if cone is not None and cone.value >= rule.cone_least:
+        changes.append(plan_change(setup, cone, rule.cone_off, rule.cone_unit, checklist.CLIMBS_NEAR_PAD))
+    stop = None if rule.descend_height is None else said.get(rule.descend_height)
+    wait = None if rule.descend_wait is None else said.get(rule.descend_wait)
+    waits = wait is None or wait.value != 0.0
+    if stop is not None and waits and stop.value < height_m:
+        changes.append(plan_change(setup, stop, height_m, "m", checklist.WAITS_IN_LAYER))
+    return changes
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardLists:
+    """What one vehicle carries beside its mission; None where it does not let it be read."""
+
+    fence: Items | None = None
+    rally: Items | None = None
+
+
+def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
+    """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
+    if context.fencing is None or not context.fencing.enabled:
+        return ()
+    rule = context.vehicles[name].dialect.geofence
+    kinds = rule.kinds[0] if rule.kinds is not None else None
+    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
+
+
+def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
+    """Return what a flight changes on board with what its fences need."""
+    changes, checks = list(proposal.changes), list(proposal.checks)
+    for name, said in proposal.present.items():
+        made = plan_fence_changes(context, name, said)
+        changes += made
+        checks += [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
+    return replace(proposal, changes=tuple(changes), checks=tuple(checks))
+
+
+def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptParameter]:
+    """Return which parameters are set so that a vehicle keeps to the fence that it is given.
+
+    The limits of its owner stay where the flight fits into them.
+    """
+    names = list_fence_parameters(context, name)
+    if not names or any(one not in said for one in names):
+        return []
+    rule = context.vehicles[name].dialect.geofence
+    stands = any(one in said and said[one].value for one in rule.enabled_by)  # it keeps to a fence already
+    limited = stands and (rule.kinds is None or bool(int(said[rule.kinds[0]].value) & rule.kinds[1]))
+    wanted: dict[str, tuple[float, str, str]] = {}
+    if rule.kinds is not None:
+        kinds, height_bit, _ = rule.kinds
+        own = int(said[kinds].value) if stands else 0
+        wanted[kinds] = (float(own | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
+    top = _round_up_fence_top(context, name, said)
+    limit = said[rule.height].value if limited else 0.0
+    if not 0.0 < limit <= top:
+        wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
+    action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
+    if action is not None:
+        wanted[rule.action] = (float(action), "", checklist.FENCE_ACTION)
+    if rule.enable is not None:
+        wanted[rule.enable] = (1.0, "", checklist.FENCE_ENABLED)
+    return [
+        plan_change(context.vehicles[name], said[key], value, unit, why)
+        for key, (value, unit, why) in wanted.items()
+        if not math.isclose(said[key].value, value, abs_tol=1e-3)
+    ]
+
+
+def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[KeptParameter]) -> list[Check]:
+    """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
+    names = list_fence_parameters(context, name)
+    if not names:
+        return []
+    missing = [one for one in names if one not in said]
+    if missing:
+        return [checklist.NO_FENCE.say(name, names=", ".join(missing))]
+    rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
+    action = int(new.get(rule.action, said[rule.action].value))
+    does = describe_action(rule.actions, action) if action else "nothing"
+    setting = f"{rule.action}={action}"
+    top = new.get(rule.height, said[rule.height].value)
+    margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
+    if does in {"nothing", "warning", UNKNOWN}:
+        does = UNKNOWN if does == UNKNOWN else checklist.DOES_NOTHING
+        return [checklist.FENCE_IDLE.say(name, does=does, setting=setting)]
+    return [checklist.FENCE.say(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
+
+
+def check_onboard_lists(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    """Hold what others put on board against the flight.
+
+    Args:
+        context: Of the flight.
+        facts: What the vehicle said.
+        path: Its first mission.
+        lists: What it carries.
+        ours: What an earlier attempt at this flight may have left: that is ours to replace.
+    """
+    if context.fencing is None:
+        return []
+    return [
+        *_check_onboard_fence(context, facts, path, lists, ours),
+        *_check_onboard_rally(context, facts, lists, ours),
+    ]
+
+
+def _check_onboard_fence(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    name, given = facts.name, context.fencing is not None and context.fencing.enabled
+    dialect = context.vehicles[name].dialect
+    if lists.fence is None:
+        return [checklist.FENCE_UNREADABLE.say(name, Severity.STOP if given else None)]
+    if not lists.fence or lists.fence == ours.fence:
+        return []
+    what = checklist.FOREIGN_FENCE.format(items=format_count(len(lists.fence), "item"))
+    asked = checklist.IS_FENCE_ON.format(fence=what)
+    if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
+        return unread
+    if not _is_polygon_fence_enabled(dialect, facts.parameters):
+        return [checklist.FENCE_OFF.say(name, fence=what)]
+    pad_m = context.vehicles[name].pad_m
+    places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
+    shapes = parse_outlines(lists.fence, context.frame)
+    ways = [[pad_m, *places], *([place, pad_m] for place in places)]
+    out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
+    if out is not None:
+        lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
+        return [checklist.FENCE_LEFT.say(name, fence=what, lat_deg=lat_deg, lon_deg=lon_deg)]
+    return [checklist.FENCE_FITS.say(name, fence=what, stays=checklist.FENCE_KEPT if given else "")]
+
+
+def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
+    name, rule = facts.name, context.fencing
+    given = rule is not None and rule.enabled and rule.rally != "keep"
+    if lists.rally is None:
+        return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
+    if lists.rally == ours.rally:
+        return []
+    pad_m = context.vehicles[name].pad_m
+    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in lists.rally]
+    far = [one for one in away_m if one > NEAR_M]
+    if not far or given:
+        return []
+    return [checklist.RALLY_FAR.say(name, points=format_count(len(far), "rally point"), away_m=max(far))]
+
+
+def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
+    rule = context.vehicles[name].dialect.geofence
+    least = fence_top_m(context, name)
+    return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
+
+
+def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
+    """Return whether a vehicle keeps to the polygons on board."""
+    rule = dialect.geofence
+    if not any(parameters.get(one, 0.0) for one in rule.enabled_by):
+        return False
+    return rule.kinds is None or bool(int(parameters.get(rule.kinds[0], rule.polygons)) & rule.polygons)

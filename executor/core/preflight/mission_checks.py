@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from executor.core.formatting import format_count, join_first_names
-from executor.core.interface.codes import CheckCode
-from executor.core.preflight.vehicle_checks import Check, Severity
+from executor.core.interface.codes import Check, Severity
+from executor.core.lines import checklist
 from missions import (
     FlightPath,
     FlightSetup,
@@ -42,17 +42,18 @@ def check_flight_heights(
         paths: The missions.
         worth_a_look: What was found about the network's heights when it was read.
     """
-    found = [Check(Severity.OK, "heights", describe_heights(setup, paths), CheckCode.HEIGHTS)]
-    found += [Check(Severity.WARNING, "heights", text, CheckCode.HEIGHTS) for text in worth_a_look]
-    found += [Check(Severity.STOP, "heights", text, CheckCode.CLEARANCE) for text in find_low_places(setup, paths)]
-    found += [Check(Severity.STOP, "heights", text, CheckCode.CEILING) for text in check_ceiling(setup, paths)]
-    return found
+    return [
+        checklist.HEIGHTS.say("heights", heights=describe_heights(setup, paths)),
+        *(checklist.HEIGHTS.say("heights", Severity.WARNING, heights=text) for text in worth_a_look),
+        *(checklist.TOO_LOW.say("heights", found=text) for text in find_low_places(setup, paths)),
+        *(checklist.TOO_HIGH.say("heights", found=text) for text in check_ceiling(setup, paths)),
+    ]
 
 
 def find_low_places(setup: FlightSetup, paths: Sequence[FlightPath]) -> list[str]:
     """Return in words where a flight, or one of a later plan, comes too near to the ground or to a line."""
     everywhere = check_network_clearance(setup)
-    more = [f"{len(everywhere) - SHOWN} more places like these"] if len(everywhere) > SHOWN else []
+    more = [checklist.MORE_PLACES.format(count=len(everywhere) - SHOWN)] if len(everywhere) > SHOWN else []
     return [*check_clearance(setup, paths), *everywhere[:SHOWN], *more]
 
 
@@ -150,8 +151,8 @@ def check_inspection_distances(
     words = describe_inspection_distances(setup.inspection.height_m, rows)
     near = check_inspection_airspace(setup, [build_airway(setup, path) for path in paths])
     return [
-        Check(Severity.OK, "distance", words, CheckCode.SEPARATION),
-        *(Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near),
+        checklist.DISTANCES.say("distance", distances=words),
+        *(checklist.TOO_NEAR.say("separation", found=text) for text in near),
     ]
 
 
@@ -174,20 +175,17 @@ def check_missions_and_areas(
         pad = setup.pad_of(name)
         off_m = math.dist(place_m, (pad.east_m, pad.north_m))
         if off_m > OFF_PAD_M:
-            text = f"it stands {off_m:.0f} m from the pad that the site states for it; it lands where it stands"
-            found.append(Check(Severity.WARNING, name, text, CheckCode.AREAS))
+            found.append(checklist.OFF_STATED_PAD.say(name, off_m=off_m))
     if setup.alternates:
-        text = f"alternates: {', '.join(setup.alternates)}"
-        found.append(Check(Severity.OK, "areas", text, CheckCode.AREAS))
+        found.append(checklist.ALTERNATES.say("areas", names=", ".join(setup.alternates)))
     if not setup.areas:
         return found
     wrong = check_areas(setup, paths)
-    found += [Check(Severity.STOP, "areas", text, CheckCode.AREAS) for text in wrong]
+    found += [checklist.AREAS_ENTERED.say("areas", found=text) for text in wrong]
     if not wrong:
-        text = f"{format_count(len(setup.areas), 'area')}; every leg keeps out of them"
-        found.append(Check(Severity.OK, "areas", text, CheckCode.AREAS))
-    lines = describe_returns_through_areas(setup, paths, routes)
-    return found + [Check(Severity.WARNING, "areas", text, CheckCode.AREAS) for text in lines]
+        found.append(checklist.AREAS_KEPT.say("areas", areas=format_count(len(setup.areas), "area")))
+    crossed = describe_returns_through_areas(setup, paths, routes)
+    return found + [checklist.RETURNS_THROUGH.say("areas", found=text) for text in crossed]
 
 
 def describe_returns_through_areas(

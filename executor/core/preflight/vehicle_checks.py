@@ -1,16 +1,19 @@
-"""What must be true before anything moves: plain checks over what the vehicles said."""
+"""What must be true before anything moves: checks of what vehicles and their packs say, and why one does not arm."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from enum import Enum
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executor.core.context import Context
-from executor.core.interface.codes import CheckCode
+from executor.core.battery import pack_condition, voltage
+from executor.core.battery.pack_condition import RECENT, PackCondition, PackState
+from executor.core.battery.voltage import NO_FACTS, PackFacts
+from executor.core.context import Context, VehicleSetup
+from executor.core.formatting import format_count
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import (
     GROUND_STATION,
@@ -19,8 +22,10 @@ from executor.core.interface.messages import (
     Heartbeat,
     Position,
     StationHeard,
+    SystemStatus,
     Version,
 )
+from executor.core.lines import checklist
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight.failsafe_parameters import LinkFailsafe, Parameters
 from executor.core.telemetry import vehicle_identity
@@ -39,24 +44,20 @@ FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
 GPS_M = 5.0
 """What a good GPS is off in height beside the raster."""
-
-
-class Severity(Enum):
-    """What a finding means for the flight."""
-
-    OK = "ok"
-    WARNING = "warning"
-    STOP = "stop"
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One line of the checklist."""
-
-    severity: Severity
-    subject: str
-    text: str
-    code: CheckCode
+PREARM_SENSORS = {
+    0x1: "gyroscope", 0x2: "accelerometer", 0x4: "compass", 0x8: "barometer", 0x20: "GPS", 0x10000: "remote control",
+    0x100000: "geofence", 0x200000: "attitude estimate", 0x1000000: "logging", 0x2000000: "battery",
+    0x40000000: "motors",
+}  # fmt: skip
+"""MAV_SYS_STATUS_SENSOR, as far as a multicopter's crew can do something about it."""
+PREARM_PREFIXES = ("PreArm:", "Arm:", "Preflight Fail:", "Arming denied:", "Arming denied!")
+"""What the autopilots put before a reason."""
+PREARM_VALID_S = 35.0
+"""ArduPilot repeats the reasons every 30 s: an older one is settled."""
+PREARM_SHOWN = 3
+"""More reasons than this are counted only."""
+LIKE = 1.1
+"""Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +89,8 @@ class VehicleFacts:
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
-        text = f"{what} not known: {failsafe_parameters.describe_unread_parameters(lacking)}; is the link too bad?"
-        return [Check(Severity.STOP, self.name, text, code)]
+        unread = failsafe_parameters.describe_unread_parameters(lacking)
+        return [replace(checklist.NOT_READ.say(self.name, what=what, unread=unread), code=code)]
 
     @property
     def words(self) -> str:
@@ -113,23 +114,17 @@ def check_identity(
     found = [_check_firmware(facts, dialect)]
     kind = facts.heartbeat.vehicle_type
     if kind not in vehicle_identity.MULTICOPTERS:
-        text = f"HEARTBEAT type is {vehicle_identity.describe_vehicle_type(kind)}, expected a multicopter"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.VEHICLE_TYPE))
-    if facts.heartbeat.autopilot != dialect.number:
-        text = f"HEARTBEAT autopilot is {facts.heartbeat.autopilot}, expected {dialect.name} ({dialect.number})"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.AUTOPILOT))
-    found += [
-        Check(Severity.STOP, facts.name, describe_foreign_system(double), CheckCode.DOUBLE_SYSID)
-        for double in facts.doubles
-    ]
+        found.append(checklist.VEHICLE_TYPE.say(facts.name, type=vehicle_identity.describe_vehicle_type(kind)))
+    is_, number = facts.heartbeat.autopilot, dialect.number
+    if is_ != number:
+        found.append(checklist.AUTOPILOT.say(facts.name, autopilot=is_, name=dialect.name, number=number))
+    found += [checklist.DOUBLE_SYSID.say(facts.name, found=describe_foreign_system(one)) for one in facts.doubles]
     if facts.heartbeat.armed:
-        text = "already armed, expected a disarmed vehicle on its pad"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.ARMED))
+        found.append(checklist.ARMED.say(facts.name))
     away_m = math.dist(place_m, stated_m or (0.0, 0.0))
     if away_m > FARTHEST_PAD_M:
         where = "the depot" if stated_m is None else "its pad"
-        text = f"stands {away_m:.0f} m from {where}, expected at most {FARTHEST_PAD_M:.0f} m"
-        found.append(Check(Severity.STOP, facts.name, text, CheckCode.FAR_FROM_DEPOT))
+        found.append(checklist.FAR_FROM_PAD.say(facts.name, away_m=away_m, where=where, most_m=FARTHEST_PAD_M))
     return found
 
 
@@ -137,13 +132,11 @@ def check_pad_height(context: Context, facts: VehicleFacts) -> list[Check]:
     """Hold the height of a vehicle's pad, by its own GPS, against the depot's: all heights are counted from there."""
     pad = context.setup.pad_of(facts.name)
     off_m = pad.alt_m - context.frame.alt_m
-    text = f"its pad is {pad.alt_m:.0f} m above sea level by its GPS, the depot {context.frame.alt_m:.0f} m"
+    heights = checklist.PAD_AND_DEPOT.format(pad_m=pad.alt_m, depot_m=context.frame.alt_m)
     if abs(off_m) > PAD_OFF_M + PAD_SLOPE * math.hypot(pad.east_m, pad.north_m):
-        text += ": expected depot.alt_m and GPS to agree"
-        return [Check(Severity.STOP, facts.name, text, CheckCode.PAD_HEIGHT)]
+        return [checklist.PAD_HEIGHT.say(facts.name, heights=heights)]
     if abs(off_m) > context.setup.inspection.height_m - margin_m(context.setup):
-        text += f": its flight is {abs(off_m):.0f} m off if they do not agree"
-        return [Check(Severity.WARNING, facts.name, text, CheckCode.PAD_HEIGHT)]
+        return [checklist.PAD_HEIGHT_MATTERS.say(facts.name, heights=heights, off_m=abs(off_m))]
     return []
 
 
@@ -160,21 +153,21 @@ def check_pad_ground(context: Context, facts: VehicleFacts) -> list[Check]:
     off_m = pad.alt_m - ground_m
     if not abs(off_m) > known.uncertainty_m + GPS_M:
         return []
-    lower = f"{abs(off_m):.0f} m {'lower' if off_m > 0 else 'higher'} over the ground than planned"
-    text = f"its pad is at {pad.alt_m:.0f} m by its GPS, at {ground_m:.0f} m by {known.source}: it flies {lower}"
-    severity = Severity.STOP if off_m > terrain.margin_m else Severity.WARNING
-    return [Check(severity, facts.name, f"{text} if the raster is right", CheckCode.PAD_HEIGHT)]
+    severity = Severity.STOP if off_m > terrain.margin_m else None
+    check = checklist.PAD_GROUND.say(
+        facts.name, severity, pad_m=pad.alt_m, ground_m=ground_m, source=known.source,
+        off_m=abs(off_m), lower="lower" if off_m > 0 else "higher",
+    )  # fmt: skip
+    return [check]
 
 
 def _check_firmware(facts: VehicleFacts, dialect: Dialect) -> Check:
-    tested = f"tested with {dialect.tested_version}"
+    line, oldest = checklist.FIRMWARE, ".".join(map(str, dialect.oldest_version))
     if facts.version is None:
-        return Check(Severity.WARNING, facts.name, f"{facts.words}; faultline is {tested}", CheckCode.FIRMWARE)
-    if (facts.version.major, facts.version.minor) < dialect.oldest_version:
-        oldest = ".".join(map(str, dialect.oldest_version))
-        text = f"{facts.words}, which is older than {oldest}; faultline is {tested}"
-        return Check(Severity.WARNING, facts.name, text, CheckCode.FIRMWARE)
-    return Check(Severity.OK, facts.name, facts.words, CheckCode.FIRMWARE)
+        line = checklist.FIRMWARE_UNKNOWN
+    elif (facts.version.major, facts.version.minor) < dialect.oldest_version:
+        line = checklist.FIRMWARE_OLD
+    return line.say(facts.name, firmware=facts.words, oldest=oldest, tested=dialect.tested_version)
 
 
 def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: float, wanted_s: float | None) -> Check:
@@ -186,17 +179,10 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
         waited_s: The silence after which its segments are given away.
         wanted_s: The site file's figure for that; None if it has none.
     """
-    declared = f"declared lost after {waited_s:g} s"
-    if own.unread:
-        return Check(Severity.STOP, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
-    if wanted_s is not None and waited_s > wanted_s:
-        text = (
-            f"{own.words}; faults.link_timeout_s {wanted_s:g} is shorter, and its segments would be reassigned while "
-            f"it still flies them: {declared} instead"
-        )
-        return Check(Severity.WARNING, facts.name, text, CheckCode.LINK_FAILSAFE)
-    severity = Severity.OK if own.acts else Severity.WARNING
-    return Check(severity, facts.name, f"{own.words}; {declared}", CheckCode.LINK_FAILSAFE)
+    if wanted_s is not None and waited_s > wanted_s and not own.unread:
+        return checklist.DECLARED_LATER.say(facts.name, failsafe=own.words, wanted_s=wanted_s, waited_s=waited_s)
+    severity = Severity.STOP if own.unread else None if own.acts else Severity.WARNING
+    return checklist.DECLARED_LOST.say(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
 def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -206,17 +192,14 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
-        text = f"{what} not known: it has no {' or '.join(names)}"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
+        found.append(checklist.STATION_UNKNOWN.say(facts.name, what=what, names=" or ".join(names)))
     if counted is not None and counted[1] != ours:
         name, value = counted
-        text = f"its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not act when we are lost"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.WATCHED_STATION))
+        found.append(checklist.STATION_OTHER.say(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
-        then = "its HEARTBEATs would hide the loss of ours" if hides else "it may command the vehicle too"
-        text = f"another ground station is on its link, system {station.system} component {station.component}: {then}"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.OTHER_STATION))
+        then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
+        found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
 
 
@@ -229,24 +212,21 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
-    known = bool(rule.actions) and rule.said and all(action.known for action in rule.actions)
-    text = f"no battery failsafe ({settings}): on an empty battery it keeps flying until it falls"
+    known = rule.said and all(action.known for action in rule.actions)
+    line = checklist.BATTERY_FAILSAFE_NONE if rule.said else checklist.BATTERY_FAILSAFE_UNKNOWN
+    actions = ", ".join(action.words for action in rule.actions)
     if rule.actions:
-        text = f"battery failsafe: {', '.join(action.words for action in rule.actions)}"
-        text += f"; it has no {', '.join(absent)}" if absent else ""
-    elif not rule.said:
-        text = f"battery failsafe not known ({settings})"
-    severity = Severity.OK if known else Severity.WARNING
-    found = [Check(severity, facts.name, text, CheckCode.BATTERY_FAILSAFE)]
-    for words in failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version):
-        text = f"battery failsafe: {words}: it may leave its mission"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
-    for action in rule.actions:
-        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct:
-            early = f"{action.words}, but its flight ends with {left_pct:.0f} %: it would act in flight"
-            text = f"battery failsafe: {early}"
-            found.append(Check(Severity.WARNING, facts.name, text, CheckCode.BATTERY_FAILSAFE))
-    return found
+        line = checklist.BATTERY_FAILSAFE
+        actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
+    severity = None if known else Severity.WARNING
+    found = [line.say(facts.name, severity, settings=settings, actions=actions)]
+    early = failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version)
+    found += [checklist.RETURNS_EARLY.say(facts.name, action=words) for words in early]
+    return found + [
+        checklist.ACTS_IN_FLIGHT.say(facts.name, action=action.words, left_pct=left_pct)
+        for action in rule.actions
+        if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct
+    ]
 
 
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
@@ -265,19 +245,21 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     rule, found = setup.dialect.geofence, list[Check]()
     action = facts.parameters.get(rule.action, 0.0)
     if action and failsafe_parameters.describe_action(rule.actions, action) == failsafe_parameters.UNKNOWN:
-        text = f"at a breach of its geofence: {failsafe_parameters.UNKNOWN} ({rule.action}={action:g})"
-        found.append(Check(Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
+        does = failsafe_parameters.UNKNOWN
+        found.append(checklist.GEOFENCE_ACTION.say(facts.name, action=does, name=rule.action, value=action))
     # What its owner has set is no limit to be lifted for a fence of ours.
-    stops = context.fencing is not None and context.fencing.enabled
+    severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
         (cylinder.height_m, high_m, rule.height, "high"),
         (cylinder.radius_m, away_m, rule.radius, "away from home"),
     ):
         if limit_m is not None and needed_m > limit_m:
-            text = f"its geofence ends {limit_m:g} m {what} ({name}), but its flight goes {needed_m:.0f} m {what}"
-            found.append(Check(Severity.STOP if stops else Severity.WARNING, facts.name, text, CheckCode.GEOFENCE))
-    text = "its flight fits into the cylinder of its own geofence"
-    return found or [Check(Severity.OK, facts.name, text, CheckCode.GEOFENCE)]
+            found.append(
+                checklist.GEOFENCE_ENDS.say(
+                    facts.name, severity, limit_m=limit_m, needed_m=needed_m, what=what, name=name
+                )
+            )
+    return found or [checklist.GEOFENCE_FITS.say(facts.name)]
 
 
 def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
@@ -288,8 +270,7 @@ def flight_times(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     absent = [name for name in names if name not in facts.parameters]
     if not absent:
         return []
-    text = f"it has no {', '.join(absent)}: its times are planned by {dialect.tested_version}'s default"
-    return [Check(Severity.WARNING, facts.name, text, CheckCode.ENERGY)]
+    return [checklist.TIMES_BY_DEFAULT.say(facts.name, names=", ".join(absent), tested=dialect.tested_version)]
 
 
 def list_terrain_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -305,13 +286,11 @@ def check_terrain_following(facts: VehicleFacts, dialect: Dialect) -> list[Check
     set_ = [rule for rule in dialect.terrain if facts.parameters.get(rule.parameter)]
     on = [rule for rule in set_ if int(facts.parameters[rule.parameter]) in rule.on]
     setting = {rule: f"{rule.parameter} {facts.parameters[rule.parameter]:g}" for rule in set_}
-    found = [f"follows the ground by itself: {setting[rule]}: {rule.words}" for rule in on if rule.in_flight]
-    found += [f"may follow the ground by itself: {setting[rule]} is unknown" for rule in set_ if rule not in on]
-    if found:
-        return [Check(Severity.WARNING, facts.name, text, CheckCode.TERRAIN) for text in found]
+    follows, unknown, name = checklist.TERRAIN_FOLLOWED, checklist.TERRAIN_UNKNOWN, facts.name
+    found = [follows.say(name, setting=setting[rule], meaning=rule.words) for rule in on if rule.in_flight]
+    found += [unknown.say(name, setting=setting[rule]) for rule in set_ if rule not in on]
     idle = "; ".join(f"{setting[rule]} {rule.words}" for rule in on)
-    text = "its missions and its RTL do not follow the ground by themselves" + (f" ({idle})" if idle else "")
-    return [Check(Severity.OK, facts.name, text, CheckCode.TERRAIN)]
+    return found or [checklist.TERRAIN_NOT_FOLLOWED.say(name, idle=f" ({idle})" if idle else "")]
 
 
 def list_shutter_parameters(dialect: Dialect) -> tuple[str, ...]:
@@ -330,11 +309,9 @@ def check_shutter(facts: VehicleFacts, dialect: Dialect, path: FlightPath | None
         return unread
     value = facts.parameters.get(rule.parameter)
     if value:
-        text = f"its autopilot takes pictures ({rule.parameter} {value:g})"
-        return [Check(Severity.OK, facts.name, text, CheckCode.CAMERA)]
+        return [checklist.SHUTTER.say(facts.name, name=rule.parameter, value=value)]
     said = f"does not say {rule.parameter}" if value is None else f"{rule.parameter} 0"
-    text = f"{said}: its autopilot takes no pictures {rule.words}; expected {rule.remedy}, and a restart"
-    return [Check(Severity.WARNING, facts.name, text, CheckCode.CAMERA)]
+    return [checklist.NO_SHUTTER.say(facts.name, said=said, words=rule.words, remedy=rule.remedy)]
 
 
 def charge_after_flight_pct(context: Context, path: FlightPath | None, remaining_pct: float) -> float | None:
@@ -352,18 +329,14 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     """Compare what the flight should take with what is in the battery."""
     setup = context.vehicles[name]
     if path is None:
-        text = f"stays on the ground as a spare, battery {remaining_pct:.0f} %"
-        return Check(Severity.OK, name, text, CheckCode.ENERGY)
+        return checklist.SPARE.say(name, left_pct=remaining_pct)
     needed = _estimate_flight(context, path)
-    left = remaining_pct - needed.energy_pct
-    text = (
-        f"battery {remaining_pct:.0f} %, flight {needed.duration_s / 60:.1f} min and {needed.energy_pct:.0f} %, "
-        f"lands with {left:.0f} %"
-    )
-    if left < setup.reserve_pct:
-        text += f", expected at least the reserve of {setup.reserve_pct:g} %"
-        return Check(Severity.STOP, name, text, CheckCode.ENERGY)
-    return Check(Severity.OK, name, text, CheckCode.ENERGY)
+    left_pct = remaining_pct - needed.energy_pct
+    line = checklist.ENERGY_SHORT if left_pct < setup.reserve_pct else checklist.ENERGY
+    return line.say(
+        name, has_pct=remaining_pct, minutes=needed.duration_s / 60, needs_pct=needed.energy_pct, left_pct=left_pct,
+        reserve_pct=setup.reserve_pct,
+    )  # fmt: skip
 
 
 def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Check:
@@ -374,33 +347,183 @@ def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Che
         signed: Whether frames must be signed.
     """
     if signed:
-        text = "frames are signed; frames not signed with our key are rejected"
-        return Check(Severity.OK, "signing", text, CheckCode.SIGNING)
+        return checklist.SIGNED.say("signing")
     open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
     if not open_:
         radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
-        beyond = "a radio like ours on the same channel could command the vehicles" if radios else "no link leaves here"
-        return Check(Severity.OK, "signing", f"frames are not signed; {beyond}", CheckCode.SIGNING)
-    text = (
-        f"frames are not signed, and {', '.join(open_)} {'is' if len(open_) == 1 else 'are'} reached over a network: "
-        "any sender there can command and imitate the vehicles"
-    )
-    return Check(Severity.WARNING, "signing", text, CheckCode.SIGNING)
+        return checklist.UNSIGNED.say("signing", beyond=checklist.RADIOS if radios else checklist.NO_RADIOS)
+    are = "is" if len(open_) == 1 else "are"
+    return checklist.UNSIGNED_ON_NETWORK.say("signing", vehicles=", ".join(open_), are=are)
 
 
 def check_disk_space(free_bytes: int, paths: Mapping[str, FlightPath], context: Context) -> Check:
     """Compare the room on the disk with what the record of a flight takes."""
     flown_s = sum(estimate(path, context.pricing.models[path.vehicle]).duration_s for path in paths.values())
     needed = RECORD_BYTES_S * flown_s
-    text = f"{free_bytes / 1e9:.1f} GB free, the record of a flight like this takes about {needed / 1e6:.0f} MB"
-    if free_bytes < SPARE_ROOM * needed:
-        return Check(Severity.WARNING, "disk", f"{text}: it may not fit", CheckCode.DISK)
-    return Check(Severity.OK, "disk", text, CheckCode.DISK)
+    line = checklist.DISK_FULL if free_bytes < SPARE_ROOM * needed else checklist.DISK
+    return line.say("disk", free_gb=free_bytes / 1e9, needed_mb=needed / 1e6)
 
 
 def check_layer_separation(paths: list[FlightPath], layer_m: float, home_alt_m: Mapping[str, float]) -> list[Check]:
     """Check that heights and layers keep any two vehicles apart."""
     if near := check_separation(paths, layer_m, home_alt_m=home_alt_m):
-        return [Check(Severity.STOP, "separation", text, CheckCode.SEPARATION) for text in near]
-    text = f"any two vehicles stay at least {layer_m:g} m apart"
-    return [Check(Severity.OK, "separation", text, CheckCode.SEPARATION)]
+        return [checklist.TOO_NEAR.say("separation", found=text) for text in near]
+    return [checklist.SEPARATED.say("separation", layer_m=layer_m)]
+
+
+def parse_prearm_reason(text: str) -> str | None:
+    """Return the reason that a text gives; None if it is about something else.
+
+    >>> parse_prearm_reason("PreArm: Compass not calibrated")
+    'Compass not calibrated'
+    """
+    for prefix in PREARM_PREFIXES:
+        if text.startswith(prefix):
+            return text.removeprefix(prefix).strip() or None
+    return None
+
+
+def describe_prearm_failure(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
+    """Return why the pre-arm checks fail.
+
+    Args:
+        reasons_s: What the vehicle said, and when last.
+        status: Its last SYS_STATUS.
+        now_s: The time.
+    """
+    fresh = [reason for reason, said_s in reasons_s.items() if now_s - said_s <= PREARM_VALID_S]
+    parts = fresh[:PREARM_SHOWN]
+    if len(fresh) > PREARM_SHOWN:
+        parts.append(f"{len(fresh) - PREARM_SHOWN} more")
+    if not parts and status is not None:
+        ill = [name for bit, name in PREARM_SENSORS.items() if status.unhealthy & bit]
+        if ill:
+            parts.append(f"not healthy: {', '.join(ill)}")
+    return "its own pre-arm checks fail" + (f": {'; '.join(parts)}" if parts else ", no reason reported")
+
+
+@dataclass(frozen=True, slots=True)
+class PackReading:
+    """What a vehicle says of its pack at rest."""
+
+    remaining_pct: float
+    voltage_v: float | None
+    cells: int | None
+    """How many it tells apart."""
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PackAtRest:
+    """How a pack stands at rest."""
+
+    standing: PackCondition
+    count: str
+    """Of how many cells, in words."""
+    reads_volts: bool
+    """Whether its percentage is read off that voltage, and contradicts nothing."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether its percentage says more than its voltage allows."""
+        return self.standing.doubtful and not self.reads_volts
+
+    @property
+    def held_pct(self) -> float:
+        """What it holds: what its voltage says where that contradicts its percentage."""
+        claimed_pct = self.standing.claimed_pct
+        return min(claimed_pct, self.standing.held_pct) if self.doubtful else claimed_pct
+
+
+def pack_facts_from_parameters(parameters: Mapping[str, float]) -> PackFacts:
+    """Return what a vehicle's parameters say of its pack."""
+    said = NO_FACTS
+    for name in voltage.PARAMETERS:
+        if name in parameters:
+            said = voltage.apply_pack_parameter(said, name, parameters[name])
+    return said
+
+
+def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest | None:
+    """Return how a vehicle's pack stands at rest; None where no voltage is reported."""
+    if heard.voltage_v is None:
+        return None
+    known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
+    cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
+    at_rest = pack_condition.apply_pack_voltage(
+        PackState(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True
+    )
+    found = pack_condition.assess_pack(at_rest, cells, known, heard.remaining_pct, 0.0)
+    if found is None:
+        return None
+    count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
+    reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
+    return PackAtRest(found, count, reads_volts)
+
+
+def check_pack(context: Context, facts: VehicleFacts) -> list[Check]:
+    """Hold the capacity that it counts by against the plan's, and its voltage at rest against its percentage."""
+    names = context.vehicles[facts.name].dialect.pack_parameters
+    if unread := facts.check_parameters_read(names, "what its pack is taken for is", CheckCode.PACK):
+        return unread
+    said = pack_facts_from_parameters(facts.parameters)
+    heard = PackReading(facts.remaining_pct, facts.voltage_v, facts.cells, facts.parameters)
+    found = assess_pack_at_rest(context.vehicles[facts.name], heard)
+    return [
+        *_check_history(context, context.vehicles[facts.name]),
+        *_check_capacity(context, facts.name, said),
+        *_check_voltage(facts, found),
+    ]
+
+
+def _check_history(context: Context, setup: VehicleSetup) -> list[Check]:
+    """Say what earlier flights said of its pack, and what is reckoned with for it."""
+    known, planned_ah = setup.history, context.drone.capacity_ah
+    if known is None:
+        return []
+    worn = known.share_of(planned_ah) < 1.0
+    severity, history = Severity.WARNING if worn else None, describe_pack_history(setup, planned_ah)
+    return [checklist.PACK_HISTORY.say(setup.name, severity, label=known.label, history=history)]
+
+
+def describe_pack_history(setup: VehicleSetup, planned_ah: float) -> str:
+    """Return what earlier flights said of a pack, to be put behind its name; empty where it has no label."""
+    known = setup.history
+    if known is None:
+        return ""
+    if known.capacity_ah is None and known.ohm is None:
+        silent = checklist.FLIGHTS_SILENT if known.flights else checklist.NO_FLIGHTS
+        return silent.format(flights=format_count(known.flights, "flight"), planned_ah=planned_ah)
+    parts = []
+    if known.capacity_ah is not None:
+        has_ah = known.capacity_ah[0]
+        share_pct = 100.0 * has_ah / planned_ah
+        parts.append(checklist.HAS_CAPACITY.format(has_ah=has_ah, share_pct=share_pct, planned_ah=planned_ah))
+    if known.ohm is not None:
+        parts.append(checklist.HAS_RESISTANCE.format(mohm=1000.0 * known.ohm[0]))
+    flights = format_count(min(known.flights, RECENT), "flight")
+    text = checklist.HAS.format(what=" and ".join(parts), flights=flights)
+    worn = known.share_of(planned_ah) < 1.0
+    if worn:
+        text += checklist.WORN_BUDGET.format(budget_pct=setup.budget_pct)
+    if setup.empty_pct > 0:
+        text += (", " if worn else ": ") + checklist.EMPTY_AT.format(empty_pct=setup.empty_pct)
+    return text
+
+
+def _check_capacity(context: Context, name: str, said: PackFacts) -> list[Check]:
+    planned_ah, counted_ah = context.drone.capacity_ah, said.capacity_ah
+    if counted_ah is None or planned_ah / LIKE <= counted_ah <= planned_ah * LIKE:
+        return []
+    factor = planned_ah / counted_ah
+    return [checklist.PACK_CAPACITY.say(name, counted_ah=counted_ah, planned_ah=planned_ah, factor=factor)]
+
+
+def _check_voltage(facts: VehicleFacts, found: PackAtRest | None) -> list[Check]:
+    if facts.voltage_v is None:
+        return [checklist.NO_VOLTAGE.say(facts.name)]
+    if found is None:
+        return []
+    line = checklist.PACK_BY_VOLTS if found.reads_volts else checklist.PACK_AT_REST
+    severity = Severity.WARNING if found.doubtful else None
+    return [line.say(facts.name, severity, standing=found.standing.words, count=found.count)]

@@ -2,52 +2,54 @@
 
 What others may still fly becomes less with each leg. As soon as a vehicle may come down to a part of the line ahead of
 it, it is given the same visits again with that part at the asked distance. Nothing depends on when anybody flies: until
-then, and where the new mission does not come on board, it inspects from its layer. What was inspected so is flown once
-more by who has done its own part (`once_more`).
+then, and where the new mission does not come on board, it inspects from its layer.
+
+What was inspected so counts; but when the others have left, who has done its own part and is about to fly home with
+enough in its battery comes by again, lower. That is no re-plan: nothing is open, and whatever does become open comes
+before it. When everybody is down, who has enough left may take off for it, as for anything else: by the crew's word, or
+where the site says that nobody is asked.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from executor.core.context import Context
-from executor.core.interface.commands import Level, Say, Solve, Survivor
+from executor.core.interface.commands import Say, Solve, Survivor
 from executor.core.interface.events import NewRoute, SolveEnded
-from executor.core.replanning import reinspection, replan_cycle, replan_separation, survivors
-from executor.core.replanning.flying_hours import limit_to_hours
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.lines import replanning
+from executor.core.replanning import replan_cycle, replan_separation, survivors
+from executor.core.replanning.replan_cycle import format_segments
+from executor.core.replanning.survivors import limit_to_hours
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_state import VehicleState
-from missions import build_flight_path, continue_path, estimate
-from missions.inspection_height import must_leave_layer
-from planner import is_reversed, segment_of
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import estimate
+from missions.inspection_height import must_leave_layer, visit_distances_m
+from planner import is_reversed, segment_of, visit_of
 
 LOOKED_S = 1.0
 LOOKED_AT, PAIRS_AT_ONCE = 3, 24
 """Vehicles at once, in a large fleet fewer: each is held against all others."""
 MOST_LOST = 0.05
 """Of a vehicle's frames: a mission that nobody needs is not sent over a link on which its upload may break off."""
+_DOWN = frozenset({Stage.GROUND, Stage.LANDED, Stage.DOWN, Stage.LOST})
+AT_ONCE = 5
+"""Segments that it goes to again; more of them afterwards."""
+SPARE_PCT = 5.0
+"""Of its battery, which it keeps besides its reserve: nobody needs it to go there."""
 
 
 def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Give a vehicle a mission on which it comes nearer to the line, if there is one for whom that is free."""
-    known = state.replanning
-    if (
-        not replan_separation.may_leave_layers(context)
-        or known.replan is not None
-        or known.urgent
-        or known.ordered
-        or known.orphans_since_s is not None
-        or state.progress.recalled
-        or state.progress.finished
-        or state.progress.launched_s is None
-        or state.listening.silent_since_s is not None
-        or now_s < known.wait_until_s
-        or (now_s < known.closer_s + LOOKED_S and not reinspection.is_fleet_down(state))
-        or replan_separation.is_line_occupied(context, state, now_s)
-    ):
+    known, flies = state.replanning, state.progress.is_under_way and not state.progress.finished
+    busy = known.is_changing or known.orphans_since_s is not None or state.listening.silent_since_s is not None
+    if not replan_separation.may_leave_layers(context) or busy or not flies or now_s < known.wait_until_s:
+        return state, ()
+    looked = now_s < known.closer_s + LOOKED_S and not is_fleet_down(state)
+    if looked or replan_separation.is_line_occupied(context, state, now_s):
         return state, ()
     state = replace(state, replanning=replace(known, closer_s=now_s))
     most = max(1, min(LOOKED_AT, PAIRS_AT_ONCE // len(state.vehicles)))
@@ -60,14 +62,11 @@ def lower_one_vehicle(context: Context, state: FleetState, now_s: float) -> Step
 
 def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> bool:
     """Return whether somebody on the ground was just cleared to fly there once more, and others may be in a moment."""
-    if (
-        not replan_separation.may_leave_layers(context)
-        or state.progress.recalled
-        or now_s >= state.replanning.wait_until_s
-    ):
+    over = state.progress.recalled or now_s >= state.replanning.wait_until_s
+    if over or not replan_separation.may_leave_layers(context):
         return False
     return any(
-        vehicle.orders.cleared_s is not None and reinspection.find_distant_segments(context, state, vehicle)
+        vehicle.orders.cleared_s is not None and find_distant_segments(context, state, vehicle)
         for vehicle in state.vehicles.values()
         if survivors.build_survivor(context, vehicle, now_s) is not None
     )
@@ -84,14 +83,14 @@ def _find_candidates(context: Context, state: FleetState, now_s: float) -> Itera
             continue
         ahead = () if name in stays else map(segment_of, vehicle.remaining_visits())
         lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
-        if not lower and not reinspection.find_distant_segments(context, state, vehicle):
+        if not lower and not find_distant_segments(context, state, vehicle):
             continue
         offer = survivors.build_survivor(context, vehicle, now_s)
-        if offer is None or not (offer.airborne or (context.day is None and reinspection.is_fleet_down(state))):
+        if offer is None or not (offer.airborne or (context.day is None and is_fleet_down(state))):
             continue
         not_low = {segment_of(visit) for visit in offer.tail} - replan_separation.find_low_tail_segments(vehicle, offer)
         lower = name not in stays and any(must_leave_layer(context.setup, name, segment) for segment in not_low)
-        if lower or reinspection.has_done_its_part(state, vehicle, offer):
+        if lower or has_done_its_part(state, vehicle, offer):
             yield limit_to_hours(context, state, offer, now_s)
 
 
@@ -105,9 +104,8 @@ def _lower_ahead(context: Context, state: FleetState, offer: Survivor, now_s: fl
     low = _choose_low(context, state, plan, now_s)
     if not low > before or not _can_afford(context, vehicle, plan, low):
         return None
-    names = format_segments(context, low - before)
-    why = f"{offer.vehicle}: airspace at {names} is free; new mission at inspection height"
-    return _assign_plan(context, state, plan, why, now_s)
+    said = replanning.LOWER.say(vehicle=offer.vehicle, segments=format_segments(context, low - before))
+    return _assign_plan(context, state, plan, said, now_s)
 
 
 def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Stepped | None:
@@ -116,21 +114,22 @@ def _reinspect(context: Context, state: FleetState, offer: Survivor, now_s: floa
     if plan is None:
         return None
     names = format_segments(context, frozenset(map(segment_of, plan.solve.given)) - set(map(segment_of, offer.tail)))
-    when = "new mission before it returns" if offer.airborne else "takes off after upload"
-    return _assign_plan(
-        context, state, plan, f"{offer.vehicle}: re-inspects {names} at inspection height; {when}", now_s
-    )
+    line = replanning.AGAIN_ALOFT if offer.airborne else replanning.AGAIN_FROM_PAD
+    return _assign_plan(context, state, plan, line.say(vehicle=offer.vehicle, segments=names), now_s)
 
 
 def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Replan | None:
     """Return the plan by which a vehicle that has done its part inspects more at the asked distance, if it can."""
     name, vehicle = offer.vehicle, state.vehicles[offer.vehicle]
-    again = reinspection.find_distant_segments(context, state, vehicle)
-    if not again or not reinspection.has_done_its_part(state, vehicle, offer):
+    again = find_distant_segments(context, state, vehicle)
+    if not again or not has_done_its_part(state, vehicle, offer):
         return None
     [kept] = replan_separation.close_occupied_segments(context, state, [offer], again, now_s)
-    begin_m = offer.start_m if not offer.tail else _tail_end_m(context, offer)
-    more = reinspection.build_nearest_visits(context, begin_m, again - set(kept.barred))
+    begin_m = offer.start_m
+    if offer.tail:
+        last = offer.tail[-1]
+        begin_m = tuple(context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist())
+    more = build_nearest_visits(context, begin_m, again - set(kept.barred))
     while more:
         plan = _build_plan(context, state, offer, (*offer.tail, *more), now_s)
         low = _choose_low(context, state, plan, now_s)
@@ -139,17 +138,11 @@ def plan_reinspection(context: Context, state: FleetState, offer: Survivor, now_
         )
         if stay != more:
             more = stay  # where one goes away, the others may be flown in one go, or not any more
-        elif _can_afford(context, vehicle, plan, low, reinspection.SPARE_PCT):
+        elif _can_afford(context, vehicle, plan, low, SPARE_PCT):
             return plan
         else:
             more = more[:-1]
     return None
-
-
-def _tail_end_m(context: Context, offer: Survivor) -> tuple[float, float]:
-    last = offer.tail[-1]
-    east_m, north_m = context.setup.tracks_m[segment_of(last)][0 if is_reversed(last) else 1].tolist()
-    return east_m, north_m
 
 
 def _build_plan(context: Context, state: FleetState, offer: Survivor, visits: tuple[int, ...], now_s: float) -> Replan:
@@ -166,33 +159,83 @@ def _choose_low(context: Context, state: FleetState, plan: Replan, now_s: float)
     ]
 
 
-def _assign_plan(context: Context, state: FleetState, plan: Replan, why: str, now_s: float) -> Stepped:
+def _assign_plan(context: Context, state: FleetState, plan: Replan, said: Say, now_s: float) -> Stepped:
     [offer], revision = plan.solve.survivors, plan.solve.revision
-    plan = replace(plan, solve=replace(plan.solve, trigger=why))
+    plan = replace(plan, solve=replace(plan.solve, trigger=said.text))
     state = state.with_replanning(revision=revision, replan=plan)
     answer = SolveEnded(revision, (NewRoute(offer.vehicle, plan.solve.given),), (), 0.0, "")
     state, commands = replan_cycle.apply_solution(context, state, answer, now_s)
-    return state, (Say(Level.INFO, why), *commands)
+    return state, (said, *commands)
 
 
 def _can_afford(
     context: Context, vehicle: VehicleState, plan: Replan, low: frozenset[int], spare_pct: float = 0.0
 ) -> bool:
     """Return whether what is left of a vehicle's budget takes it down there and home."""
-    [offer], board, model = plan.solve.survivors, vehicle.assignment.board, context.pricing.models[vehicle.name]
-    setup, visits, kept = (
-        replan_separation.build_closed_setup(context, (offer,)),
-        plan.solve.given,
-        offer.kept if offer.airborne else 0,
-    )
-    if offer.airborne and board is not None:
-        path = continue_path(setup, board.path, kept, visits, low, offer.start_m)
+    [offer] = plan.solve.survivors
+    setup, kept = replan_separation.build_closed_setup(context, (offer,)), offer.kept if offer.airborne else 0
+    path = replan_separation.build_new_path(setup, vehicle, offer, plan.solve.given, low)
+    if kept:  # from where it is
         lat_deg, lon_deg = setup.frame.to_wgs84_deg(*offer.start_m)
         begin = replace(path.waypoints[kept - 1], lat_deg=lat_deg, lon_deg=lon_deg)
         path, kept = replace(path, waypoints=(begin, *path.waypoints[kept:])), 1
-    else:
-        path = build_flight_path(setup, vehicle.name, visits, low)
-    legs = estimate(path, model).legs[kept:]
+    legs = estimate(path, context.pricing.models[vehicle.name]).legs[kept:]
     phases = (point.phase for point in path.waypoints[kept:])
     needs_pct = sum(offer.pace.factor_of(phase) * leg.energy_pct for phase, leg in zip(phases, legs, strict=True))
     return offer.consumption * needs_pct + spare_pct <= offer.budget_pct
+
+
+def has_done_its_part(state: FleetState, vehicle: VehicleState, offer: Survivor) -> bool:
+    """Return whether all that a vehicle would be given anew counts already, and it has no sortie ahead."""
+    return not vehicle.turn.ahead and all(segment_of(visit) in state.coverage.inspected for visit in offer.tail)
+
+
+def is_fleet_down(state: FleetState) -> bool:
+    """Return whether nobody is in the air, or about to be, but for who is lost."""
+    return all(vehicle.stage in _DOWN for vehicle in state.vehicles.values())
+
+
+def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that count from farther away than asked, and that a vehicle may be sent to once more.
+
+    Not what somebody has before it, and not what it was sent to already: that was not proven, and may not be again.
+    """
+    coverage, asked_m = state.coverage, context.setup.inspection.height_m
+    found = {segment for segment in coverage.inspected if coverage.is_nearer_than_counted(segment, asked_m)}
+    if not found:
+        return frozenset()
+    for other in state.mission_vehicles():
+        found -= {segment_of(visit) for visit in other.remaining_visits()}
+    return frozenset(
+        found - _find_tried_segments(context, state, vehicle) - survivors.find_barred_segments(context, vehicle)
+    )
+
+
+def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleState) -> set[int]:
+    """Return what a vehicle was sent to for a nearer look by the mission on board."""
+    board = vehicle.assignment.board
+    if board is None:
+        return set()
+    at_m = visit_distances_m(context.setup, board.path, board.visits)
+    segments = map(segment_of, board.visits)
+    return {
+        segment
+        for segment, here_m in zip(segments, at_m, strict=True)
+        if state.coverage.is_nearer_than_counted(segment, here_m)
+    }
+
+
+def build_nearest_visits(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
+    """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest."""
+    left, here_m = set(segments), begin_m
+    visits: list[int] = []
+    while left and len(visits) < AT_ONCE:
+        _, segment, backwards = min(
+            (math.dist(here_m, end), segment, backwards)
+            for segment in left
+            for backwards, end in enumerate(context.setup.tracks_m[segment].tolist())
+        )
+        visits.append(visit_of(segment, bool(backwards)))
+        here_m = tuple(context.setup.tracks_m[segment][1 - backwards].tolist())
+        left.remove(segment)
+    return tuple(visits)

@@ -7,20 +7,18 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.inflight.homing import is_coming_down
-from executor.core.interface.commands import Command, Compose, Level, Say, Survivor, Upload
+from executor.core.interface.commands import Command, Compose, Say, Survivor, Upload
 from executor.core.interface.events import MissionsWanted, NewRoute
+from executor.core.lines import replanning
 from executor.core.replanning import replan_separation, survivors
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
 from executor.core.state.vehicle_parts import ModeCause
 from executor.core.state.vehicle_state import Stage, VehicleState
-from missions import build_flight_path, continue_path
 
 RETRY_S = 5.0
 OLD_NEED_S = 90.0
 """A need that nobody could answer for longer says nothing of the re-plan that came in the end."""
-FLEW_ON = "moved on before its new mission arrived"
-LEFT = "left its mission before the new one arrived"
 WAYS_AT_ONCE = 500
 """Of the missions that are made in one turn of the loop: ways to fly, times the pads that each may have to lead around.
 Some 10 ms for fifty vehicles, whose missions together would take a third of a second."""
@@ -46,7 +44,7 @@ def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: f
             continue  # its fault came first
         vehicle, offer = state.vehicles[route.vehicle], offers[route.vehicle]
         if not survivors.is_offer_valid(vehicle, offer):
-            why = FLEW_ON if vehicle.custody.cause is ModeCause.OURS else LEFT
+            why = replanning.FLEW_ON if vehicle.custody.cause is ModeCause.OURS else replanning.LEFT_MISSION
             state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
             commands.append(said)
             continue
@@ -56,7 +54,7 @@ def compose_missions(context: Context, state: FleetState, plan: Replan, now_s: f
                 context, state, plan, route.vehicle, mission.path, now_s
             )
             if near:
-                why = f"its path conflicts with others' parts of the line ({near[0]})"
+                why = replanning.CONFLICTS.format(near=near[0])
                 state, plan, said = drop_late_mission(state, plan, route.vehicle, why, now_s)
                 state = state.with_replanning(wait_until_s=now_s + RETRY_S)
                 commands.append(said)
@@ -96,8 +94,15 @@ def drop_late_mission(
     plan = replace(plan, pending=plan.pending - {name}, let_go=(*plan.let_go, name))
     vehicle = state.vehicles[name]
     state = state.put(vehicle.with_assignment(pending=None))
-    state = state.with_replanning(replan=plan, urgent=True, trigger=f"{name}: {why}", trigger_s=now_s)
-    return state, plan, Say(Level.INFO, f"{name}: {why}; re-plan {plan.solve.revision} is planned again for it")
+    state = state.with_replanning(replan=plan).want_replan(f"{name}: {why}", now_s)
+    return state, plan, replanning.LATE.say(vehicle=name, why=why, revision=plan.solve.revision)
+
+
+def release_vehicle(state: FleetState, plan: Replan, name: str, why: str, now_s: float) -> Stepped:
+    """Let go of one vehicle's part as above, and close the re-plan if it was the last."""
+    state, _, said = drop_late_mission(state, plan, name, why, now_s)
+    state, more = end_replan_if_done(state, now_s)
+    return state, (said, *more)
 
 
 def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
@@ -107,8 +112,7 @@ def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
     """
     if plan.solve.sortie:
         return state.with_replanning(replan=None)
-    wanted = state.with_replanning(replan=None, urgent=True, trigger=plan.solve.trigger, trigger_s=plan.begun_s)
-    return wanted.with_replanning(ordered=plan.ordered)
+    return state.with_replanning(replan=None, ordered=plan.ordered).want_replan(plan.solve.trigger, plan.begun_s)
 
 
 def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
@@ -131,18 +135,14 @@ def _build_new_mission(
 
     In flight the beginning stays as it is, item for item, so that the autopilot's index keeps its meaning.
     """
-    setup, low = (
-        replan_separation.build_closed_setup(context, plan.solve.survivors),
-        frozenset(plan.low.get(vehicle.name, ())),
-    )
-    if not offer.airborne or vehicle.assignment.board is None:
-        path = build_flight_path(setup, vehicle.name, visits, low)
-        return NewMission(path, visits, True, widen_fence(context, vehicle.name, vehicle.assignment.fence, path))
-    kept = {waypoint.visit for waypoint in vehicle.assignment.board.path.waypoints[: offer.kept]}
-    stay = tuple(visit for index, visit in enumerate(vehicle.assignment.board.visits) if index in kept)
-    path = continue_path(setup, vehicle.assignment.board.path, offer.kept, visits, low, offer.start_m)
-    fence = widen_fence(context, vehicle.name, vehicle.assignment.fence, path)
-    return NewMission(path, (*stay, *visits), False, fence)
+    setup = replan_separation.build_closed_setup(context, plan.solve.survivors)
+    low, board = frozenset(plan.low.get(vehicle.name, ())), vehicle.assignment.board
+    path, fresh = replan_separation.build_new_path(setup, vehicle, offer, visits, low), True
+    if offer.airborne and board is not None:
+        kept = {waypoint.visit for waypoint in board.path.waypoints[: offer.kept]}
+        stay = tuple(visit for index, visit in enumerate(board.visits) if index in kept)
+        visits, fresh = (*stay, *visits), False
+    return NewMission(path, visits, fresh, widen_fence(context, vehicle.name, vehicle.assignment.fence, path))
 
 
 def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
@@ -166,10 +166,11 @@ def end_replan_if_done(state: FleetState, now_s: float) -> Stepped:
     )
     state = state.with_replanning(replan=None, records=(*state.replanning.records, record), orphans_since_s=None)
     since_s = record.ended_s - record.begun_s
-    what = f"{record.trigger}, plan {record.revision}," if record.sortie else f"re-plan {record.revision}"
-    text = f"{what} is on board" + (f" after {since_s:.1f} s" if since_s <= OLD_NEED_S else "")
+    named = replanning.SORTIE_PLAN if record.sortie else replanning.REPLAN
+    line = replanning.ENDED_AFTER if since_s <= OLD_NEED_S else replanning.ENDED
     if plan.failed:
-        text = f"{what} ended; not uploaded to {', '.join(plan.failed)}"
+        line = replanning.ENDED_WITHOUT
     elif not plan.missions.keys() - set(plan.let_go):
-        text = f"{what} ended; no mission has changed"
-    return state, (Say(Level.INFO, text),)
+        line = replanning.ENDED_SAME
+    what = named.format(trigger=record.trigger, revision=record.revision)
+    return state, (line.say(plan=what, since_s=since_s, vehicles=", ".join(plan.failed)),)

@@ -1,4 +1,4 @@
-"""Who can take over what, and what becomes of the answer."""
+"""Who can take over what after a loss, what becomes of the answer, and what the next loss would mean."""
 
 from __future__ import annotations
 
@@ -8,19 +8,12 @@ from types import MappingProxyType
 
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
-from executor.core.interface.commands import Command, Level, Say, Solve, Survivor
-from executor.core.interface.events import NewRoute, SolveEnded
+from executor.core.interface.commands import Command, Say, Solve, Survivor
+from executor.core.interface.events import Gain, NewRoute, SolveEnded
+from executor.core.lines import replanning
 from executor.core.replanning import new_missions, replan_separation, survivors
-from executor.core.replanning.flying_hours import limit_to_hours
-from executor.core.replanning.replan_messages import (
-    describe_short_budgets,
-    describe_solution,
-    explain_orphan_segments,
-    find_passed_segments,
-    format_segments,
-)
 from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
 from planner import segment_of
 
 PROOF_GRACE_S = 5.0
@@ -52,17 +45,12 @@ def find_left_over_segments(state: FleetState) -> frozenset[int]:
 
 def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
     """Plan anew for a vehicle that was silent at the last re-plan, if that left something over which it may reach."""
-    left = (
-        frozenset(state.replanning.records[-1].uncovered) & state.coverage.given_up
-        if state.replanning.records
-        else frozenset()
-    )
+    left = state.list_uncovered_last() & state.coverage.given_up
     out = vehicle.fault is not None or vehicle.stage is not Stage.FLYING or vehicle.name in state.replanning.considered
     if out or not left or state.progress.recalled:
         return state
-    trigger = f"{vehicle.name}: link regained"
     state = state.with_coverage(given_up=state.coverage.given_up - left)
-    return state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
+    return state.want_replan(replanning.LINK_REGAINED.format(vehicle=vehicle.name), now_s)
 
 
 def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -76,55 +64,41 @@ def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
 
 
 def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Stepped:
-    alone = find_orphan_segments(context, state)
-    if (
-        state.replanning.replan is not None
-        or state.progress.recalled
-        or state.progress.launched_s is None
-        or state.listening.silent_since_s is not None
-    ):
+    alone, known = find_orphan_segments(context, state), state.replanning
+    silent = state.listening.silent_since_s is not None
+    if known.replan is not None or silent or not state.progress.is_under_way:
         return state, ()
-    if not alone and not state.replanning.ordered:
+    if not alone and not known.ordered:
         return state.with_replanning(orphans_since_s=None, urgent=False), ()
-    since = now_s if state.replanning.orphans_since_s is None else state.replanning.orphans_since_s
-    state = state.with_replanning(orphans_since_s=since)
-    if now_s < state.replanning.wait_until_s or (
-        not state.replanning.urgent and not state.replanning.ordered and now_s - since < PROOF_GRACE_S
-    ):
+    since_s = now_s if known.orphans_since_s is None else known.orphans_since_s
+    state, asked = state.with_replanning(orphans_since_s=since_s), known.urgent or known.ordered
+    if now_s < known.wait_until_s or (not asked and now_s - since_s < PROOF_GRACE_S):
         return state, ()
-    asked = (survivors.build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
-    offers = tuple(limit_to_hours(context, state, offer, now_s) for offer in asked if offer)
+    offers = survivors.build_survivors(context, state, now_s)
     if not offers:
         return _give_up_without_vehicle(context, state.with_replanning(ordered=False), alone)
-    if not state.replanning.urgent and not state.replanning.ordered:
+    if not asked:
         state, alone = _count_attempts(state, alone)
         if not alone:
-            return state, (Say(Level.WARNING, "inspection of some segments not proven; left for later"),)
+            return state, (replanning.PROOF_LEFT.say(),)
     freed = {segment_of(visit) for offer in offers for visit in offer.tail} - _find_segments_under_way(state, offers)
     to_spare = find_left_over_segments(state) | (freed & state.coverage.left_over)
     if not alone and not freed and not to_spare:
         return state.with_replanning(ordered=False), ()
-    trigger = (
-        state.replanning.trigger
-        if state.replanning.urgent or state.replanning.ordered
-        else explain_orphan_segments(context, state, alone)
-    )
-    revision = state.replanning.revision + 1
-    done = set(state.coverage.inspected)
+    trigger = known.trigger if asked else explain_orphan_segments(context, state, alone)
+    revision, done = known.revision + 1, set(state.coverage.inspected)
     own = tuple(sorted((alone | freed) - to_spare - done))
     offers = replan_separation.close_occupied_segments(context, state, offers, (*own, *to_spare), now_s)
     solve = Solve(revision, own, offers, trigger, tuple(sorted(to_spare - done)))
-    begun_s = state.replanning.trigger_s if state.replanning.urgent or state.replanning.ordered else now_s
     state = state.with_replanning(
         revision=revision,
-        replan=Replan(solve, begun_s, ordered=state.replanning.ordered),
+        replan=Replan(solve, known.trigger_s if asked else now_s, ordered=known.ordered),
         urgent=False,
         ordered=False,
         considered=frozenset(offer.vehicle for offer in offers),
     )
-    names = ", ".join(offer.vehicle for offer in offers)
-    text = f"re-plan {revision}: {format_count(len(alone), 'open segment')} ({trigger}); planning for {names}"
-    return state, (Say(Level.INFO, text), solve)
+    names, count = ", ".join(offer.vehicle for offer in offers), format_count(len(alone), "open segment")
+    return state, (replanning.BEGINS.say(revision=revision, segments=count, trigger=trigger, vehicles=names), solve)
 
 
 def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:
@@ -158,21 +132,14 @@ def set_aside_segments(context: Context, coverage: Coverage, segments: Iterable[
 
 
 def _give_up_without_vehicle(context: Context, state: FleetState, alone: frozenset[int]) -> Stepped:
-    back = any(
-        one.stage is Stage.RETURNING and one.fault is None and not one.orders.excluded
-        for one in state.vehicles.values()
-    )
+    stages = {one.stage for one in state.vehicles.values() if one.fault is None and not one.orders.excluded}
     if state.mission_vehicles() or not alone:
         return state, ()  # somebody is landing, or about to: it may fly again
-    if back and context.fly_again is RelaunchPolicy.AUTO:
+    if Stage.RETURNING in stages and context.fly_again is RelaunchPolicy.AUTO:
         return state, ()
     state = replace(state, coverage=set_aside_segments(context, state.coverage, alone)).with_replanning(urgent=False)
-    waiting = any(
-        one.stage in {Stage.GROUND, Stage.LANDED} and one.fault is None and not one.orders.excluded
-        for one in state.vehicles.values()
-    )
-    who = "no vehicle in the air can take over" if waiting else "no vehicle is left to inspect"
-    return state, (Say(Level.WARNING, f"{who} {format_segments(context, alone)}"),)
+    line = replanning.NOBODY_ALOFT if stages & survivors.ON_GROUND else replanning.NOBODY_LEFT
+    return state, (line.say(segments=format_segments(context, alone)),)
 
 
 def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s: float) -> Stepped:
@@ -183,35 +150,31 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     if event.routes is None:
         state = new_missions.request_replan_again(state, plan)
         state = state.with_replanning(wait_until_s=now_s + new_missions.RETRY_S)
-        return state, (Say(Level.WARNING, f"re-plan {event.revision} failed: {event.reason}; trying again"),)
+        return state, (replanning.FAILED.say(revision=event.revision, reason=event.reason),)
     offers = plan.solve.survivors
     late = [offer.vehicle for offer in offers if not survivors.is_offer_valid(state.vehicles[offer.vehicle], offer)]
     if late:
-        state = new_missions.request_replan_again(state, plan)
-        return state, (
-            Say(Level.INFO, f"re-plan {event.revision} came too late for {', '.join(late)}; planning again"),
-        )
+        said = replanning.TOO_LATE.say(revision=event.revision, vehicles=", ".join(late))
+        return new_missions.request_replan_again(state, plan), (said,)
     found = {route.vehicle: route.visits for route in event.routes}
-    routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in plan.solve.survivors}
+    routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in offers}
     plan = _add_low_segments(context, state, plan, routes, now_s)
     unmade = tuple(
         NewRoute(offer.vehicle, routes[offer.vehicle])
-        for offer in plan.solve.survivors
+        for offer in offers
         if routes[offer.vehicle] != offer.tail or _is_moved(state, plan, offer)
     )
     if plan.low:  # from the highest layer down: who flies lower may have to wait for who flies above it
         unmade = tuple(sorted(unmade, key=lambda one: -context.setup.layers.vehicles.index(one.vehicle)))
     for route in unmade:
-        vehicle = state.vehicles[route.vehicle]
-        state = state.put(vehicle.with_assignment(pending=event.revision))
+        state = state.put(state.vehicles[route.vehicle].with_assignment(pending=event.revision))
     lines: list[Command] = []
     if not plan.solve.given:
-        lines.append(Say(Level.INFO, describe_solution(event, [route.vehicle for route in unmade])))
+        lines.append(announce_solution(event, [route.vehicle for route in unmade]))
     if event.gain is not None and event.gain.short:
-        lines.append(Say(Level.WARNING, describe_short_budgets(event.gain)))
+        lines.append(announce_short_budgets(event.gain))
     if event.uncovered:
-        what = f"remaining battery does not cover {format_segments(context, event.uncovered)}"
-        lines.append(Say(Level.WARNING, what))
+        lines.append(replanning.NOT_COVERED.say(segments=format_segments(context, event.uncovered)))
     plan = replace(
         plan,
         solve_s=event.solve_s,
@@ -243,3 +206,101 @@ def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
     return frozenset(plan.low[offer.vehicle]) != replan_separation.find_low_tail_segments(
         state.vehicles[offer.vehicle], offer
     )
+
+
+def select_vehicles_to_judge(state: FleetState) -> tuple[str, ...]:
+    """Return the vehicles whose loss can be judged; none while the plan is about to change anyway."""
+    if state.replanning.is_changing or not state.progress.is_under_way:
+        return ()
+    return tuple(vehicle.name for vehicle in state.mission_vehicles() if vehicle.stage is Stage.FLYING)
+
+
+def build_judgement_key(state: FleetState) -> tuple[object, ...]:
+    """Return what a judgement depends on: between two visits, and without a new plan, it stays as it is."""
+    doing = tuple(
+        (one.name, one.stage.value, one.orders.held_s is None, one.orders.excluded) for one in state.vehicles.values()
+    )
+    return (state.replanning.revision, len(state.coverage.inspected), len(state.coverage.given_up), doing)
+
+
+def build_loss_problem(context: Context, state: FleetState, name: str, now_s: float) -> Solve | tuple[int, ...]:
+    """Return the re-plan that the loss of a vehicle would ask for, or what would surely be left over.
+
+    A held vehicle is taken to go on: the operator can let it.
+    """
+    state = state.put(suppose_lost(state.vehicles[name], now_s))
+    alone = find_orphan_segments(context, state)
+    if not alone:
+        return ()
+    free = {name: vehicle.with_orders(held_s=None) for name, vehicle in state.vehicles.items()}
+    offers = survivors.build_survivors(context, replace(state, vehicles=free), now_s)
+    if not offers:
+        return tuple(sorted(alone))
+    freed = {segment_of(visit) for offer in offers for visit in offer.tail}
+    wanted = tuple(sorted((alone | freed) - set(state.coverage.inspected) - state.coverage.left_over))
+    offers = replan_separation.close_occupied_segments(context, state, offers, wanted, now_s)
+    return Solve(state.replanning.revision, wanted, offers, f"what if {name} were lost")
+
+
+def format_segments(context: Context, segments: frozenset[int] | tuple[int, ...]) -> str:
+    """Return segments in words, by the names of the assets where they have any."""
+    names = {segment: context.segment_name(segment) for segment in sorted(segments)}
+    if len(names) > 1 and all(name == f"segment {segment}" for segment, name in names.items()):
+        return f"segments {', '.join(map(str, names))}"
+    return ", ".join(names.values())
+
+
+def find_passed_segments(state: FleetState) -> frozenset[int]:
+    """Return the segments that a vehicle has flown past on its mission, proven or not."""
+    past: set[int] = set()
+    for vehicle in state.vehicles.values():
+        past |= {segment for segment, _ in vehicle.assignment.runs_broken}
+        if vehicle.assignment.board is not None:
+            ahead = {segment_of(visit) for visit in vehicle.remaining_visits()}
+            past |= {segment_of(visit) for visit in vehicle.assignment.board.visits} - ahead
+    return frozenset(past)
+
+
+def explain_orphan_segments(context: Context, state: FleetState, alone: frozenset[int]) -> str:
+    """Return why segments are without a vehicle that no fault left behind."""
+    past = find_passed_segments(state)
+    reasons = {replanning.NOT_PROVEN: alone & past, replanning.WITHOUT_VEHICLE: alone - past}
+    found = ((why, format_segments(context, segments)) for why, segments in reasons.items() if segments)
+    return "; ".join(why.format(segments=segments) for why, segments in found)
+
+
+def announce_solution(event: SolveEnded, names: list[str]) -> Say:
+    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
+
+    Args:
+        event: The solver's answer.
+        names: Of those who are given one.
+    """
+    gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
+    given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
+    return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)
+
+
+def _describe_gain(gain: Gain, *, changed: bool) -> str:
+    if not changed:
+        return replanning.NO_GAIN
+    longest = replanning.LONGEST.format(longest_s=gain.longest_s)
+    shorter = round(gain.longest_s) < round(gain.carried_s)
+    covered = []
+    if gain.segments:
+        covered.append(replanning.RECOVERED.format(segments=format_count(gain.segments, "segment")))
+    elif gain.length_m >= 1.0 and not shorter:
+        covered.append(replanning.LENGTH_RECOVERED.format(length_m=gain.length_m))
+    if gain.left_over:
+        moved = replanning.TAKEN_OVER if gain.left_over > 0 else replanning.MOVED_BACK
+        covered.append(moved.format(segments=format_count(abs(gain.left_over), "segment")))
+    if covered:
+        return f"{', '.join(covered)}; {longest}"
+    why = replanning.LIMITED if gain.short else replanning.SHORTER if shorter else replanning.NO_DUPLICATES
+    return why.format(longest=longest, carried_s=gain.carried_s)
+
+
+def announce_short_budgets(gain: Gain) -> Say:
+    """Say who cannot go on with what is on board."""
+    line = replanning.BUDGET_SHORT if len(gain.short) == 1 else replanning.BUDGETS_SHORT
+    return line.say(vehicles=", ".join(sorted(gain.short)))

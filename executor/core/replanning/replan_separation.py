@@ -232,7 +232,7 @@ def choose_low_segments(
     begins_m: dict[str, tuple[float, float]] = {}
     for offer in offers:
         vehicle = state.vehicles[offer.vehicle]
-        board, path = vehicle.assignment.board, build_path_in_layer(setup, vehicle, offer, routes[offer.vehicle])
+        board, path = vehicle.assignment.board, build_new_path(setup, vehicle, offer, routes[offer.vehicle])
         if board is not None and offer.airborne:
             # Its tail may be flown until it has its new mission, which comes before those of who flies below it.
             tail = build_airway(setup, board.path, max(offer.kept, vehicle.assignment.waypoint))
@@ -245,14 +245,18 @@ def choose_low_segments(
     return select_low_segments(setup, routes, taken, find_layer_bound_vehicles(context.vehicles), begins_m)
 
 
-def build_path_in_layer(
-    setup: FlightSetup, vehicle: VehicleState, offer: Survivor, visits: tuple[int, ...]
+def build_new_path(
+    setup: FlightSetup,
+    vehicle: VehicleState,
+    offer: Survivor,
+    visits: tuple[int, ...],
+    low: frozenset[int] = frozenset(),
 ) -> FlightPath:
-    """Return a survivor's new path with all that is new in its own layer."""
+    """Return a survivor's whole new path, with all that is new in its own layer but for the segments of `low`."""
     board = vehicle.assignment.board
     if not offer.airborne or board is None:
-        return build_flight_path(setup, vehicle.name, visits)
-    return continue_path(setup, board.path, offer.kept, visits, turn_m=offer.start_m)
+        return build_flight_path(setup, vehicle.name, visits, low)
+    return continue_path(setup, board.path, offer.kept, visits, low, offer.start_m)
 
 
 def _add_turning_legs(setup: FlightSetup, vehicle: VehicleState, kept: int, new: Airway) -> Airway:
@@ -303,21 +307,13 @@ def find_mission_conflicts(
     new = build_airway(context.setup, path, 0 if offer is None else offer.kept)
     if offer is not None and offer.airborne:
         new = _add_turning_legs(context.setup, state.vehicles[name], offer.kept, new)
-    waits = set()
+    waits, order = set(), context.setup.layers.vehicles
     for other in plan.pending - {name}:
         left = _find_remaining_airway(context, state.vehicles[other])
-        if (
-            left is not None
-            and _is_above(context, other, name)
-            and check_inspection_airspace(context.setup, [new, left])
-        ):
+        above = order.index(other) > order.index(name)
+        if left is not None and above and check_inspection_airspace(context.setup, [new, left]):
             waits.add(other)
     others = [one for one in find_occupied_airways(context, state, offers, now_s) if one.vehicle != name]
     gone = [_find_remaining_airway(context, state.vehicles[other]) for other in (*plan.failed, *plan.let_go)]
     others += [one for one in gone if one is not None and one.vehicle != name]
     return frozenset(waits), [line for one in others for line in check_inspection_airspace(context.setup, [new, one])]
-
-
-def _is_above(context: Context, one: str, other: str) -> bool:
-    order = context.setup.layers.vehicles
-    return order.index(one) > order.index(other)

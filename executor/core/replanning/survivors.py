@@ -1,15 +1,19 @@
-"""What a vehicle can offer to a re-plan: where it could begin, with what budget, and what it carries."""
+"""What a vehicle can offer to a re-plan: where it could begin, with what budget, in which hours, what it carries."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from executor.core.battery import account
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
+from executor.core.interface.intents import IntentReason, Reason, fill_in
+from executor.core.lines import operator
 from executor.core.state import legs
-from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase
@@ -17,6 +21,7 @@ from missions.autopilots.dialect import is_mission_mode
 from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
 
+ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 QUANTUM_PCT = 1.0
 """Batteries report whole percents: what is reported may be this much more than what is there."""
 BESIDE_M = 5.0
@@ -29,54 +34,69 @@ def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[i
     return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken_camera_names()) | by_day
 
 
+def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[IntentReason, Reason]:
+    """Return by code what keeps a vehicle on the ground from any take-off, the most important first."""
+    setup, fix, left_pct = current_setup_of(context, vehicle), vehicle.motion.fix, vehicle.power.battery.remaining_pct
+    found: list[Reason] = []
+    if vehicle.sensors.tilted_since_s is not None:
+        found.append(operator.TILTED)
+    if vehicle.orders.base_closed:
+        found.append(operator.BASE_CLOSED)
+    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+        found.append(operator.OFF_PAD)
+    if left_pct is None or left_pct < setup.reserve_pct + LEAST_SPARE_PCT:
+        left = "unknown" if left_pct is None else f"{left_pct:.0f} %"
+        found.append(fill_in(operator.BATTERY_LOW, left=left, reserve_pct=setup.reserve_pct))
+    return {code: (code, words) for code, words in found}
+
+
+def is_heard(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether a vehicle says anything now."""
+    return vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < context.limits.link_stale_s
+
+
+def is_out_of_plan(vehicle: VehicleState) -> bool:
+    """Return whether a vehicle is given nothing until the crew, or the vehicle, says otherwise."""
+    orders, known = vehicle.orders, vehicle.assignment
+    out = vehicle.fault is not None or known.stubborn or orders.excluded or orders.held_s is not None
+    return out or known.carried.may_be_foreign() or vehicle.turn.asked_s is not None
+
+
+def build_survivors(context: Context, state: FleetState, now_s: float) -> tuple[Survivor, ...]:
+    """Return what all vehicles can offer to a re-plan, each within its hours."""
+    offers = (build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
+    return tuple(limit_to_hours(context, state, offer, now_s) for offer in offers if offer)
+
+
 def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
     # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
-    heard = (
-        state.link.heard_s is not None
-        and not state.link.stale
-        and now_s - state.link.heard_s < context.limits.link_stale_s
-    )
-    out = (
-        state.fault is not None or state.assignment.stubborn or state.orders.excluded or state.orders.held_s is not None
-    )
-    out = out or state.assignment.carried.may_be_foreign() or state.turn.asked_s is not None
-    if out or not heard or state.power.battery.remaining_pct is None:
+    heard = is_heard(context, state, now_s) and not state.link.stale
+    if is_out_of_plan(state) or not heard or state.power.battery.remaining_pct is None:
         return None
-    if state.stage in {Stage.GROUND, Stage.LANDED}:
-        if state.sensors.tilted_since_s is not None or state.orders.base_closed:
-            return None  # it lies on its side, or nobody takes off from there
-        if not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
+    if state.stage in ON_GROUND:
+        stays = find_takeoff_obstacles(context, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
+        if stays or not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
             return None
         return build_pad_survivor(context, state)
-    if state.stage not in {Stage.FLYING, Stage.STARTING} or state.assignment.board is None or state.motion.fix is None:
+    board, fix, setup = state.assignment.board, state.motion.fix, context.setup
+    if state.stage not in {Stage.FLYING, Stage.STARTING} or board is None or fix is None:
         return None
-    if not _is_flying_mission(context, state, now_s):
-        return None
-    kept = _count_kept_waypoints(context, state)
+    kept = _count_kept_waypoints(context, state) if _is_flying_mission(context, state, now_s) else None
     if kept is None:
         return None
     if kept > state.assignment.waypoint:
-        place, spent = (
-            state.assignment.board.places_m[kept - 1],
-            legs.energy_to_reach_pct(state, kept - 1),
-        )
-        alt_rel_m = state.assignment.board.path.waypoints[kept - 1].alt_rel_m
+        place_m, alt_rel_m = board.places_m[kept - 1], board.path.waypoints[kept - 1].alt_rel_m
+        spent_pct = legs.energy_to_reach_pct(state, kept - 1)
     else:
-        place, alt_rel_m = state.motion.fix.place_m, state.motion.fix.alt_rel_m
-        spent = _turn_energy_pct(context, state, kept)
-    offer = _build_offer(
-        context, state, place, spent * account.consumption_factor(state.power.battery), airborne=True, kept=kept
-    )
+        place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, _turn_energy_pct(context, state, kept)
+    spent_pct *= account.consumption_factor(state.power.battery)
+    offer = _build_offer(context, state, place_m, spent_pct, airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
     if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
-        (east_m, north_m), before_m = (
-            state.assignment.board.places_m[kept - 1],
-            state.assignment.board.places_m[kept - 2],
-        )
+        (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
         facing_m = (east_m - before_m[0], north_m - before_m[1])
-    low = kept > 0 and state.assignment.board.path.waypoints[kept - 1].below_m > 0
-    setup = context.setup
+    low = kept > 0 and board.path.waypoints[kept - 1].below_m > 0
     up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
 
@@ -97,7 +117,7 @@ def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
     if vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.held_s is not None:
         return False
     if not offer.airborne:
-        return vehicle.stage in {Stage.GROUND, Stage.LANDED}
+        return vehicle.stage in ON_GROUND
     if vehicle.custody.cause is not ModeCause.OURS:
         return False  # it has just left its mission: by a failsafe of its own, or a person took it
     board, waypoint = vehicle.assignment.board, vehicle.assignment.waypoint
@@ -176,10 +196,10 @@ def _build_offer(
         setup.budget_pct - account.draw_since_start_pct(state.power.battery),
     )
     budget = left - spent_pct
-    tail: tuple[int, ...] = ()
-    if state.assignment.board is not None and airborne:
-        ahead = {waypoint.visit for waypoint in state.assignment.board.path.waypoints[kept:]}
-        tail = tuple(visit for index, visit in enumerate(state.assignment.board.visits) if index in ahead)
+    tail, board = tuple[int, ...](), state.assignment.board
+    if board is not None and airborne:
+        ahead = {waypoint.visit for waypoint in board.path.waypoints[kept:]}
+        tail = tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
     blind = find_barred_segments(context, state)
     most = remaining - setup.reserve_pct - spent_pct
     learned = state.assignment.learned
@@ -187,3 +207,55 @@ def _build_offer(
         state.name, start_m, max(0.0, budget), account.consumption_factor(state.power.battery), airborne, tail, kept,
         max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace, barred=tuple(sorted(blind)),
     )  # fmt: skip
+
+
+def find_remaining_hours(
+    context: Context, state: FleetState, name: str, now_s: float, *, ahead_s: float = 0.0
+) -> tuple[float, float | None]:
+    """Return how long a vehicle may fly, and when it may again.
+
+    Args:
+        context: Of the flight.
+        state: Of the flight.
+        name: Of the vehicle.
+        now_s: The time.
+        ahead_s: Hours that begin so soon count as begun: a clearance may be so old at the take-off.
+
+    Returns:
+        The seconds until its hours end, infinite where nobody set any, and 0 outside them; and the seconds after the
+        launch at which its next ones begin, None if there are none.
+    """
+    day, launched_s = context.day, state.progress.launched_s
+    if day is None:
+        return math.inf, None
+    flight_s, windows = now_s - (now_s if launched_s is None else launched_s), day.windows_s.get(name, ())
+    left_s = max((end - flight_s for begin, end in windows if begin - ahead_s <= flight_s), default=0.0)
+    return max(0.0, left_s), min((begin for begin, _ in windows if begin - ahead_s > flight_s), default=None)
+
+
+def min_draw_pct(context: Context, seconds: float) -> float:
+    """Return what a flight draws in a time at least, in percent: nothing that draws no more lasts longer."""
+    return seconds * min(context.draws_pct_s)
+
+
+def limit_to_hours(context: Context, state: FleetState, offer: Survivor, now_s: float) -> Survivor:
+    """Return what a vehicle can offer to a re-plan that has it land within its hours.
+
+    What it carries already it may go on with if that ends in time. One in the air was sent up for hours that are about
+    to begin, if they have not.
+    """
+    left_s, _ = find_remaining_hours(context, state, offer.vehicle, now_s, ahead_s=CLEARED_S if offer.airborne else 0.0)
+    if math.isinf(left_s):
+        return offer
+    vehicle = state.vehicles[offer.vehicle]
+    free_s = home_s = 0.0
+    if offer.airborne and vehicle.assignment.board is not None:
+        free_s = legs.time_to_reach_s(vehicle, offer.kept - 1)
+        home_s = legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1)
+    most_pct = min_draw_pct(context, max(0.0, left_s - free_s))
+    in_time = offer.airborne and home_s <= left_s
+    return replace(
+        offer,
+        budget_pct=min(offer.budget_pct, most_pct),
+        most_pct=offer.most_pct if in_time else min(offer.most_pct, most_pct),
+    )

@@ -1,4 +1,7 @@
-"""A vehicle leaves the plan: the judgement that it will not finish its route, and what follows from it."""
+"""A vehicle leaves the plan: it will not finish its route, or a person has taken it, and may give it back.
+
+One that is with its pilot, by mode switch, sticks or another ground station, is shown and waited for, not commanded.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,28 @@ from dataclasses import replace
 from executor.core.context import Context
 from executor.core.formatting import format_count
 from executor.core.inflight import homing
-from executor.core.inflight.custody.mode_causes import is_under_foreign_control
-from executor.core.inflight.homing import HomingAction
-from executor.core.interface.commands import CancelSolve, Command, Disarm, Level, Say
+from executor.core.inflight.custody.mode_causes import (
+    attribute_mode_change,
+    is_long_hold,
+    is_under_foreign_control,
+    is_unseen_hold,
+    max_failsafe_hold_s,
+)
+from executor.core.inflight.homing import HomingAction, is_on_mission
+from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
+from executor.core.interface.messages import Actor
+from executor.core.lines import pilot, replanning
 from executor.core.replanning import new_missions
+from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.vehicle_parts import ModeCause, Takeover
 from executor.core.state.vehicle_position import describe_last_position, has_fallen, has_mission_ended, is_over_pad
 from executor.core.state.vehicle_state import Fault, FaultKind, Stage, VehicleState, change_stage
+from missions.autopilots.dialect import mode_name
 from planner import segment_of
+
+RETURNED_AFTER_S = 1.0
+"""So long it is on its mission again before anybody says so: a switch goes through other positions on its way."""
 
 
 def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fault: Fault) -> Stepped:
@@ -28,16 +45,14 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     elif kind is FaultKind.DOWN:
         stage, then = Stage.DOWN, ""  # its place is its reason
     elif down and not _is_landed_at_home(context, vehicle):
-        stage, then = (
-            Stage.DOWN,
-            describe_last_position(context, vehicle, now_s),
-        )  # where it comes to rest is said when it does
+        # Where it comes to rest is said when it does.
+        stage, then = Stage.DOWN, describe_last_position(context, vehicle, now_s)
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif is_under_foreign_control(vehicle):
-        stage, then = Stage.PILOT, "with its pilot, not commanded"
+        stage, then = Stage.PILOT, replanning.PILOT_HAS_IT
     elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
-        stage, then, commands = Stage.RETURNING, "disarm commanded", (Disarm(vehicle.name, force=False),)
+        stage, then, commands = Stage.RETURNING, replanning.DISARM, (Disarm(vehicle.name, force=False),)
     else:
         stage, then = Stage.RETURNING, ""
     gone = leave_plan(vehicle, stage, now_s)
@@ -45,10 +60,11 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     if stage is Stage.RETURNING and not then:
         then = _describe_homing(context, state, vehicle.name, now_s)
         state, commands = homing.bring_home(context, state, state.vehicles[vehicle.name], now_s)
-    trigger = f"{vehicle.name}: {why}" if kind is FaultKind.LINK else f"{vehicle.name}: {kind.value}, {why}"
+    trigger = replanning.LINK_TRIGGER if kind is FaultKind.LINK else replanning.FAULT_TRIGGER
+    trigger = trigger.format(vehicle=vehicle.name, kind=kind.value, why=why)
     state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
-    line = "; ".join(part for part in (trigger, then, _describe_reassignment(state, vehicle.name, left)) if part)
-    return state, (Say(Level.FAULT, line), *more, *commands)
+    parts = (trigger, then, _describe_reassignment(state, vehicle.name, left))
+    return state, (replanning.LEAVES.say(parts="; ".join(part for part in parts if part)), *more, *commands)
 
 
 def _is_landed_at_home(context: Context, vehicle: VehicleState) -> bool:
@@ -61,10 +77,9 @@ def _describe_homing(context: Context, state: FleetState, name: str, now_s: floa
     found = homing.advise_homing(context, state.vehicles[name], now_s)
     match found.answer:
         case HomingAction.RETURN:
-            waits = "no link; RTL will be commanded as soon as the link is back"
-            return waits if state.vehicles[name].link.stale else "RTL commanded"
+            return replanning.RTL_WAITS if state.vehicles[name].link.stale else replanning.RTL
         case HomingAction.LAND:
-            return "over its pad, landing commanded"
+            return replanning.LANDS_ON_PAD
         case _:
             return found.words
 
@@ -86,8 +101,8 @@ def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -
         and one.stage in {Stage.STARTING, Stage.FLYING}
         for one in state.vehicles.values()
     )
-    what = format_count(len(left), "segment")
-    return f"{what} to be reassigned" if others else f"{what} assigned to no vehicle"
+    line = replanning.TO_REASSIGN if others else replanning.FOR_NOBODY
+    return line.format(segments=format_count(len(left), "segment"))
 
 
 def leave_plan(vehicle: VehicleState, stage: Stage, now_s: float) -> VehicleState:
@@ -107,10 +122,160 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
     solving = plan is not None and plan.solve_s is None
     before = [plan.solve.trigger] if plan is not None and solving and not plan.solve.sortie else []
     before += [state.replanning.trigger] if state.replanning.urgent and state.replanning.trigger not in before else []
-    state = state.with_replanning(urgent=True, trigger="; ".join((*before, trigger)), trigger_s=now_s)
+    state = state.want_replan("; ".join((*before, trigger)), now_s)
     if plan is not None and solving:
         return state.with_replanning(replan=None), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:
         state = state.with_replanning(replan=replace(plan, pending=plan.pending - {name}))
         return new_missions.end_replan_if_done(state, now_s)
     return state, ()
+
+
+def apply_takeover(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
+    """Let go of a vehicle that a person has taken; its segments are kept for it for a while."""
+    on_ground = vehicle.stage in {Stage.GROUND, Stage.LANDED}
+    had_work = vehicle.stage in {Stage.FLYING, Stage.STARTING} and bool(vehicle.remaining_visits())
+    # Another station's mission is flown in the mode that ours was.
+    since_s = max(vehicle.telemetry.mode_since_s, vehicle.assignment.carried.foreign_s or 0.0)
+    since_s = since_s if vehicle.custody.taken is None else vehicle.custody.taken.since_s
+    hold = replace(vehicle.custody.taken or Takeover(since_s, given_away=not had_work), returned_s=None)
+    if vehicle.fault is not None:
+        hold = replace(hold, given_away=True)
+    vehicle = replace(
+        change_stage(vehicle, Stage.PILOT),
+        custody=replace(vehicle.custody, taken=hold, cause=ModeCause.PERSON),
+        orders=replace(vehicle.orders, errand=None, held_s=None, cleared_s=None),
+        assignment=replace(vehicle.assignment, run=None, before=None),
+        motion=replace(vehicle.motion, anchor=None),
+    )
+    state, more = _cancel_solve_with(state.put(vehicle), vehicle.name)
+    said = pilot.ARMED_ON_GROUND.say(vehicle=vehicle.name, mode=_describe_mode(context, vehicle))
+    if not on_ground:
+        kept = "" if hold.given_away else pilot.KEPT.format(grace_s=context.pilot_grace_s)
+        said = pilot.TAKEN.say(vehicle=vehicle.name, whose=_describe_new_controller(context, vehicle), kept=kept)
+    return state, (said, HandsOff(vehicle.name), *more)
+
+
+def _describe_mode(context: Context, vehicle: VehicleState) -> str:
+    return "unknown" if vehicle.mode is None else mode_name(context.vehicles[vehicle.name].dialect, vehicle.mode)
+
+
+def _describe_new_controller(context: Context, vehicle: VehicleState) -> str:
+    """Return in words who has taken a vehicle, as far as anything says so."""
+    if vehicle.assignment.carried.foreign_s is not None:
+        return pilot.FOREIGN_MISSION.format(mission=vehicle.assignment.carried.words)
+    by = attribute_mode_change(context.vehicles[vehicle.name], vehicle).by
+    known = {Actor.PILOT: pilot.PILOT_SWITCHED, Actor.GROUND_STATION: pilot.STATION_ORDERED}
+    words = known.get(by, pilot.WITH_PILOT)
+    if is_unseen_hold(context, vehicle):
+        words = pilot.UNSEEN_MODE
+    elif is_long_hold(context, vehicle):
+        words = pilot.LONG_HOLD
+    held_s = max_failsafe_hold_s(context, vehicle.name)
+    return words.format(mode=_describe_mode(context, vehicle), held_s=held_s)
+
+
+def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
+    """Plan anew without a vehicle if it is part of what is being solved; what goes on board already goes on."""
+    plan = state.replanning.replan
+    if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
+        return state, ()
+    return new_missions.request_replan_again(state, plan), (CancelSolve(plan.solve.revision),)
+
+
+def monitor_taken_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that is with its pilot."""
+    hold = vehicle.custody.taken or Takeover(now_s)
+    if not vehicle.armed:
+        return _apply_pilot_landing(context, state, vehicle, now_s)
+    ours = vehicle.assignment.carried.foreign_s is None
+    returned = ours and is_on_mission(context, vehicle) and now_s - vehicle.telemetry.mode_since_s >= RETURNED_AFTER_S
+    if returned is not (hold.returned_s is not None):
+        return _apply_pilot_return(context, state, vehicle, hold, now_s, returned=returned)
+    if hold.returned_s is None and not hold.given_away and now_s - hold.since_s >= context.pilot_grace_s:
+        return _reassign_segments(context, state, vehicle, hold, now_s)
+    return state, ()
+
+
+def _apply_pilot_return(
+    context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float, *, returned: bool
+) -> Stepped:
+    state = state.put(vehicle.with_custody(taken=replace(hold, returned_s=now_s if returned else None)))
+    if not returned:
+        return state, (pilot.TAKEN_AGAIN.say(vehicle=vehicle.name, mode=_describe_mode(context, vehicle)),)
+    if vehicle.fault is not None or state.progress.recalled:
+        why = pilot.GIVEN_AWAY if vehicle.fault is not None else pilot.ABORTED
+        return state, (pilot.BACK_TOO_LATE.say(vehicle=vehicle.name, why=why),)
+    if context.pilot_returns:
+        return take_back_from_pilot(context, state, state.vehicles[vehicle.name], now_s)
+    return state, (pilot.MAY_BE_INCLUDED.say(vehicle=vehicle.name),)
+
+
+def _reassign_segments(
+    context: Context, state: FleetState, vehicle: VehicleState, hold: Takeover, now_s: float
+) -> Stepped:
+    state = state.put(vehicle.with_custody(taken=replace(hold, given_away=True)))
+    keeps = pilot.PILOT_KEEPS if vehicle.assignment.carried.foreign_s is None else pilot.STATION_KEEPS
+    trigger = keeps.format(vehicle=vehicle.name, grace_s=context.pilot_grace_s)
+    state, more = withdraw_vehicle(state, vehicle.name, trigger, now_s)
+    return state, (pilot.RELEASED.say(trigger=trigger), *more)
+
+
+def _apply_pilot_landing(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    fix = vehicle.motion.fix
+    # Who has landed may be switched off by its kill switch too.
+    in_the_air = vehicle_position.has_used_kill_switch(context, vehicle) and vehicle.telemetry.on_ground is False
+    lean = vehicle_position.describe_lean(vehicle) if vehicle.sortie.took_off else ""
+    fell = bool(lean) or (fix is not None and (fix.alt_rel_m > context.limits.off_pad_up_m or in_the_air))
+    place = (
+        ""
+        if vehicle_position.is_over_pad(context, vehicle) and not fell
+        else f", {vehicle_position.describe_down_place(context, vehicle)}"
+    )
+    stage = Stage.DOWN if place else Stage.LANDED
+    vehicle = vehicle if place else legs.end_sortie(context, vehicle, vehicle.link.heard_s or 0.0)
+    state = state.put(
+        change_stage(vehicle, stage)
+        .with_custody(taken=None)
+        .with_orders(excluded=True)
+        .with_assignment(run=None)
+        .with_sortie(place_told=bool(place) and not fell)
+    )
+    if fell:
+        # A landing on a hill, or motors that were stopped in the air: the position of that moment does not tell.
+        line = pilot.FELL
+    elif place:
+        line = pilot.LANDED_AWAY
+    elif not vehicle.sortie.took_off:
+        line = pilot.DISARMED_ON_PAD
+    else:
+        line = pilot.LANDED if vehicle.sortie.rebooted_s is None else pilot.REBOOTED_ON_PAD
+    hold = vehicle.custody.taken
+    if hold is not None and not hold.given_away:
+        trigger = (pilot.DISARMED_WITH_PILOT if fell else pilot.LANDED_BY_PILOT).format(vehicle=vehicle.name)
+        state = state.want_replan(trigger, vehicle.link.heard_s or 0.0)
+    position = vehicle_position.describe_last_position(context, vehicle, now_s)
+    return state, (line.say(vehicle=vehicle.name, place=place, leans=f"; {lean}" if lean else "", position=position),)
+
+
+def take_back_from_pilot(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle back into the plan that its pilot has returned to its mission.
+
+    Both autopilots forget the speed of a leg when the mode changes, so it is told that again.
+    """
+    modes = context.vehicles[vehicle.name].dialect.modes
+    speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
+    hold = vehicle.custody.taken
+    back = (
+        change_stage(vehicle, Stage.FLYING)
+        .with_custody(taken=None, cause=ModeCause.OURS)
+        .with_assignment(run=None)
+        .with_motion(anchor=None)
+        .with_orders(excluded=False, ordered_mode_s=now_s, ordered_modes=frozenset({modes.mission.custom_mode}))
+    )
+    state = state.put(back)
+    if hold is not None and hold.given_away:
+        trigger = pilot.BACK.format(vehicle=vehicle.name)
+        state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=now_s)
+    commands: tuple[Command, ...] = (Resume(vehicle.name, speed_m_s),) if speed_m_s > 0 else ()
+    return state, (pilot.BACK_FROM_PILOT.say(vehicle=vehicle.name), *commands)

@@ -14,10 +14,11 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import turnaround
 from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.codes import Ending
-from executor.core.interface.commands import Command, Level, Say, Start, Upload
+from executor.core.interface.commands import Command, Start, Upload
 from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
+from executor.core.lines import replanning, resume
 from executor.core.replanning import new_missions, survivors
-from executor.core.replanning.replan_messages import format_segments
+from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
 from executor.core.resume.link_blackout import catch_up_mission
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, NewMission, Replan, Stepped
@@ -63,8 +64,8 @@ def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped
         )
     absences = (*state.listening.absences, GroundStationAbsence(now_s, event.away_s, restarted=True))
     state = state.with_listening(tick_s=None, silent_since_s=None, absences=absences)
-    said = [Say(Level.WARNING, f"the ground station runs again, after {event.away_s:.0f} s")]
-    return state, (*said, *(Say(Level.WARNING, note) for note in event.notes))
+    said = resume.RUNS_AGAIN.say(away_s=event.away_s)
+    return state, (said, *(resume.NOTE.say(note=note) for note in event.notes))
 
 
 def compare_onboard_mission(
@@ -96,7 +97,7 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
     """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
     for route in plan.unmade:
         if route.vehicle in plan.pending:
-            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, new_missions.FLEW_ON, now_s)
+            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, replanning.FLEW_ON, now_s)
     return state.with_replanning(replan=replace(plan, unmade=()))
 
 
@@ -117,7 +118,7 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
     again: dict[str, tuple[Command, ...]] = {}
     for found in event.found:
         if not found.heard:
-            commands.append(Say(Level.WARNING, f"{found.vehicle}: does not answer yet"))
+            commands.append(resume.SILENT.say(vehicle=found.vehicle))
             state = state.put(state.vehicles[found.vehicle].with_assignment(before=None))
             ended += _end_unanswered_upload(context, state, found.vehicle)
             continue
@@ -160,7 +161,7 @@ def _end_unanswered_upload(context: Context, state: FleetState, name: str) -> tu
     if plan is None or name not in plan.pending:
         return ()
     mixed = not plan.missions[name].fresh and not context.vehicles[name].dialect.upload_is_atomic
-    return (UploadEnded(name, plan.solve.revision, False, mixed, "it does not answer", Ending.NO_ANSWER),)
+    return (UploadEnded(name, plan.solve.revision, False, mixed, resume.NO_ANSWER, Ending.NO_ANSWER),)
 
 
 def _resume_vehicle(context: Context, state: FleetState, found: Found, now_s: float) -> Resumption:
@@ -178,8 +179,7 @@ def _resume_vehicle(context: Context, state: FleetState, found: Found, now_s: fl
     match = found.match_of(vehicle.assignment.board.revision)
     other = match is not None and not match.whole
     if match is not None and other and vehicle.armed:
-        why = f"mission on board differs from the uploaded one from item {match.alike} on"
-        return Resumption(seen, strange=((found.vehicle, why),))
+        return Resumption(seen, strange=((found.vehicle, resume.OTHER_MISSION.format(item=match.alike)),))
     if vehicle.stage is Stage.STARTING and _has_started(context, vehicle):
         return Resumption(seen, ended=(StartEnded(found.vehicle, accepted=True, reason=""),))
     if vehicle.stage is Stage.STARTING:
@@ -208,25 +208,20 @@ def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Fou
         state, said = catch_up_mission(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
         if not survivors.is_offer_valid(state.vehicles[found.vehicle], offer):
-            state, plan, let_go = new_missions.drop_late_mission(
-                state, plan, found.vehicle, new_missions.FLEW_ON, now_s
-            )
-            state, more = new_missions.end_replan_if_done(state, now_s)
-            return Resumption(state, (*said, let_go, *more))
+            state, more = new_missions.release_vehicle(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
+            return Resumption(state, (*said, *more))
     elif (
         not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
     ):
         # In any other mode its own failsafe knows better: a landing must not become a flight home.
         return _return_stranded_vehicle(context, state, found, mission, revision, now_s)
     elif not mission.fresh and (new is None or found.seq is None or found.seq >= new.alike):
-        why = "its mission on board is a mix of two, and it is past the new part"
-        ended = (UploadEnded(found.vehicle, revision, False, True, why, Ending.READ_BACK_DIFFERS),)
-        return Resumption(state, ended=ended)
+        over = UploadEnded(found.vehicle, revision, False, True, resume.PAST_NEW_PART, Ending.READ_BACK_DIFFERS)
+        return Resumption(state, ended=(over,))
     state = state.put(state.vehicles[found.vehicle].with_assignment(before=None))
-    text = f"{found.vehicle}: the new mission of re-plan {revision} is incomplete on board; uploading it again"
     # Whether its wider fence is on board nobody knows: the same goes there again, and then the mission.
     again = Upload(found.vehicle, revision, mission.path, not mission.fresh, mission.fence)
-    return Resumption(state, said, again=(Say(Level.WARNING, text), again))
+    return Resumption(state, said, again=(resume.UPLOADED_AGAIN.say(vehicle=found.vehicle, revision=revision), again))
 
 
 def _is_at_end_of_new_part(found: Found, new: Match) -> bool:
@@ -245,12 +240,11 @@ def _return_stranded_vehicle(
     vehicle = state.vehicles[found.vehicle]
     board = build_onboard_mission(context, found.vehicle, revision, mission.path, mission.visits)
     state, said = catch_up_mission(context, state, vehicle, board, found.seq)
-    why = "reached the end of its partly uploaded mission"
+    trigger = resume.AT_END.format(vehicle=found.vehicle)
     left = leave_plan(state.vehicles[found.vehicle], Stage.RETURNING, now_s)
     state, told = bring_home(context, state.put(left), left, now_s)
-    state, more = withdraw_vehicle(state, found.vehicle, f"{found.vehicle}: {why}", now_s)
-    text = f"{found.vehicle}: {why}; it is brought home"
-    return Resumption(state, (*said, Say(Level.WARNING, text), *more, *told))
+    state, more = withdraw_vehicle(state, found.vehicle, trigger, now_s)
+    return Resumption(state, (*said, resume.BROUGHT_HOME.say(trigger=trigger), *more, *told))
 
 
 def _resend_mission(
@@ -267,10 +261,8 @@ def _resend_mission(
     old = None if vehicle.assignment.board is None else found.match_of(vehicle.assignment.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
-    why = f"others flew {format_segments(context, frozenset(flown))} of its new mission meanwhile"
-    state, plan, said = new_missions.drop_late_mission(state, plan, name, why, now_s)
-    state, more = new_missions.end_replan_if_done(state, now_s)
-    return state, (said, *more)
+    why = resume.FLOWN_BY_OTHERS.format(segments=format_segments(context, frozenset(flown)))
+    return new_missions.release_vehicle(state, plan, name, why, now_s)
 
 
 def _has_started(context: Context, vehicle: VehicleState) -> bool:
@@ -301,21 +293,16 @@ def _handle_unstarted_vehicle(
     flown = not vehicle.armed and lost_pct > FLOWN_PCT
     if vehicle.armed and (context.fly_again is not RelaunchPolicy.AUTO or not ours):
         # The crew's yes is from before: somebody may stand at the pad by now.
-        why = "was armed and had not taken off when the ground station went away"
-        return Resumption(state, strange=((name, why),))
+        return Resumption(state, strange=((name, resume.WAS_ARMED),))
     if context.fly_again is RelaunchPolicy.AUTO and ours and not flown:
         state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
-        return Resumption(state, (Say(Level.INFO, f"{name}: had not started yet; trying again"), Start(name)))
-    said: Command = Say(Level.WARNING, f"{name}: had not started yet; it stays on the ground")
-    if flown:
-        lost = f"its battery has lost {lost_pct:.0f} % meanwhile"
-        said = Say(Level.INFO, f"{name}: {lost}: taken to have flown, and to have landed")
+        return Resumption(state, (resume.TRIED_AGAIN.say(vehicle=name), Start(name)))
+    said = (resume.HAS_FLOWN if flown else resume.STAYS).say(vehicle=name, lost_pct=lost_pct)
     plan = state.replanning.replan
     # Nor is that yes one for a start that is planned from now on.
     state = state.put(change_stage(vehicle.with_orders(cleared_s=None), Stage.LANDED if flown else Stage.GROUND))
     if plan is None or name not in plan.pending:
         return Resumption(state, (said,))
-    why = "landed" if flown else "had not started"
-    state, _, told = new_missions.drop_late_mission(state, plan, name, f"{why} when its new mission came", now_s)
-    state, more = new_missions.end_replan_if_done(state, now_s)
-    return Resumption(state, (said, told, *more))
+    why = resume.LANDED_BEFORE if flown else resume.UNSTARTED_BEFORE
+    state, more = new_missions.release_vehicle(state, plan, name, why, now_s)
+    return Resumption(state, (said, *more))

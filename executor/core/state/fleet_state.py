@@ -184,6 +184,11 @@ class FlightProgress:
     finished: bool = False
     separation: ClosestApproach | None = None
 
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the flight has begun, and was not aborted."""
+        return self.launched_s is not None and not self.recalled
+
 
 SAME_M = 0.5
 """Distances to the line that differ by less are one."""
@@ -253,6 +258,11 @@ class ReplanningState:
     outlook: Mapping[str, LossOutlook] = field(default_factory=lambda: MappingProxyType({}))
     """Of each vehicle that flies its mission: what its loss would mean; computed seldom."""
 
+    @property
+    def is_changing(self) -> bool:
+        """Whether a re-plan is under way, or about to begin."""
+        return self.replan is not None or self.urgent or self.ordered
+
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
@@ -311,6 +321,19 @@ class FleetState:
         # Every message comes here: made at once, it takes a third of what `replace` takes.
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
         return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
+
+    def list_uncovered_last(self) -> frozenset[int]:
+        """Return what the last re-plan left over."""
+        records = self.replanning.records
+        return frozenset(records[-1].uncovered) if records else frozenset()
+
+    def want_replan(self, trigger: str, since_s: float) -> FleetState:
+        """Return the state in which a re-plan begins at once, for this reason and as old as that."""
+        return self.with_replanning(urgent=True, trigger=trigger, trigger_s=since_s)
+
+    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
+        """Return the state with lines for the operator added."""
+        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
 
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from executor.analysis.report import build_report, build_vehicle_answers
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
 from executor.core.preflight.board_changes import ChangeStage, KeptParameter
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.vehicle_position import is_over_pad
 from executor.flight.restore_vehicles import build_parameter_rows
 from tests.executor.core.stories import FLEET, under_way

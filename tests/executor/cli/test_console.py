@@ -19,9 +19,8 @@ from rich.console import Console, Group
 
 from executor.cli.console import TerminalConsole, render_fleet
 from executor.core.fleet_view import OfferView, TakenView, build_fleet_view
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.supervised import watch_mistakes
 from tests.executor.core.stories import under_way
 

@@ -22,9 +22,9 @@ from executor.adapters.run_directory import RunDirectory, lock_run_directory, wr
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Event
-from executor.core.preflight.vehicle_checks import Check
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import FlownSortie, Turnaround
 from executor.core.state.vehicle_state import Stage

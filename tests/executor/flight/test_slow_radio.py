@@ -17,9 +17,9 @@ from benchmarks.virtual.radio import MemoryRadio
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.preflight import failsafe_parameters
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.flight.preparation import (
     apply_changes,
     build_context_and_checklist,

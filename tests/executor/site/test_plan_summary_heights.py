@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.preflight import mission_checks
-from executor.core.preflight.vehicle_checks import Check, Severity
 from executor.errors import SiteError
 from executor.simulated.simulated_fleet import build_demo_site
 from executor.site import site_model

@@ -11,7 +11,7 @@ import pytest
 
 from executor.adapters.solver import REPLAN_COST
 from executor.cli.options import DEFAULT_REPLAN_COST
-from executor.core.preflight.vehicle_checks import Severity
+from executor.core.interface.codes import Severity
 from executor.site.plan_summary import build_plan_checks, describe_left_over, summarise_plan
 from executor.site.site_model import build_first_task
 from executor.site.site_planning import DEFAULT, check_plan_fits, describe_site_changes, plan_site

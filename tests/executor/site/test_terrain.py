@@ -12,8 +12,8 @@ import pytest
 from executor.adapters.run_directory import RunDirectory
 from executor.analysis.pictures import draw_profile_figure, save_figure
 from executor.analysis.pictures.chart_figures import build_profiles
+from executor.core.interface.codes import Severity
 from executor.core.preflight import mission_checks
-from executor.core.preflight.vehicle_checks import Severity
 from executor.errors import SiteError
 from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model

@@ -25,7 +25,7 @@ REFUSED = (
 
 def answered(event: Examined, rebooted_s: float | None) -> tuple[bool, tuple[Command, ...]]:
     vehicle = with_facts(STANDS, asked_s=NOW_S - 20.0, rebooted_s=rebooted_s)
-    state, commands = turnaround.apply_turnaround_event(CREW, flight_of(vehicle), event, NOW_S)
+    state, commands = turnaround.apply_examination(CREW, flight_of(vehicle), event, NOW_S)
     return state.vehicles["uav1"].turn.asked_s is not None, commands
 
 

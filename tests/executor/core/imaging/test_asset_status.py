@@ -12,7 +12,7 @@ from executor.core.imaging.asset_status import AssetState, AssetView, build_asse
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
 from executor.core.state.fleet_state import FleetState
 from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
-from tests.executor.core.imaging.test_reinspection_request import EVERYBODY, SITE, sighted
+from tests.executor.core.imaging.test_asset_status_reinspected import EVERYBODY, SITE, sighted
 from tests.executor.core.steps import flight_of
 from tests.executor.core.vehicles import CONTEXT, FLEET, NOW_S, flying
 

@@ -9,10 +9,11 @@ from typing import cast
 
 import pytest
 
+from executor.core.interface.codes import Check, Severity
 from executor.core.interface.messages import ParamValue, Version
-from executor.core.preflight import failsafe_parameters, pack_checks, vehicle_checks
-from executor.core.preflight.parameter_proposals import Answers, propose_return_changes
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight import failsafe_parameters, vehicle_checks
+from executor.core.preflight.board_changes import Answers, propose_return_changes
+from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
 from missions.cameras import Trigger
 from tests.executor.builders import fleet_of
@@ -85,7 +86,7 @@ def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str
 
 
 def test_a_pack_that_is_not_known_is_not_taken_for_the_planned_one() -> None:
-    [check] = pack_checks.check_pack(CONTEXT, unread(said(), "BATT_CAPACITY"))
+    [check] = vehicle_checks.check_pack(CONTEXT, unread(said(), "BATT_CAPACITY"))
     assert check.severity is Severity.STOP
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from executor.core.interface.codes import Severity
 from executor.core.preflight.mission_checks import check_inspection_distances, describe_inspection_distances
-from executor.core.preflight.vehicle_checks import Severity
 from missions import Inspection, build_flight_path, plan_flight_setup
 from missions.inspection_height import build_first_paths
 from tests.missions.builders import FLEET, line_east

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import CheckCode, Severity
 from executor.core.preflight import vehicle_checks
-from executor.core.preflight.vehicle_checks import Severity
 from missions import ARDUPILOT, PX4, Dialect, FlightPath, Inspection, build_flight_path, plan_flight_setup
 from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
 from tests.executor.core.preflight.test_vehicle_checks import said

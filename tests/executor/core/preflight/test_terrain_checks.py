@@ -10,8 +10,8 @@ from typing import cast
 import pytest
 
 from executor.core.context import Context
+from executor.core.interface.codes import Severity
 from executor.core.preflight import vehicle_checks
-from executor.core.preflight.vehicle_checks import Severity
 from missions import ARDUPILOT, PX4, Pad
 from tests.executor.core.preflight.test_vehicle_checks import said
 from tests.terrain_judge import case_of

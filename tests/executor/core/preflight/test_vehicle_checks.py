@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
+from executor.core.interface.codes import Check, Severity
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
 from executor.core.preflight import failsafe_parameters
 from executor.core.preflight import vehicle_checks as checks
 from executor.core.preflight.failsafe_parameters import Parameters
-from executor.core.preflight.prearm import describe_prearm_failure
-from executor.core.preflight.vehicle_checks import Check, Severity, VehicleFacts
+from executor.core.preflight.vehicle_checks import VehicleFacts, describe_prearm_failure
 from executor.site import site_model
 from missions import ARDUPILOT, PX4, Dialect
 from missions.surface import build_flat_surface

@@ -12,7 +12,7 @@ from executor.core.battery.account import BatteryState
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context, DayRules
 from executor.core.interface.commands import Survivor
-from executor.core.replanning import replan_cycle, replan_messages, survivors
+from executor.core.replanning import replan_cycle, survivors
 from executor.core.state.vehicle_parts import ModeCause, PositionFix
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import LearnedFactors, PaceEstimate
@@ -346,7 +346,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "segments without names in words",
         lambda: [
-            replan_messages.format_segments(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))
+            replan_cycle.format_segments(CONTEXT, segments) for segments in ((), (3,), (3, 1), frozenset({5, 0, 2}))
         ],
         ["", "segment 3", "segments 1, 3", "segments 0, 2, 5"],
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.preflight.prearm import SENSORS, parse_prearm_reason
+from executor.core.preflight.vehicle_checks import PREARM_SENSORS, parse_prearm_reason
 from executor.core.telemetry.vehicle_identity import AUTOPILOT_NAMES, MULTICOPTERS, OTHERS, parse_banner_version
 
 
@@ -31,7 +31,7 @@ def test_types_autopilots_and_sensors_have_pymavlinks_numbers() -> None:
     assert AUTOPILOT_NAMES[mav.MAV_AUTOPILOT_ARDUPILOTMEGA] == "ArduPilot"
     names = {number: entry.name for number, entry in mav.enums["MAV_SYS_STATUS_SENSOR"].items()}
     assert names[0x20] == "MAV_SYS_STATUS_SENSOR_GPS"
-    assert all(bit in names for bit in SENSORS)
+    assert all(bit in names for bit in PREARM_SENSORS)
 
 
 @pytest.mark.parametrize(

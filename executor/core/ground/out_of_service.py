@@ -1,0 +1,123 @@
+"""Vehicles on the ground that nobody starts, and how they come back: a closed base, a kill switch, the crew's word.
+
+Who is in the air when its base is closed lands there all the same, as it has no other place; what its vehicles had
+ahead of them is open for the sorties of others. A kill switch shows in flight by a vehicle that is disarmed; on the
+ground nothing but its words tells it, and both autopilots refuse to arm as long as the switch is on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executor.core.context import Context
+from executor.core.interface.commands import Command, HandsOff, SendHome
+from executor.core.interface.messages import StatusText
+from executor.core.lines import sorties
+from executor.core.replanning import new_missions, replan_cycle
+from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
+from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.vehicle_position import is_kill_switch_text
+from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
+
+_STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
+
+
+def list_bases(context: Context) -> tuple[str, ...]:
+    """Return the bases of the day; none where the flight is no day of sorties."""
+    return () if context.day is None else tuple(dict.fromkeys(context.day.bases.values()))
+
+
+def find_vehicles_at_base(context: Context, state: FleetState, base: str) -> tuple[VehicleState, ...]:
+    """Return the vehicles that stand at a base, or land there."""
+    bases = {} if context.day is None else context.day.bases
+    return tuple(vehicle for name, vehicle in state.vehicles.items() if bases.get(name) == base)
+
+
+def is_base_closed(context: Context, state: FleetState, base: str) -> bool:
+    """Return whether nobody may take off from a base."""
+    return all(vehicle.orders.base_closed for vehicle in find_vehicles_at_base(context, state, base))
+
+
+def close_base(context: Context, state: FleetState, base: str, now_s: float) -> Stepped:
+    """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
+    commands: list[Command] = []
+    for vehicle in find_vehicles_at_base(context, state, base):
+        shut = vehicle.with_orders(base_closed=True, cleared_s=None)
+        state, more = _keep_on_ground(context, state.put(shut), shut, sorties.BASE_IS_CLOSED.format(base=base), now_s)
+        commands.extend(more)
+    return state, tuple(commands)
+
+
+def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
+    """Keep a vehicle on the ground that is being sent out."""
+    if vehicle.stage is Stage.STARTING and vehicle.armed and not vehicle.sortie.took_off:
+        fault = Fault(FaultKind.OPERATOR, sorties.CLOSED_IN_START, now_s, FaultCode.OPERATOR_EXCLUDE)
+        return declare_fault(context, state, vehicle, fault)
+    if vehicle.stage is Stage.STARTING and not vehicle.armed:
+        left = leave_plan(vehicle, Stage.LANDED, now_s)
+        state, more = withdraw_vehicle(state.put(left), vehicle.name, f"{vehicle.name}: {why}", now_s)
+        return state, (*more, SendHome(vehicle.name))  # in place of its start
+    plan = state.replanning.replan
+    if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
+        return state, ()
+    return new_missions.release_vehicle(state, plan, vehicle.name, why, now_s)
+
+
+def open_base(context: Context, state: FleetState, base: str) -> FleetState:
+    """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
+    for vehicle in find_vehicles_at_base(context, state, base):
+        state = state.put(vehicle.with_orders(base_closed=False))
+    return state
+
+
+def apply_kill_switch_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
+    """Leave a vehicle on the ground that says that its kill switch is on."""
+    stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.orders.excluded
+    if state.progress.launched_s is None or not stands or not is_kill_switch_text(text.text):
+        return state, ()
+    return stand_down_vehicle(state, vehicle, now_s)
+
+
+def stand_down_vehicle(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Leave a vehicle that stands with its kill switch on."""
+    name, starting = vehicle.name, vehicle.stage is Stage.STARTING
+    commands: tuple[Command, ...] = (HandsOff(name),)
+    if starting:
+        vehicle = leave_plan(vehicle, Stage.LANDED, now_s)
+    given = starting or vehicle.assignment.pending is not None
+    state = state.put(vehicle.with_orders(excluded=True, cleared_s=None).with_assignment(pending=None))
+    if given:
+        state, more = withdraw_vehicle(state, name, sorties.KILL_SWITCH_TRIGGER.format(vehicle=name), now_s)
+        commands = (*commands, *more)
+    return state, (sorties.KILL_SWITCH.say(vehicle=name), *commands)
+
+
+def return_to_service(state: FleetState, vehicle: VehicleState) -> tuple[FleetState, VehicleState]:
+    """Return a vehicle on the ground with nothing held against it, and the state that remembers what was."""
+    mended = state.replanning.mended
+    if vehicle.fault is not None:
+        mended = (*mended, (vehicle.name, vehicle.fault))
+    ready = (
+        replace(change_stage(vehicle, Stage.GROUND), fault=None, watches=())
+        .with_orders(excluded=False, lands=False, held_s=None, cleared_s=None)
+        .with_assignment(stubborn=False, declined=None, failures=0)
+        .with_telemetry(alarm=("", float("-inf")))
+        .with_sortie(armed_once=False)
+        .with_custody(taken=None)
+    )
+    return state.put(ready).with_replanning(mended=mended), ready
+
+
+def clear_for_takeoff(state: FleetState, vehicle: VehicleState, now_s: float) -> FleetState:
+    """Return the state in which everything open is planned with a vehicle that may take off now."""
+    left, left_pct = replan_cycle.find_left_over_segments(state), vehicle.power.battery.remaining_pct or 0.0
+    trigger = sorties.BACK_IN_SERVICE.format(vehicle=vehicle.name, left_pct=left_pct)
+    state = state.put(vehicle.with_orders(cleared_s=now_s)).with_crew(offers_over=False)
+    return (
+        state.with_coverage(given_up=frozenset())
+        .want_replan(trigger, now_s)
+        .with_replanning(
+            ordered=state.replanning.ordered or bool(left),  # what is left over is no need for a re-plan by itself
+            considered=state.replanning.considered - {vehicle.name},
+        )
+    )

@@ -1,0 +1,383 @@
+"""From the crew's yes until a vehicle flies its mission, and how a new one came on board: in flight, or on a base.
+
+A vehicle that was busy, or did not answer, may take a new mission later. Until then its part is planned for other
+vehicles. What it carries is read first: that shows that it answers, and an upload whose end nobody heard may be on
+board after all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from executor.core.context import Context, RelaunchPolicy
+from executor.core.formatting import format_count
+from executor.core.ground import out_of_service, turnaround
+from executor.core.ground.turnaround import PLACELESS_S
+from executor.core.inflight import homing
+from executor.core.inflight.custody.mode_causes import is_under_foreign_control
+from executor.core.inflight.homing import is_coming_home, is_on_mission
+from executor.core.interface.codes import Ending
+from executor.core.interface.commands import Command, HandsOff, Start
+from executor.core.interface.events import StartEnded, UploadEnded
+from executor.core.lines import replanning, sorties, takeoff
+from executor.core.replanning import new_missions, survivors
+from executor.core.replanning.replan_cycle import format_segments
+from executor.core.replanning.withdrawal import declare_fault
+from executor.core.state import legs
+from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
+from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.vehicle_parts import DeclinedMission, ModeCause
+from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
+from executor.core.state.vehicle_state import (
+    Fault,
+    FaultCode,
+    FaultKind,
+    Stage,
+    VehicleState,
+    apply_onboard_mission,
+    build_onboard_mission,
+    change_stage,
+)
+from executor.core.telemetry.message_update import FELL_BACK_S
+from missions import StartStep
+from planner import segment_of
+
+RETRIES = 3
+"""How often a start that failed is tried again."""
+START_WINDOW_S = 45.0
+"""So long after the crew's yes a start is begun again: each tries to arm for half a minute, and later somebody may be
+at the pad."""
+HEARD_LATELY_S = 15.0
+"""Who was heard so long ago when the crew said yes is there: what it said since waits where the question was asked."""
+OFFERS = 3
+"""How often in a row a new mission is offered: who takes none of them is planned around for the rest of the flight."""
+AGAIN_S = 10.0
+"""Before it is offered the next one: an upload has its own patience, and its part is being planned for others."""
+LATER = frozenset({
+    Ending.NO_ANSWER, Ending.ERROR, Ending.OTHER_STATION, Ending.CANCELLED, Ending.BROKEN_OFF, Ending.LEFT_MISSION,
+})  # fmt: skip
+"""Ends of an upload after which the next may end well; a plain refusal does not become another answer by waiting."""
+_MAY_BE_ON_BOARD = LATER | {Ending.READ_BACK_DIFFERS}
+"""Ends of an upload after which a vehicle may carry the new mission all the same."""
+
+
+def launch_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Start everybody who has something to fly: the crew has said yes."""
+    commands: list[Command] = []
+    for vehicle in state.vehicles.values():
+        if vehicle.link.heard_s is not None and now_s - vehicle.link.heard_s < HEARD_LATELY_S:
+            state = state.put(vehicle.with_link(heard_s=now_s, excused_s=now_s))
+    planned: set[int] = set()
+    begun: set[int] = set()
+    for vehicle in state.vehicles.values():
+        if vehicle.assignment.board is None or not vehicle.assignment.board.visits:
+            continue
+        own = {segment_of(visit) for visit in vehicle.assignment.board.visits}
+        planned |= own
+        if vehicle.sortie.rebooted_s is not None:
+            commands.append(takeoff.REBOOTED.say(vehicle=vehicle.name, why=takeoff.HAS_REBOOTED))
+            continue
+        # Of a day one after the other, each when its base has a slot for it; and not who was armed by somebody else.
+        if context.day is not None or vehicle.armed:
+            continue
+        begun |= own
+        state, order = order_start(context, state, vehicle, now_s)
+        commands.append(order)
+    if context.day is not None:
+        state, begun = turnaround.queue_first_sorties(context, state, now_s), planned
+    left = context.wanted - planned - state.later_segments()
+    if left:
+        commands.append(takeoff.LATER.say(segments=format_segments(context, left)))
+    given_up = state.coverage.given_up | (planned - begun)
+    state = state.with_coverage(given_up=given_up, left_over=left).with_progress(launched_s=now_s)
+    return state.with_crew(briefing=replace(state.crew.briefing, question=None)), tuple(commands)
+
+
+def order_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> tuple[FleetState, Start]:
+    """Return a vehicle that was told to start, and the order."""
+    dialect = context.vehicles[vehicle.name].dialect
+    modes_on_the_way = {dialect.modes.mission.custom_mode}
+    if StartStep.GUIDED in dialect.start:
+        modes_on_the_way.add(dialect.modes.guided.custom_mode)
+    vehicle = change_stage(legs.begin_sortie(state, vehicle, now_s), Stage.STARTING)
+    vehicle = (
+        vehicle.with_orders(
+            ordered_mode_s=now_s, errand=None, ordered_modes=frozenset(modes_on_the_way), start_let_go=False
+        )
+        .with_assignment(waypoint=0, run=None, owed=None, carried=MissionOwnership(ours_s=now_s), leg_began=None)
+        .with_sortie(armed_once=False, took_off=False, rebooted_s=None, away_once=False)
+        .with_motion(anchor=None)
+        .with_power(began_pct=vehicle.power.battery.remaining_pct, aloft_pct=None)
+    )
+    return state.put(vehicle), Start(vehicle.name)
+
+
+def start_from_base(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Start a vehicle that stood on its base for a while: at once if it says where it is, else once it does.
+
+    Who is without a position may have rebooted, without what was set on it, and with another pack.
+    """
+    placed, anew = has_fresh_position(context, vehicle, now_s), _describe_reboot(vehicle)
+    state, order = order_start(context, state, vehicle, now_s)
+    if placed and not anew:
+        return state, (order,)
+    owed = state.vehicles[vehicle.name]
+    owed = owed.with_orders(start_owed_s=now_s).with_sortie(rebooted_s=vehicle.sortie.rebooted_s if anew else None)
+    return state.put(owed), () if placed else (takeoff.WAITS.say(vehicle=vehicle.name),)
+
+
+def apply_start_result(context: Context, state: FleetState, event: StartEnded, now_s: float) -> Stepped:
+    """Take up how a start ended: it flies, it is tried again, or it is lost at its pad."""
+    vehicle = state.vehicles[event.vehicle]
+    if vehicle.stage is not Stage.STARTING:
+        return state, ()
+    if event.accepted:
+        return _begin_mission(state, vehicle.with_orders(cleared_s=None).with_motion(anchor=None), now_s)
+    if not vehicle.armed and is_kill_switch_text(event.reason):
+        return out_of_service.stand_down_vehicle(state, vehicle, now_s)
+    stopped = (vehicle.sortie.armed_once or event.armed) and not vehicle.armed
+    may = context.fly_again is RelaunchPolicy.AUTO or (_is_clearance_fresh(state, vehicle, now_s) and not stopped)
+    may = may and event.code not in {Ending.MODE_CHANGED, Ending.STOOD_STILL} and vehicle.sortie.rebooted_s is None
+    if vehicle.assignment.failures + 1 < RETRIES and may and _is_waiting_on_pad(context, vehicle, event, now_s):
+        vehicle = vehicle.with_assignment(failures=vehicle.assignment.failures + 1).with_orders(ordered_mode_s=now_s)
+        if not has_fresh_position(context, vehicle, now_s):
+            owed = vehicle.with_orders(start_owed_s=now_s)
+            return state.put(owed), (takeoff.TRIED_ONCE_PLACED.say(vehicle=vehicle.name, reason=event.reason),)
+        said = takeoff.TRIED_AGAIN.say(vehicle=vehicle.name, reason=event.reason)
+        return state.put(vehicle), (said, Start(vehicle.name))
+    if event.armed and not vehicle.armed and not has_fresh_heartbeat(context, vehicle, now_s):
+        # It acknowledged that it armed, and what became of it nobody knows: it may stand there with its motors on.
+        why = event.reason + takeoff.UNHEARD_SINCE
+        return declare_fault(context, state, vehicle, _build_start_fault(why, now_s, FaultKind.LINK))
+    why = event.reason + (takeoff.DISARMED_SINCE if stopped else "")
+    return declare_fault(context, state, vehicle, _build_start_fault(why, now_s))
+
+
+def _build_start_fault(why: str, now_s: float, kind: FaultKind = FaultKind.INTERRUPTION) -> Fault:
+    return Fault(kind, takeoff.NOT_STARTED.format(why=why), now_s, FaultCode.NOT_STARTED)
+
+
+def monitor_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Look at a vehicle that starts: it may have disarmed again, and nobody may pursue its start any more."""
+    beat_s, released = vehicle.link.heartbeat_s, vehicle.orders.start_let_go
+    # Two HEARTBEATs say so: one may be another's.
+    stopped = vehicle.sortie.armed_once and not vehicle.armed and (beat_s or 0.0) > vehicle.sortie.disarmed_s
+    if stopped and (released or context.fly_again is not RelaunchPolicy.AUTO):
+        why = takeoff.MODE_CHANGED if released else takeoff.ARMED_THEN_DISARMED
+        state, more = declare_fault(context, state, vehicle, _build_start_fault(why, now_s))
+        return state, (HandsOff(vehicle.name), *more)  # what goes on with its start would arm it again
+    flies = released and vehicle.sortie.took_off and vehicle.custody.cause is ModeCause.OURS
+    return _begin_mission(state, vehicle, now_s) if flies and is_on_mission(context, vehicle) else (state, ())
+
+
+def _begin_mission(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Take a vehicle to fly its mission that was seen to have taken off."""
+    vehicle = change_stage(vehicle, Stage.FLYING).with_assignment(failures=0).with_orders(ordered_mode_s=now_s)
+    return state.put(vehicle), (takeoff.FLIES.say(vehicle=vehicle.name),)
+
+
+def _is_clearance_fresh(state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether the crew's yes is of now: later somebody may be at the pad of a vehicle that does not start."""
+    asked_s = max(state.progress.launched_s or now_s, vehicle.orders.cleared_s or -math.inf)
+    return now_s - asked_s < START_WINDOW_S
+
+
+def retry_waiting_starts(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Try starts again that wait for a position: who is silent for a while may have rebooted, with another pack."""
+    commands: list[Command] = []
+    for vehicle in tuple(state.vehicles.values()):
+        owed_s = vehicle.orders.start_owed_s
+        if owed_s is None:
+            continue
+        why, fix = _describe_reboot(vehicle), vehicle.motion.fix
+        if not why and now_s - owed_s > PLACELESS_S:
+            why = takeoff.PLACELESS.format(placeless_s=PLACELESS_S)
+        starts = vehicle.stage is Stage.STARTING
+        if starts and not why and (fix is None or fix.at_s <= owed_s):
+            continue
+        paid = vehicle.with_orders(start_owed_s=None, ordered_mode_s=now_s)
+        state = state.put(paid)
+        if starts and why:
+            state, more = declare_fault(context, state, paid, _build_start_fault(why, now_s))
+            commands.extend(more)
+        elif starts:
+            commands.append(Start(vehicle.name))
+    return state, tuple(commands)
+
+
+def _describe_reboot(vehicle: VehicleState) -> str:
+    """Return why an autopilot is not the one any more that was checked, or included; empty if it is."""
+    cleared_s = vehicle.orders.cleared_s or -math.inf
+    if vehicle.sortie.rebooted_s is not None and vehicle.sortie.rebooted_s > cleared_s:
+        return takeoff.HAS_REBOOTED
+    if vehicle.motion.behind_s >= FELL_BACK_S and vehicle.motion.fell_back_s > cleared_s:
+        return takeoff.CLOCK_FELL_BACK
+    return ""
+
+
+def _is_waiting_on_pad(context: Context, vehicle: VehicleState, event: StartEnded, now_s: float) -> bool:
+    """Return whether a vehicle whose start failed is known to stand there still, with nobody's else hand on it."""
+    if not (vehicle.sortie.armed_once or event.armed):
+        return True
+    if not has_fresh_heartbeat(context, vehicle, now_s) or not has_fresh_position(context, vehicle, now_s):
+        return False  # it may have taken off, or its autopilot may have started anew
+    return (
+        not vehicle.sortie.took_off and not is_coming_home(context, vehicle) and vehicle.custody.cause is ModeCause.OURS
+    )
+
+
+def resume_start(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    """Go on with a start that an upload broke off: whatever is being said to a vehicle gives way to an upload."""
+    if vehicle.sortie.took_off:
+        return _begin_mission(state, vehicle, now_s)
+    asks = not vehicle.armed and context.fly_again is not RelaunchPolicy.AUTO
+    if asks and not _is_clearance_fresh(state, vehicle, now_s):
+        why = takeoff.NOT_IN_TIME.format(window_s=START_WINDOW_S)
+        return declare_fault(context, state, vehicle, Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.NOT_STARTED))
+    state, order = order_start(context, state, vehicle, now_s)
+    return state, (order,)
+
+
+def apply_upload_result(context: Context, state: FleetState, event: UploadEnded, now_s: float) -> Stepped:
+    """Take how the upload of a re-plan's mission, or of a sortie, came to its end."""
+    vehicle = state.vehicles[event.vehicle]
+    plan = state.replanning.replan
+    if plan is None or event.revision != plan.solve.revision or event.vehicle not in plan.pending:
+        return state, ()
+    mission = plan.missions[event.vehicle]
+    vehicle = vehicle.with_assignment(pending=None)
+    if not (event.accepted or event.mixed or event.code in _MAY_BE_ON_BOARD):
+        vehicle = vehicle.with_assignment(sent_path=None)
+    if event.fenced and mission.fence is not None:
+        vehicle = vehicle.with_assignment(fence=mission.fence)
+    plan = replace(plan, pending=plan.pending - {event.vehicle})
+    if event.accepted:
+        state, more = _apply_accepted_upload(context, state, vehicle, mission, event, now_s)
+    else:
+        plan = replace(plan, failed=(*plan.failed, vehicle.name))
+        state, more = _apply_failed_upload(context, state, vehicle, plan, event, now_s)
+    commands: list[Command] = [*more]
+    state, more = _continue_after_upload(context, state, vehicle, plan, event, now_s)
+    commands.extend(more)
+    state = state.with_replanning(replan=plan)
+    if event.mixed and not event.accepted and not mission.fresh and not _has_left_mission(context, vehicle):
+        unknown = event.code is Ending.NO_ANSWER
+        why = replanning.MAY_BE_MIXED if unknown else replanning.MIXED
+        fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
+        state, more = declare_fault(context, state, state.vehicles[vehicle.name], fault)
+        commands.extend(more)
+    state, more = new_missions.end_replan_if_done(state, now_s)
+    return state, (*commands, *more)
+
+
+def _apply_accepted_upload(
+    context: Context, state: FleetState, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
+) -> Stepped:
+    board = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
+    if mission.fresh:
+        vehicle = vehicle.with_assignment(waypoint=0)
+    state = state.put(apply_onboard_mission(vehicle, board, now_s))
+    to_go = len(mission.visits if mission.fresh else state.vehicles[vehicle.name].remaining_visits())
+    what = replanning.TO_GO.format(segments=format_count(to_go, "segment")) if to_go else replanning.NOTHING_TO_GO
+    fence = replanning.FENCE_WIDENED if mission.fence is not None else ""
+    return state, (replanning.ON_BOARD.say(vehicle=vehicle.name, to_go=what, fence=fence),)
+
+
+def _apply_failed_upload(
+    context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
+) -> Stepped:
+    mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
+    if _has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
+        # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
+        state = state.put(vehicle)
+        return state if sortie else state.want_replan(plan.solve.trigger, plan.begun_s), ()
+    if sortie:
+        return state.put(vehicle), ()  # the crew is told, and asked again
+    refused, how_long = record_declined_mission(context, vehicle, mission, event, now_s)
+    trigger = replanning.NOT_GIVEN.format(vehicle=vehicle.name, reason=event.reason)
+    said = replanning.UPLOAD_FAILED.say(vehicle=vehicle.name, reason=event.reason, how_long=how_long)
+    return state.put(refused).want_replan(trigger, now_s), (said,)
+
+
+def _continue_after_upload(
+    context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
+) -> Stepped:
+    """Start a vehicle on its base, or go on with a start that the upload broke off."""
+    mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
+    if mission.fresh and event.accepted and survivors.may_take_off(context, vehicle, now_s):
+        if not sortie:
+            return start_from_base(context, state, state.vehicles[vehicle.name], now_s)
+        state = turnaround.record_sortie_start(state, vehicle.name, now_s)  # it has looked at its boots itself
+        state, start = order_start(context, state, state.vehicles[vehicle.name], now_s)
+        return state, (start,)
+    if sortie:
+        why = sorties.TOO_LATE if event.accepted else sorties.UPLOAD_FAILED.format(reason=event.reason)
+        return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
+    if mission.fresh and event.accepted:
+        return state, (replanning.STAYS_UNCLEARED.say(vehicle=vehicle.name),)
+    if vehicle.stage is Stage.STARTING and not event.mixed:
+        return resume_start(context, state, state.vehicles[vehicle.name], now_s)
+    return state, ()
+
+
+def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
+    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homing.is_coming_down(context, vehicle)
+
+
+def record_declined_mission(
+    context: Context, vehicle: VehicleState, mission: NewMission, event: UploadEnded, now_s: float
+) -> tuple[VehicleState, str]:
+    """Return a vehicle that could not be given its new mission, and for how long it is planned around, in words."""
+    known = replace(vehicle.assignment, stubborn=True, declined=None)
+    if event.code not in LATER or (event.mixed and not mission.fresh):
+        return replace(vehicle, assignment=known), ""
+    tries = 1 + (0 if vehicle.assignment.declined is None else vehicle.assignment.declined.tries)
+    maybe = None
+    if context.vehicles[vehicle.name].dialect.upload_is_atomic and not mission.fresh:
+        maybe = build_onboard_mission(context, vehicle.name, event.revision, mission.path, mission.visits)
+    known = replace(known, declined=DeclinedMission(now_s, tries, maybe))
+    how_long = replanning.UNTIL_ANSWER if tries < OFFERS else replanning.REST_OF_FLIGHT
+    return replace(vehicle, assignment=known), how_long
+
+
+def retry_declined_missions(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Look who answers again that could not be given a new mission, and plan with it."""
+    if state.replanning.replan is not None or state.progress.recalled or state.listening.silent_since_s is not None:
+        return state, ()
+    for vehicle in state.vehicles.values():
+        refused = vehicle.assignment.declined
+        if refused is None or refused.tries >= OFFERS or not _is_answering_again(vehicle, refused, now_s):
+            continue
+        ready = vehicle.with_assignment(stubborn=False)
+        if survivors.build_survivor(context, ready, now_s) is None:
+            if vehicle.stage is not Stage.FLYING:
+                state = state.put(ready)  # it waits for the crew's word, as others do
+            continue
+        if vehicle.stage is Stage.FLYING and vehicle.assignment.carried.read_s <= refused.at_s:
+            # As if it had said that it was given one: that is read, and nothing is put on board before.
+            carried = replace(vehicle.assignment.carried, told_s=now_s)
+            state = state.put(vehicle.with_assignment(carried=carried))
+            continue
+        return _replan_with(state, ready, now_s)
+    return state, ()
+
+
+def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: float) -> bool:
+    """Return whether it was heard since, and is not in other hands."""
+    known, beat_s = vehicle.assignment, vehicle.link.heartbeat_s
+    if not known.stubborn or known.pending is not None or known.before is not None or is_under_foreign_control(vehicle):
+        return False
+    if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
+        return False
+    return beat_s is not None and beat_s > refused.at_s and now_s - refused.at_s >= AGAIN_S
+
+
+def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
+    trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
+    given_up = state.coverage.given_up - state.list_uncovered_last()
+    state = state.put(vehicle).with_replanning(ordered=True).with_coverage(given_up=given_up)
+    if not state.replanning.urgent:
+        state = state.with_replanning(trigger=trigger, trigger_s=now_s)
+    return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)

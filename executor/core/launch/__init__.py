@@ -1,1 +1,0 @@
-"""From the clearance by the crew until a vehicle flies its mission."""
