@@ -124,7 +124,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/chunks.py",),
-    "tests/executor/adapters/test_clock_fleet_time.py": ("simulator/common_time.py",),
     "tests/executor/adapters/web/test_server.py": ("executor/adapters/web/snapshot.py",),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
@@ -145,10 +144,8 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "missions/readers/archives.py",
         "missions/readers/xml_files.py",
     ),
-    "tests/executor/cli/test_plan_inputs_day.py": ("missions/day_plan.py",),
     "tests/executor/core/battery/test_account.py": ("executor/core/battery/charge_counter.py",),
     "tests/executor/core/operator/test_intent_refusals.py": ("executor/core/interface/intents.py",),
-    "tests/executor/core/replanning/test_replan_cycle_losses.py": ("executor/runtime/loss_judging.py",),
     "tests/executor/core/state/test_vehicle_parts.py": (
         "executor/core/interface/ports.py",
         "executor/core/interface/recorded_log.py",
@@ -168,10 +165,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/replay/test_log_replay_of_real_flights.py": (
         "benchmarks/recorded_truths.py",
         "executor/replay/open_log.py",
-    ),
-    "tests/executor/site/test_campaign_runner_risk.py": (
-        "executor/analysis/pictures/risk_figure.py",
-        "executor/cli/risk.py",
     ),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
@@ -230,10 +223,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "scripts/pages/states.py",
     ),
     "tests/test_extras.py": ("executor/adapters/extras.py",),
-    "tests/test_lines.py": (
-        "executor/core/interface/check_codes.py",
-        "executor/core/interface/commands.py",
-    ),
+    "tests/test_lines.py": ("executor/core/interface/commands.py",),
 }
 """By a test file, the modules that it shows beside what it is called after."""
 

@@ -94,7 +94,7 @@ TOLD_EVERY_S = 10.0
 
 
 class IntakeReason(ReasonCode):
-    """Why a message from the broker is no intent."""
+    """Why a message is not taken for an intent."""
 
     INVALID = "invalid", "It is too long, no JSON, or a key is missing, unknown or of the wrong kind."
     CLOSED = "closed", "This site takes no intents from its broker."
