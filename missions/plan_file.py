@@ -156,6 +156,8 @@ class PlanContent:
     """What was asked for as well, and no flight can inspect, by the network's numbers."""
     terrain: PlanTerrain | None = None
     """The ground, where a raster knows it."""
+    cameras: tuple[str, ...] = ()
+    """Those that its missions trigger or point; how is said by its site."""
     autopilots: Mapping[str, str] = field(default_factory=dict)
     """Of each vehicle by its name, where it is known: in whose dialect its missions are."""
     source: str = field(default="plan", compare=False)
@@ -189,7 +191,12 @@ class PlanFile(PlanContent):
     def with_site_of(self, other: PlanFile) -> PlanFile:
         """Return this plan with what another one says of their site."""
         return replace(
-            self, fly_again=other.fly_again, terrain=other.terrain, autopilots=other.autopilots, fence=other.fence
+            self,
+            fly_again=other.fly_again,
+            terrain=other.terrain,
+            cameras=other.cameras,
+            autopilots=other.autopilots,
+            fence=other.fence,
         )
 
     @property

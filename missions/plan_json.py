@@ -176,6 +176,8 @@ class _Document(BaseModel):
     """What was asked for and is not planned, because it lies in an area or behind one."""
     terrain: PlanTerrain | None = None
     """The ground that it was made over, where a raster knows it."""
+    cameras: Annotated[tuple[Printable, ...], Field(exclude_if=not_)] = ()
+    """Names of the cameras that its missions trigger or point; how is said by its site."""
     segments: tuple[PlanSegment, ...]
 
     @cached_property
@@ -384,7 +386,7 @@ def _describe_common(content: PlanFile | DayPlanFile) -> dict[str, Any]:
         "uncovered": tuple(content.segments[number].id for number in content.plan.uncovered),
         **{key: getattr(content.solved, key) for key in SOLVER_KEYS},
         "model": content.pricing,
-        **{key: getattr(content, key) for key in ("unreachable", "terrain", "segments")},
+        **{key: getattr(content, key) for key in ("unreachable", "terrain", "cameras", "segments")},
     }
 
 
@@ -395,7 +397,7 @@ def _read_common(document: _Document, source: str) -> dict[str, Any]:
         "pricing": document.model,
         "autopilots": {one.name: one.autopilot for one in document.vehicles if one.autopilot is not None},
         "source": source,
-        **{key: getattr(document, key) for key in ("unreachable", "terrain", "segments")},
+        **{key: getattr(document, key) for key in ("unreachable", "terrain", "cameras", "segments")},
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -24,6 +25,7 @@ from executor.errors import LogError, SiteError
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from missions import exports
+from missions.clearance import check_ceiling
 from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
 from missions.geo import FloatArray
@@ -31,6 +33,8 @@ from missions.inspection_height import build_first_paths
 from missions.plan_file import setup_of_plan
 from planner import is_reversed, segment_of, visit_of
 
+SAME_PAD_M = 1.0
+"""Pads that are farther apart are two."""
 DECIMALS = 6
 """Of a degree: more than a decimetre no position carries."""
 STEP_S = 0.5
@@ -230,7 +234,11 @@ def export(
     ] = None,
     site: Annotated[
         Path | None,
-        typer.Option(metavar="SITE", help="Its site file, for a plan over [terrain]: the ground is not in the plan."),
+        typer.Option(
+            metavar="SITE",
+            help="Its site file, for a plan over [terrain], with [[look]], or from [[base]] and [[place]]: the ground, "
+            "the cameras and the pads are not in the plan.",
+        ),
     ] = None,
 ) -> None:
     """Write a plan for other ground stations, or a plan or a flight for maps."""
@@ -249,20 +257,27 @@ def export(
 def _build_paths(
     content: missions.PlanFile, source: Path, site: Path | None
 ) -> tuple[missions.FlightSetup, Mapping[str, missions.FlightPath]]:
-    """Return heights and pads, and every vehicle's path, if they are high enough."""
+    """Return heights and pads, and every vehicle's path, if they are high enough and not too high."""
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
-    terrain = None
-    if content.terrain is not None:
-        if site is None:
-            raise SiteError(f"{source}: terrain: expected --site with the site file that the plan was made of")
+    if site is not None:
         ground = site_model.load_site_model(read_site(site), site.parent)
         site_planning.check_plan_fits(content, ground, str(source))
-        terrain = ground.terrain
-    setup = setup_of_plan(content, content.inspection, terrain=terrain)
+        setup = ground.setup
+    else:
+        for key in ("terrain", "cameras"):
+            if getattr(content, key):
+                raise SiteError(f"{source}: {key}: expected --site with the site file that the plan was made of")
+        setup = setup_of_plan(content, content.inspection)
+        for name, base in ({} if content.pricing is None else content.pricing.bases).items():
+            if math.dist(base.place_m[:2], setup.base_of(name).place_m[:2]) > SAME_PAD_M:
+                raise SiteError(
+                    f"{source}: {name} stands on a pad of its site: expected --site with the site file that the plan "
+                    "was made of"
+                )
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     paths = site_model.build_paths(setup, routes)
-    for line in find_low_places(setup, list(paths.values())):
+    for line in (*find_low_places(setup, list(paths.values())), *check_ceiling(setup, paths.values())):
         raise SiteError(f"{source}: heights: {line}")
     return setup, paths
 

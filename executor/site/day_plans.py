@@ -20,6 +20,7 @@ from executor.site.site_model import (
     build_plan_terrain,
     build_pricing,
     build_vehicles,
+    list_cameras,
     select_reachable,
 )
 from executor.site.site_parts import AT_DEPOT_M, base_place, base_tables
@@ -102,6 +103,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         solved=SolverRecord("search", 0, 0.0),
         unreachable=never,
         terrain=build_plan_terrain(ground),
+        cameras=list_cameras(ground.site),
         autopilots={one.name: one.autopilot for one in ground.site.vehicle},
     )
 

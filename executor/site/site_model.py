@@ -138,6 +138,11 @@ def build_plan_terrain(ground: SiteModel) -> PlanTerrain | None:
     )
 
 
+def list_cameras(site: Site) -> tuple[str, ...]:
+    """Return the names of the cameras that missions of a site trigger or point."""
+    return tuple(dict.fromkeys(look.camera for look in site.look))
+
+
 def build_selection(site: Site) -> missions.Selection:
     """Return what a site wants of its network's file."""
     table = site.network

@@ -252,6 +252,7 @@ def build_site_plan_file(
     fence = ground.site.fence
     return replace(
         content, fly_again=may_fly_again(ground), terrain=site_model.build_plan_terrain(ground),
+        cameras=site_model.list_cameras(ground.site),
         autopilots={one.name: one.autopilot for one in ground.site.vehicle},
         fence=PlanFence(fence.margin_m, fence.rally) if fence is not None and fence.enabled else None,
     )  # fmt: skip

@@ -61,7 +61,7 @@ def _own_pace(state: VehicleState) -> Pace:
 def _iterate_legs_ahead(state: VehicleState, waypoint: int) -> Iterator[tuple[Phase, LegEstimate, float]]:
     """Yield the legs until the end of a waypoint's, each with its phase and the share of it that is left."""
     board, first, fix = state.assignment.board, state.assignment.waypoint, state.motion.fix
-    if board is None:
+    if board is None or first > waypoint or first >= len(board.legs):
         return
     share = 1.0 if fix is None or first == 0 else remaining_leg_share(board, first, fix)
     for point, leg in zip(board.path.waypoints[first : waypoint + 1], board.legs[first : waypoint + 1], strict=False):
