@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import accumulate
 from types import MappingProxyType
-
-import numpy as np
 
 from planner.errors import PlanError
 from planner.model import Instance, Plan, Route, segment_of
-from planner.moves import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,46 +28,61 @@ class Evaluation:
     """In words; empty if every segment is inspected or named as uncovered, within all budgets."""
 
 
-def compute_legs(instance: Instance, route: Route) -> tuple[FloatArray, FloatArray]:
-    """Return (visits + 1,) float64 twice: seconds and percent of a full battery to each visit's end, then home.
-
-    Of a route without a visit it is the vehicle's way home.
+def compute_legs_s(instance: Instance, route: Route) -> list[float]:
+    """Return the seconds to each visit's end, and then home; of a route without a visit its vehicle's way home.
 
     Raises:
         PlanError: the vehicle or a visit is not in the instance.
     """
-    number, visits = route.vehicle, np.array(route.visits, dtype=np.int64)
-    if not 0 <= number < len(instance.vehicles):
-        raise PlanError(f"route of vehicle {number}, the instance has {len(instance.vehicles)}")
-    if len(visits) == 0:
-        return instance.idle_s[[number]], instance.idle_pct[[number]]
-    for visit in visits[(visits < 0) | (visits >= 2 * instance.segments)]:
-        raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
-    profile, consumption = instance.profile[number], instance.vehicles[number].consumption
-    start, moves, home = (number, visits[:1]), (visits[:-1], visits[1:]), (number, visits[-1:])
-    seconds = (instance.start_s[start], instance.moves.seconds(profile, *moves), instance.home_s[home])
-    pct = (instance.start_pct[start], consumption * instance.moves.pct(profile, *moves), instance.home_pct[home])
-    return np.concatenate(seconds), np.concatenate(pct)
+    number, visits = _check_known(instance, route)
+    if not visits:
+        return [float(instance.idle_s[number])]
+    moves_s = instance.moves.seconds(instance.profile[number], visits[:-1], visits[1:]).tolist()
+    return [float(instance.start_s[number, visits[0]]), *moves_s, float(instance.home_s[number, visits[-1]])]
+
+
+def compute_legs_pct(instance: Instance, route: Route) -> list[float]:
+    """Return the percent of a full battery that the same legs use.
+
+    Raises:
+        PlanError: the vehicle or a visit is not in the instance.
+    """
+    number, visits = _check_known(instance, route)
+    if not visits:
+        return [float(instance.idle_pct[number])]
+    moves_pct = instance.moves.pct(instance.profile[number], visits[:-1], visits[1:])
+    between_pct = (instance.vehicles[number].consumption * moves_pct).tolist()
+    return [float(instance.start_pct[number, visits[0]]), *between_pct, float(instance.home_pct[number, visits[-1]])]
+
+
+def _check_known(instance: Instance, route: Route) -> tuple[int, list[int]]:
+    """Return a route's vehicle and visits, if the instance has them."""
+    if not 0 <= route.vehicle < len(instance.vehicles):
+        raise PlanError(f"route of vehicle {route.vehicle}, the instance has {len(instance.vehicles)}")
+    for visit in route.visits:
+        if not 0 <= visit < 2 * instance.segments:
+            raise PlanError(f"visit {visit} is not in the instance of {instance.segments} segments")
+    return route.vehicle, list(route.visits)
 
 
 def route_duration_s(instance: Instance, route: Route) -> float:
     """Return how long a route takes, landing place reached; of a route without a visit, the vehicle's way home."""
-    return float(np.cumsum(compute_legs(instance, route)[0])[-1])
+    return sum(compute_legs_s(instance, route))
 
 
 def route_energy_pct(instance: Instance, route: Route) -> float:
     """Return what a route uses, c(T), in percent of a full battery."""
-    return float(np.cumsum(compute_legs(instance, route)[1])[-1])
+    return sum(compute_legs_pct(instance, route))
 
 
 def completion_times_s(instance: Instance, route: Route) -> tuple[float, ...]:
     """Return when each visit ends, in seconds from the route's start."""
-    return tuple(np.cumsum(compute_legs(instance, route)[0])[:-1].tolist())
+    return tuple(accumulate(compute_legs_s(instance, route)[:-1]))
 
 
 def energy_use_pct(instance: Instance, route: Route, visits: int) -> float:
     """Return what a vehicle has spent at the end of the first ``visits`` visits of its route, 0 before the first."""
-    return float(np.cumsum(compute_legs(instance, route)[1])[visits - 1]) if visits > 0 else 0.0
+    return sum(compute_legs_pct(instance, route)[:visits]) if visits > 0 else 0.0
 
 
 def cost_of(instance: Instance, energies_pct: Sequence[float], cost: Cost) -> float:

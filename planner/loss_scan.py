@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,7 +12,7 @@ from planner.evaluate import (
     BUDGET_TOLERANCE_PCT,
     LossRow,
     RepairStatus,
-    energy_use_pct,
+    completion_times_s,
     route_duration_s,
     route_energy_pct,
 )
@@ -29,7 +30,7 @@ from planner.kernels.repair import (
 )
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.plan_search import build_kernel_problem, build_random_state, build_state, copy_state
-from planner.replan import RemainingProblem, build_remaining_problem, build_survivor_start, find_survivors
+from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
 """Open segments up to which a loss is decided exactly: some 20 ms."""
@@ -55,7 +56,9 @@ class LossScan:
         self._loss = loss_of(self._problem)
         self._repairs = build_empty_repairs(self._problem, len(plan.routes))
         self._desk = workspace_of(self._base)
+        self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
+        self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
 
     def iterate_rows(self, effort: int) -> Iterator[LossRow]:
         """Yield all losses, each looked at when it is asked for."""
@@ -136,18 +139,29 @@ class LossScan:
 
     def _is_valid_repair(self, at_s: float, lost: int, routes: list[list[int]]) -> bool:
         """Return whether new routes visit everything open once and exceed no budget, by the slow definition."""
-        _, survivors, open_segments = find_survivors(self._instance, self._plan, lost, at_s, fly_again=self._fly_again)
-        for survivor in survivors:
-            visits = routes[survivor.vehicle]
-            if visits:
-                start = build_survivor_start(self._instance, survivor)
-                onward = Route(survivor.vehicle, tuple(visits))
-                own_start_pct = energy_use_pct(self._instance, onward, 1)
-                used_pct = float(start.row[1, visits[0]]) + route_energy_pct(self._instance, onward) - own_start_pct
-                if used_pct > survivor.budget_left_pct + BUDGET_TOLERANCE_PCT:
+        accounted = [segment_of(visit) for visits in routes for visit in visits]
+        for route in self._plan.routes:
+            until_s = at_s if route.vehicle == lost else at_s + self._instance.answer_s
+            done = sum(1 for end_s in self._ends_s[route.vehicle] if end_s <= until_s + SAME_TIME_S)
+            kept = route.visits[: done if route.vehicle == lost else done + 1]
+            accounted.extend(segment_of(visit) for visit in kept)
+            if route.vehicle != lost and routes[route.vehicle]:
+                used = self._survivor_energy_pct(route, kept, done, routes[route.vehicle])
+                if used > self._instance.vehicles[route.vehicle].budget_pct + BUDGET_TOLERANCE_PCT:
                     return False
-        visited = sorted(segment_of(visit) for visits in routes for visit in visits)
-        return not routes[lost] and visited == list(open_segments)
+        return not routes[lost] and sorted(accounted) == list(range(self._instance.segments))
+
+    def _survivor_energy_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
+        """Return what a survivor uses in all: on one route if it has visits left, else on two."""
+        vehicle, instance = route.vehicle, self._instance
+        if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
+            return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
+        if not self._fly_again:
+            return math.inf
+        first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
+        own_first = float(instance.start_pct[vehicle, visits[0]])
+        flown = first - own_first + route_energy_pct(instance, Route(vehicle, tuple(visits)))
+        return self._energies_pct[vehicle] + flown
 
 
 def timing_of(instance: Instance) -> LossTiming:

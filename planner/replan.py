@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from planner.evaluate import (
     Result,
     budget_excess_pct,
     completion_times_s,
-    compute_legs,
+    compute_legs_pct,
+    compute_legs_s,
     evaluate,
     route_energy_pct,
 )
@@ -176,7 +178,8 @@ def _find_completed_visits(instance: Instance, route: Route, at_s: float) -> tup
 
 
 def _build_survivor(instance: Instance, route: Route, at_s: float, *, fly_again: bool) -> FreeVehicle:
-    ends_s, spent_pct = (np.cumsum(figures).tolist() for figures in compute_legs(instance, route))
+    ends_s = list(accumulate(compute_legs_s(instance, route)))
+    spent_pct = list(accumulate(compute_legs_pct(instance, route)))
     done = sum(end_s <= at_s + SAME_TIME_S for end_s in ends_s[:-1])
     left_pct = max(0.0, instance.vehicles[route.vehicle].budget_pct - spent_pct[done])
     if done < len(route.visits):

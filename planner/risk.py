@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-from planner.evaluate import Cost, CriticalLoss, LossRow, completion_times_s, compute_legs, evaluate
+from planner.evaluate import Cost, CriticalLoss, LossRow, completion_times_s, compute_legs_pct, compute_legs_s, evaluate
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.replan import (
@@ -447,7 +447,8 @@ class FleetAfterLosses:
 
     def progress_of(self, vehicle: int) -> RouteProgress:
         """Return what a vehicle will have done by when; between the moments it is taken to grow evenly."""
-        seconds, pct = compute_legs(self.instance, self.plan.routes[vehicle])
+        route = self.plan.routes[vehicle]
+        seconds, pct = np.array(compute_legs_s(self.instance, route)), np.array(compute_legs_pct(self.instance, route))
         start_s, before = self.launched_s[vehicle], self.before[vehicle]
         time_s, used_pct = np.append(start_s, np.cumsum(seconds)), np.append(0.0, np.cumsum(pct))
         airborne_s = time_s - start_s

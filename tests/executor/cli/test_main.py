@@ -296,7 +296,7 @@ def test_what_the_search_is_tuned_by(place: Place) -> None:
     reason = place.refused("plan", site, "--solver", "grasp", *search)
     assert "--search: expected none beside --solver grasp" in reason
     tuned.write_text("[annealing]\nbatch = 0\n", encoding="utf-8")
-    assert f"{tuned}: annealing.batch: expected a whole number, 1 or more, got 0" in place.refused(
+    assert f"{tuned}: annealing.batch: expected greater than or equal to 1, got 0" in place.refused(
         "plan", site, *search
     )
     tuned.unlink()
