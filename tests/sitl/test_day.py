@@ -125,7 +125,7 @@ def fly_a_day(autopilot: Autopilot, tmp_path: Path, more: dict[str, object]) -> 
     pads = {pad.vehicle: pad for pad in ground.setup.pads}
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
-    assert sum(one["vehicle"] == VICTIM for one in plan["sorties"]) >= 2, plan["sorties"]
+    assert sum(one["vehicle"] == VICTIM for one in plan["routes"]) >= 2, plan["routes"]
     wanted = Wanted(pads, ground.network.frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
         crew = Losing(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"))
