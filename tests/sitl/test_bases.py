@@ -87,8 +87,8 @@ def test_a_base_closes_and_a_spare_flies_what_it_leaves(autopilot: Autopilot, tm
     site.write_text(tomli_w.dumps(tables))
     asyncio.run(planned(site, day))
     plan = json.loads(day.read_text())
-    assert {one["vehicle"] for one in plan["sorties"]} == {NORTH, SOUTH}, plan["sorties"]
-    assert sum(one["vehicle"] == SOUTH for one in plan["sorties"]) >= 2, plan["sorties"]
+    assert {one["vehicle"] for one in plan["routes"]} == {NORTH, SOUTH}, plan["routes"]
+    assert sum(one["vehicle"] == SOUTH for one in plan["routes"]) >= 2, plan["routes"]
     wanted = Wanted(
         {name: ground.setup.pad_of(name) for name in NAMES},
         ground.network.frame,
