@@ -74,7 +74,6 @@ from missions.plan_file import (
 )
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
 from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
-from missions.qgc import format_qgc_plan, format_qgc_waypoints
 from missions.readers import (
     SNAP_M,
     MendingLimits,

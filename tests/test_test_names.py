@@ -133,7 +133,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/run_directory.py",),
     "tests/executor/cli/test_areas.py": (
-        "executor/site/site_tables.py",
+        "executor/site/site_keys.py",
         "missions/areas.py",
     ),
     "tests/executor/cli/test_main.py": (
@@ -167,7 +167,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
-    "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
+    "tests/executor/site/test_site_file.py": ("executor/site/flight_keys.py",),
     "tests/missions/readers/test_elevation_rasters.py": ("missions/terrain.py",),
     "tests/missions/readers/test_formats.py": (
         "missions/readers/attributes.py",

@@ -24,7 +24,7 @@ from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
 from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.launch import apply_upload_result
-from executor.core.lines import flight, takeoff
+from executor.core.lines import flight, link, takeoff
 from executor.core.operator import intent_handling
 from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
@@ -228,24 +228,24 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
         state, more = withdrawal.apply_takeover(context, state, vehicle)
-        return state, (flight.HEARD.say(vehicle=name), *more)
+        return state, (link.LOST_REGAINED.say(vehicle=name), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = homing.bring_home(context, state, vehicle, now_s)
         comes = homing.is_coming_home(context, vehicle)
-        return state, ((flight.HEARD_COMING if comes else flight.HEARD_ALOFT).say(vehicle=name), *more)
+        return state, ((link.LOST_REGAINED_COMING if comes else link.LOST_REGAINED_ALOFT).say(vehicle=name), *more)
     if not vehicle_position.is_over_pad(context, vehicle):
         down = change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
         place = vehicle_position.describe_down_place(context, vehicle)
-        return state.put(down), (flight.HEARD_DOWN.say(vehicle=name, place=place),)
+        return state.put(down), (link.LOST_REGAINED_DOWN.say(vehicle=name, place=place),)
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
     if not homing.is_on_mission(context, vehicle):
-        return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=""),)
+        return state, (link.LOST_REGAINED_ON_GROUND.say(vehicle=name, then=""),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
-        line = flight.HEARD_ON_GROUND.with_level(Level.WARNING)
-        return state, (line.say(vehicle=name, then=flight.PILOT_HAS_IT),)
-    return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=flight.SET_TO_RTL), SendHome(name))
+        line = link.LOST_REGAINED_ON_GROUND.with_level(Level.WARNING)
+        return state, (line.say(vehicle=name, then=link.PILOT_HAS_IT),)
+    return state, (link.LOST_REGAINED_ON_GROUND.say(vehicle=name, then=link.SET_TO_RTL), SendHome(name))
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:

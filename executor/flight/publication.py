@@ -26,7 +26,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import ConnectionFailed, LogError, SiteError
 from executor.flight.run_start import FlightRequest, MessageSink, MqttSettings
 from executor.runtime.flight_loop import Flight
-from executor.site.flight_tables import WebTable
+from executor.site.flight_keys import WebTable
 from executor.site.ground_view import GroundView, compute_shown_area, encode_ground, read_ground_files
 from executor.supervised import call_safely, keep_going, report_on_loop
 from missions import PlanFile, build_plan_document

@@ -29,7 +29,8 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Asked, IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
-from executor.core.preflight.board_changes import OnboardLists, ParameterProposal
+from executor.core.preflight.fence_changes import OnboardLists
+from executor.core.preflight.parameter_changes import ParameterProposal
 from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission

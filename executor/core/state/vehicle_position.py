@@ -16,7 +16,7 @@ from executor.core import formatting
 from executor.core.context import Scene
 from executor.core.interface.messages import EstimatorStatus, Gps, SystemStatus
 from executor.core.lines import landing, position
-from executor.core.state.inspection_run import GAP_S
+from executor.core.state.inspection_proof import GAP_S
 from executor.core.state.vehicle_parts import PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Phase

@@ -11,7 +11,7 @@ from executor.core.interface import messages
 from executor.core.interface.messages import BOOT, CRITICAL, FlightMessage, StatusText
 from executor.core.lines import inspection
 from executor.core.state import link_quality, mission_height, mission_ownership, vehicle_position
-from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state.inspection_proof import GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.state.link_quality import ReportedPosition, add_reported_position
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of

@@ -16,7 +16,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
 from executor.flight import publication as web
 from executor.runtime.flight_loop import Flight, Observer
-from executor.site.flight_tables import WebTable
+from executor.site.flight_keys import WebTable
 from executor.site.site_file import check_site
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from executor.site.site_tables import EnvironmentName, FileName, HostName, Positive, SiteTable, Speed
+from executor.site.site_keys import EnvironmentName, FileName, HostName, Positive, SiteTable, Speed
 
 
 class FlightTable(SiteTable):
