@@ -3,19 +3,9 @@
 from __future__ import annotations
 
 from executor.core.interface.codes import Severity
-from executor.core.preflight import link_timeout, onboard_failsafes
-from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.site import site_model
-from missions import ARDUPILOT, PX4, Dialect
-from tests.executor.builders import site_of
-
-
-def waited_s(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None, speedup: float = 1.0) -> float:
-    tables: dict[str, dict[str, object]] = {"flight": {"speedup": speedup}}
-    if wanted_s is not None:
-        tables["faults"] = {"link_timeout_s": wanted_s}
-    site = site_of(("uav1",), dialect.name, **tables)
-    return site_model.link_timeout_s(site, dialect, onboard_failsafes.read_link_failsafe(dialect, facts.parameters))
+from executor.core.preflight import link_timeout
+from missions import ARDUPILOT, PX4
+from tests.executor.core.preflight.test_vehicle_checks import link, said, waited_s
 
 
 def test_a_silent_vehicles_work_is_not_given_away_before_its_own_failsafe_acts() -> None:

@@ -13,10 +13,10 @@ from executor.core.preflight import onboard_failsafes
 from executor.core.preflight import vehicle_checks as checks
 from executor.core.preflight.onboard_failsafes import Parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts, describe_prearm_failure
+from executor.site import site_model
 from missions import ARDUPILOT, PX4, Dialect
 from missions.surface import build_flat_surface
-from tests.executor.builders import fleet_of
-from tests.executor.core.preflight.test_link_timeout import waited_s
+from tests.executor.builders import fleet_of, site_of
 
 FLEET = fleet_of()
 CONTEXT = FLEET.context
@@ -82,6 +82,14 @@ def test_a_pad_is_as_high_as_the_depot(alt_m: float, found: list[Severity]) -> N
 def lacking(facts: VehicleFacts, name: str) -> VehicleFacts:
     """Return the same without the answer to one question."""
     return replace(facts, parameters={key: value for key, value in facts.parameters.items() if key != name})
+
+
+def waited_s(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None, speedup: float = 1.0) -> float:
+    tables: dict[str, dict[str, object]] = {"flight": {"speedup": speedup}}
+    if wanted_s is not None:
+        tables["faults"] = {"link_timeout_s": wanted_s}
+    site = site_of(("uav1",), dialect.name, **tables)
+    return site_model.link_timeout_s(site, dialect, onboard_failsafes.read_link_failsafe(dialect, facts.parameters))
 
 
 def link(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None) -> Check:
