@@ -55,7 +55,9 @@ from missions.flight_model import (
     estimate,
 )
 from missions.geo import LocalFrame
+from missions.inspection_settings import Inspection
 from missions.items import Command, Frame, MissionItem, MissionKind
+from missions.layers import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
@@ -89,14 +91,6 @@ from missions.readers import (
     read_station_points,
 )
 from missions.routes import build_flight_path, continue_path
-from missions.setup import (
-    FlightSetup,
-    HeightReference,
-    Inspection,
-    check_separation,
-    plan_flight_setup,
-    plan_layers,
-    tracks_m,
-)
+from missions.setup import FlightSetup, check_separation, plan_flight_setup
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

@@ -16,7 +16,7 @@ from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
 from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
-from executor.core.inflight import climb_conflicts, homing
+from executor.core.inflight import climb_conflicts, homing, touchdown
 from executor.core.inflight.climb_conflicts import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
@@ -41,10 +41,8 @@ from executor.core.state.fleet_state import (
     Question,
     Stepped,
 )
+from executor.core.state.gps_loss import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
-from executor.core.state.vehicle_position import (
-    describe_gps_return,
-)
 from executor.core.state.vehicle_state import (
     Fault,
     FaultCode,
@@ -320,13 +318,13 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := homing.describe_unexpected_landing(context, vehicle, now_s):
+    if why := touchdown.describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return launch.monitor_start(context, state, vehicle, now_s)
-    if homing.has_landed(vehicle):
+    if touchdown.has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
     return homing.issue_homing_order(context, state, name, now_s)
 
@@ -336,7 +334,7 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
     if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
     spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
-    state, commands = homing.apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    state, commands = touchdown.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands
 
@@ -350,7 +348,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
             state = state.put(vehicle.with_sortie(place_told=True))
             place = vehicle_position.describe_down_place(context, vehicle)
             return state, (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=place),)
-        if not homing.is_flying_again(vehicle):
+        if not touchdown.is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):

@@ -27,9 +27,9 @@ from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import SiteError
 from executor.site import day_plans, site_model
-from executor.site.flight_keys import MqttTable
 from executor.site.ground_view import GroundView, view_for, write_ground
 from executor.site.learned_files import build_learned_document, read_learned_before
+from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
 from missions import (

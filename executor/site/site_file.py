@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import SiteError
-from executor.site import flight_keys, site_keys
+from executor.site import flight_keys, mqtt_and_web_keys, site_keys
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
@@ -41,8 +41,8 @@ class Site(site_keys.SiteTable):
     fence: flight_keys.FenceTable | None = None
     signing: flight_keys.SigningTable | None = None
     link: flight_keys.LinkTable = flight_keys.LinkTable()
-    mqtt: flight_keys.MqttTable | None = None
-    web: flight_keys.WebTable = flight_keys.WebTable()
+    mqtt: mqtt_and_web_keys.MqttTable | None = None
+    web: mqtt_and_web_keys.WebTable = mqtt_and_web_keys.WebTable()
     map: site_keys.MapTable | None = None
     learned: site_keys.LearnedTable | None = None
     camera: tuple[site_keys.CameraTable, ...] = ()
