@@ -21,7 +21,7 @@ from executor.simulated.simulated_fleet import LISTENING, build_vehicle_tables
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import build_flight_path, dialect_for
-from simulator.airframe import Battery as Pack
+from simulator.battery import Battery as Pack
 
 ARDUPILOT, PX4, QUADROTOR, ACTIVE = 3, 12, 2, 4
 GROUND_S = 5.0

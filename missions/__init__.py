@@ -55,7 +55,9 @@ from missions.flight_model import (
     estimate,
 )
 from missions.geo import LocalFrame
+from missions.inspection_settings import Inspection
 from missions.items import Command, Frame, MissionItem, MissionKind
+from missions.layers import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
@@ -74,7 +76,6 @@ from missions.plan_file import (
 )
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
 from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
-from missions.qgc import format_qgc_plan, format_qgc_waypoints
 from missions.readers import (
     SNAP_M,
     MendingLimits,
@@ -90,14 +91,6 @@ from missions.readers import (
     read_station_points,
 )
 from missions.routes import build_flight_path, continue_path
-from missions.setup import (
-    FlightSetup,
-    HeightReference,
-    Inspection,
-    check_separation,
-    plan_flight_setup,
-    plan_layers,
-    tracks_m,
-)
+from missions.setup import FlightSetup, check_separation, plan_flight_setup
 from missions.validation import format_first_error
 from missions.waypoints import FlightPath, Phase, Waypoint

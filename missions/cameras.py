@@ -45,6 +45,12 @@ class PictureProof(Enum):
     """CAMERA_TRIGGER of PX4: that it was triggered, where nothing says more."""
 
 
+LEAST_INTERVAL_S = 1.0
+"""A camera of which nothing else is said takes no pictures faster."""
+AIM_DEG = 20.0
+"""What nothing else is said of may be aimed so far beside."""
+
+
 @dataclass(frozen=True, slots=True)
 class Camera:
     """A camera that vehicles carry."""
@@ -57,7 +63,7 @@ class Camera:
     """Width and height; the width lies across the flight."""
     image_px: tuple[int, int] | None = None
     """The same of its pictures."""
-    least_interval_s: float = 1.0
+    least_interval_s: float = LEAST_INTERVAL_S
     """It takes no pictures faster than this."""
     gimbal: bool = False
     """Whether a mission points it."""
@@ -94,7 +100,7 @@ class SpanCameraTask:
     """Between two pictures; 0 where it films."""
     pitch_deg: float | None = None
     """Of the camera, from the horizon, down is negative; None points it at the line."""
-    aim_deg: float = 20.0
+    aim_deg: float = AIM_DEG
     """A picture that is aimed farther beside what was asked does not count."""
 
 
@@ -193,7 +199,7 @@ class Capture:
     """Of its gimbal, from the horizon; None leaves it alone. Whole degrees: ArduPilot keeps no others."""
     yaw_deg: int | None = None
     """Of its gimbal from the nose, clockwise."""
-    aim_deg: float = 20.0
+    aim_deg: float = AIM_DEG
     from_north: bool = False
     """Whether ``yaw_deg`` counts from north."""
     region: Region | None = None

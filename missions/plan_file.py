@@ -14,10 +14,11 @@ from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
+from missions.inspection_settings import Inspection
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad
 from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, build_priced_sorties
-from missions.setup import FlightSetup, Inspection, plan_flight_setup
+from missions.setup import FlightSetup, plan_flight_setup
 from missions.shortest_ways import build_area_graph
 from missions.terrain import Terrain
 from missions.validation import Above0, Figure, From0, Id, Known, Pair, Place, Text

@@ -25,6 +25,7 @@ from missions.errors import PlanFileError, SafetyError
 from missions.files import read_text, write_document
 from missions.flight_model import Base
 from missions.geo import LocalFrame
+from missions.inspection_settings import Inspection
 from missions.plan_file import (
     WINDOW_COST,
     BasePlace,
@@ -38,7 +39,6 @@ from missions.plan_file import (
 )
 from missions.plan_json_v1 import upgrade_plan
 from missions.pricing import Pricing
-from missions.setup import Inspection
 from missions.validation import Above0, Figure, Flag, From0, Id, Name, Pair, Printable, Text, format_first_error, one_of
 from planner import Cost, InstanceError, Plan, PlanError, Route, Travel, Vehicle, is_reversed, segment_of, visit_of
 from planner.sorties import LossWindow, Objective, Sortie, SortieEvaluation, SortiePlan, SortieVehicle

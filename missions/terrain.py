@@ -238,12 +238,16 @@ class Grid:
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
 
 
+GROUND_MARGIN_M = 20.0
+"""How far over the ground flights stay where nothing else is said."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Terrain:
     """The ground, and how far flights keep from it."""
 
     elevation: Elevation
-    margin_m: float = 20.0
+    margin_m: float = GROUND_MARGIN_M
     """Over the ground, beside its uncertainty."""
     line_margin_m: float | None = None
     """Over the tops of lines; None: as without terrain, a share of the inspection height."""

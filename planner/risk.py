@@ -47,6 +47,8 @@ FLIGHTS_PER_CHUNK = 10_000
 """So many flights share their re-plans; more chunks keep more processors busy."""
 TIME_BINS = 10
 """Parts of the longest route's time by which failures are counted."""
+RESERVE_PCT = 15.0
+"""Share of a full battery that is never planned with, where nobody says another."""
 Z_95 = 1.959963984540054
 """Between minus and plus this lie 95 % of a standard normal."""
 
@@ -146,7 +148,7 @@ def build_risk_campaign(
     *,
     mtbf_h: Sequence[float],
     battery_spread_pct: float = 0.0,
-    reserve_pct: float = 15.0,
+    reserve_pct: float = RESERVE_PCT,
     max_losses: int = 2,
     effort: int = EFFORT,
     fly_again: bool = True,

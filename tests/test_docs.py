@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from executor.cli.main import INTERNAL, INTERRUPTED, main
+from executor.cli.exit_codes import INTERNAL, INTERRUPTED
+from executor.cli.main import main
 from executor.site.site_file import Site, check_site
 from scripts.pages import reference
 from simulator.config import FaultSpecError, parse_fault

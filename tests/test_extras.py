@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.extras import Extra, packages_of
-from executor.core.preflight.board_changes import ChangeStage, KeptParameter
+from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.flight.restore_vehicles import write_kept_parameters
 from executor.replay.open_log import ULOG_MAGIC
 

@@ -118,6 +118,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/flights.py",
         "executor/flight/restore_vehicles.py",
     ),
+    "tests/executor/adapters/test_interrupts.py": ("executor/cli/exit_codes.py",),
     "tests/executor/adapters/logs/test_damaged_logs.py": (
         "executor/adapters/logs/dataflash.py",
         "executor/adapters/logs/ulog.py",
@@ -133,7 +134,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/analysis/test_report.py": ("executor/adapters/run_directory.py",),
     "tests/executor/cli/test_areas.py": (
-        "executor/site/site_tables.py",
+        "executor/site/site_keys.py",
         "missions/areas.py",
     ),
     "tests/executor/cli/test_main.py": (
@@ -167,7 +168,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/replay/open_log.py",
     ),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
-    "tests/executor/site/test_site_file.py": ("executor/site/flight_tables.py",),
+    "tests/executor/site/test_site_file.py": (
+        "executor/site/flight_keys.py",
+        "executor/site/mqtt_and_web_keys.py",
+    ),
     "tests/missions/readers/test_elevation_rasters.py": ("missions/terrain.py",),
     "tests/missions/readers/test_formats.py": (
         "missions/readers/attributes.py",
@@ -212,7 +216,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "planner/sorties/sortie_model.py",
     ),
     "tests/simulator/test_ardupilot.py": ("simulator/mission_ardupilot.py",),
-    "tests/simulator/test_fleet_vehicle.py": ("simulator/messages.py",),
+    "tests/simulator/test_fleet_vehicle.py": (
+        "simulator/airframe.py",
+        "simulator/messages.py",
+    ),
     "tests/simulator/test_leg_times.py": ("simulator/leg_trajectories.py",),
     "tests/simulator/test_physics.py": ("simulator/guidance.py",),
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),

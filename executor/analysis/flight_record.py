@@ -17,9 +17,9 @@ from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
 from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
-from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
+from executor.core.state.gps_loss import update_positioning
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, Track, advance_run
 from executor.core.state.vehicle_parts import PositionFix, Positioning
-from executor.core.state.vehicle_position import update_positioning
 from executor.errors import LogError
 from executor.site import site_model
 from executor.site.learned_files import load_site_packs

@@ -315,13 +315,13 @@ def _mission_text(
     items, pad, frame = missions.encode(path, dialect).items, setup.pad_of(path.vehicle), setup.frame
     home = (*frame.to_wgs84_deg(pad.east_m, pad.north_m), pad.alt_m)
     if to is not FormatName.QGC:
-        return missions.format_qgc_waypoints(items, dialect, home)
+        return exports.format_qgc_waypoints(items, dialect, home)
     if content.fence is None:
-        return missions.format_qgc_plan(items, dialect, home)
+        return exports.format_qgc_plan(items, dialect, home)
     pad_m = (pad.east_m, pad.north_m)
     fence = build_fence(flown_places(pad_m, path, frame), content.fence.margin_m, top_m=0.0)
     rally = build_rally_items((pad_m,), frame) if content.fence.rally == "pad" else ()
-    return missions.format_qgc_plan(items, dialect, home, fence=build_fence_items(fence, frame), rally=rally)
+    return exports.format_qgc_plan(items, dialect, home, fence=build_fence_items(fence, frame), rally=rally)
 
 
 def _autopilot_of(content: missions.PlanFile, name: str, asked: AutopilotName | None) -> str:

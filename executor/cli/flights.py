@@ -20,10 +20,12 @@ from executor.analysis.flight_record import FlightRecord
 from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
 from executor.cli.errors import OUR_ERRORS
+from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.core.formatting import command_line, format_count
 from executor.core.interface.codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.board_changes import KeptList, KeptParameter
+from executor.core.preflight.fence_changes import KeptList
+from executor.core.preflight.parameter_changes import KeptParameter
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
@@ -271,7 +273,7 @@ def preflight(
     rows = [CheckRow.build_from(check).to_plain() for check in found]
     plan_inputs.print_result(lambda: {"ready": not stops, "checks": rows}, () if quiet else lines, as_json=as_json)
     if stops:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def resume(
@@ -328,7 +330,7 @@ def _finish_flight(order: FlightRequest, flown: flying.FlightResult, *, as_json:
     _write_next_flight(order, report, quiet=as_json)
     _show_flight(order.run, report)
     if not report.finished:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _print_line(text: str, *, to: TextIO | None = None) -> None:
@@ -415,7 +417,7 @@ def restore(
     asked = " and ".join(counted)
     if not console.confirm(f"Restore {asked}?"):
         console.say(Level.WARNING, "not confirmed; nothing was sent to any vehicle")
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
     kept, fences = clock.run_on_fair_loop(restoring.restore_from_run(directory, console))
     _finish(directory, kept, fences, as_json=as_json, quiet=quiet)
 
@@ -433,4 +435,4 @@ def _finish(
     line = f"{directory}: {what}" if not stay else f"{directory}: {stay} of {len(kept) + len(lists)} not restored"
     plan_inputs.print_result(lambda: {"restored": stay == 0, **rows}, [] if quiet else [line], as_json=as_json)
     if stay:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)

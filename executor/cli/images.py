@@ -11,6 +11,7 @@ import typer
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
+from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption, QuietOption
 from executor.cli.plan_inputs import print_result
 from executor.errors import LogError
@@ -66,7 +67,7 @@ def images(
     lines = () if quiet else _describe_matching(found, placed, len(index.images))
     print_result(lambda: _build_document(found, placed), lines, as_json=as_json)
     if not found.is_complete:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _write_places(matches: Sequence[FileMatch], write: PlaceDestination) -> int:

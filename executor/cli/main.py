@@ -1,6 +1,6 @@
 """The command line: `faultline --help`.
 
-Exit codes: 0 done, 1 it ran and the answer is no, 2 bad input with a one-line reason, 130 interrupted by Ctrl-C.
+How it ends: `executor.cli.exit_codes`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from executor.adapters.interrupts import discard_output, end_children, treat_signals_as_ctrl_c
+from executor.cli.exit_codes import BAD_INPUT, DONE, INTERNAL, INTERRUPTED, NO_READER, exit_code_of
 
-INTERRUPTED = 128 + signal.SIGINT
-NO_READER = 1
-"""As typer has it."""
-INTERNAL = 70
-"""EX_SOFTWARE: a mistake of ours, not of the input."""
 ENDS_S = 10.0
 """Real seconds for what is left to do when a command has ended: threads, and what Python does at its end."""
 LONGEST = 1000
@@ -101,24 +97,24 @@ def _run(given: Sequence[str]) -> int:
     from executor.cli.commandline import cli
 
     try:
-        return int(cli(args=list(given), standalone_mode=False) or 0)
+        return int(cli(args=list(given), standalone_mode=False) or DONE)
     except BaseExceptionGroup as group:
         _exit_for_group(group, _load_own_errors())
     except TyperException as error:
         # What a command line can be wrong about; the base class does not promise the method that all of them have.
         said = error.format_message() if isinstance(error, typer.BadParameter) else str(error)
-        _fail(f"{said} See --help.", 2)
+        _fail(f"{said} See --help.", BAD_INPUT)
     except typer.Abort:
         raise KeyboardInterrupt from None
     except OSError as error:
         if error.filename is not None:
-            _fail(f"{error.filename}: {error.strerror}", 2)
+            _fail(f"{error.filename}: {error.strerror}", BAD_INPUT)
         if isinstance(error, BrokenPipeError) or error.errno in NO_ROOM:
             raise
         _exit_internal_error(error)
     except Exception as error:  # noqa: BLE001 - the last place where it can become one line
         if isinstance(error, _load_own_errors()):
-            _fail(str(error), _exit_code_for(error))
+            _fail(str(error), exit_code_of(error))
         _exit_internal_error(error)
 
 
@@ -144,15 +140,8 @@ def _exit_for_group(group: BaseExceptionGroup[BaseException], known: tuple[type[
     ours, rest = group.split(known)
     if rest is None and ours is not None:
         first = _find_first_error(ours)
-        _fail(str(first), _exit_code_for(first))
+        _fail(str(first), exit_code_of(first))
     _exit_internal_error(group)
-
-
-def _exit_code_for(error: BaseException) -> int:
-    """Return 2 for bad input, and 1 where nothing was wrong with it and a vehicle said no."""
-    from executor.errors import VehicleRefused
-
-    return 1 if isinstance(error, VehicleRefused) else 2
 
 
 def _fail(text: str, code: int) -> NoReturn:
@@ -174,7 +163,7 @@ def _exit_interrupted() -> NoReturn:
 def _exit_without_output(error: OSError) -> NoReturn:
     """End without a word if nobody reads any more, as `| head` does; else say what there is no room for."""
     if not isinstance(error, BrokenPipeError):
-        _fail(f"cannot write: {error.strerror}", 2)
+        _fail(f"cannot write: {error.strerror}", BAD_INPUT)
     discard_output(sys.stdout)
     raise SystemExit(NO_READER)
 

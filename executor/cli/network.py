@@ -24,7 +24,7 @@ from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.site import site_model
-from executor.site.site_tables import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from executor.site.site_keys import DepotTable, EnergyTable, InspectionTable, VehicleTable
 from missions.files import json_text, write_whole
 from planner import PRESETS
 

@@ -15,6 +15,7 @@ import missions
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
 from executor.cli.console import TerminalConsole
+from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_option
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
@@ -301,7 +302,7 @@ def plan_day(
 
     print_result(document, lines, as_json=as_json)
     if content.plan.uncovered or content.unreachable:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def plan_day_and_report(

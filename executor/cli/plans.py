@@ -14,6 +14,7 @@ import missions
 import planner
 from executor.cli import options, plan_inputs
 from executor.cli.console import TerminalConsole
+from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.flight import next_flight
@@ -22,6 +23,7 @@ from executor.site.campaigns import describe_policy, open_campaign_runner, sweep
 from executor.site.ground_view import view_for
 from executor.site.site_file import read_site
 from executor.site.site_planning import PlanRequest
+from planner.risk import RESERVE_PCT
 
 SearchOption = Annotated[
     Path | None,
@@ -126,7 +128,7 @@ def plan(
         known = () if learned is None else ("--learned", learned)
         print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
     if content.plan.uncovered or content.unreachable:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _compute_heights(ground: site_model.SiteModel, content: missions.PlanFile) -> plan_summary.PlannedHeights:
@@ -203,7 +205,7 @@ def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> No
         lambda: {"ok": not wrong, "wrong": wrong}, wrong or ["every figure is right"], as_json=as_json
     )
     if wrong:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def window(
@@ -265,7 +267,7 @@ def replan(
     plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, result.plan))
     _print_plan(result.plan, as_json=as_json)
     if not result.feasible:
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _build_window_document(content: missions.PlanFile, found: planner.ReplanWindow) -> dict[str, object]:
@@ -316,7 +318,7 @@ def risk(
     plan: options.PlanArgument,
     mtbf: MtbfOption,
     battery_spread: SpreadOption = 0.0,
-    reserve: ReserveOption = 15.0,
+    reserve: ReserveOption = RESERVE_PCT,
     samples: SamplesOption = 100_000,
     seed: options.SeedOption = 1,
     max_losses: LossesOption = 2,

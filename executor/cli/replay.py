@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.run_directory import RunDirectory
+from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import JsonOption
 from executor.cli.plan_inputs import print_result, write_named_file
 from executor.core.interface.messages import Actor
@@ -92,7 +93,7 @@ def replay_logs(
     print_result(lambda: build_replay_document(done), lines, as_json=as_json)
     nothing = all(not one.replay.vehicles for one in done)
     if nothing or any(one.comparison is not None and not one.comparison.is_same for one in done):
-        raise typer.Exit(1)
+        raise typer.Exit(ANSWER_IS_NO)
 
 
 def _update_packs(done: Sequence[_ReplayedLog], path: Path, site: Site | None) -> PacksDocument:

@@ -16,7 +16,7 @@ from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
 from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
-from executor.core.inflight import climb_conflicts, homing
+from executor.core.inflight import climb_conflicts, homing, touchdown
 from executor.core.inflight.climb_conflicts import record_separation
 from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
@@ -24,7 +24,7 @@ from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
 from executor.core.interface import events, messages
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.launch import apply_upload_result
-from executor.core.lines import flight, takeoff
+from executor.core.lines import flight, link, takeoff
 from executor.core.operator import intent_handling
 from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
@@ -41,10 +41,8 @@ from executor.core.state.fleet_state import (
     Question,
     Stepped,
 )
+from executor.core.state.gps_loss import describe_gps_return
 from executor.core.state.vehicle_parts import Assignment, ModeCause, OnboardMission, PlannedSortie, Turnaround
-from executor.core.state.vehicle_position import (
-    describe_gps_return,
-)
 from executor.core.state.vehicle_state import (
     Fault,
     FaultCode,
@@ -228,24 +226,24 @@ def _recover_lost_vehicle(context: Context, state: FleetState, vehicle: VehicleS
     name = vehicle.name
     if vehicle.armed and mode_causes.is_under_foreign_control(vehicle):
         state, more = withdrawal.apply_takeover(context, state, vehicle)
-        return state, (flight.HEARD.say(vehicle=name), *more)
+        return state, (link.LOST_REGAINED.say(vehicle=name), *more)
     if vehicle.armed:
         vehicle = change_stage(vehicle, Stage.RETURNING).with_motion(anchor=None).with_sortie(left_s=now_s)
         state, more = homing.bring_home(context, state, vehicle, now_s)
         comes = homing.is_coming_home(context, vehicle)
-        return state, ((flight.HEARD_COMING if comes else flight.HEARD_ALOFT).say(vehicle=name), *more)
+        return state, ((link.LOST_REGAINED_COMING if comes else link.LOST_REGAINED_ALOFT).say(vehicle=name), *more)
     if not vehicle_position.is_over_pad(context, vehicle):
         down = change_stage(vehicle, Stage.DOWN).with_orders(ordered_mode_s=now_s).with_sortie(place_told=True)
         place = vehicle_position.describe_down_place(context, vehicle)
-        return state.put(down), (flight.HEARD_DOWN.say(vehicle=name, place=place),)
+        return state.put(down), (link.LOST_REGAINED_DOWN.say(vehicle=name, place=place),)
     state = state.put(change_stage(vehicle, Stage.LANDED).with_orders(ordered_mode_s=now_s))
     if not homing.is_on_mission(context, vehicle):
-        return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=""),)
+        return state, (link.LOST_REGAINED_ON_GROUND.say(vehicle=name, then=""),)
     # Armed in this mode it would fly its old mission: neither autopilot takes off for a return.
     if vehicle.custody.taken is not None:
-        line = flight.HEARD_ON_GROUND.with_level(Level.WARNING)
-        return state, (line.say(vehicle=name, then=flight.PILOT_HAS_IT),)
-    return state, (flight.HEARD_ON_GROUND.say(vehicle=name, then=flight.SET_TO_RTL), SendHome(name))
+        line = link.LOST_REGAINED_ON_GROUND.with_level(Level.WARNING)
+        return state, (line.say(vehicle=name, then=link.PILOT_HAS_IT),)
+    return state, (link.LOST_REGAINED_ON_GROUND.say(vehicle=name, then=link.SET_TO_RTL), SendHome(name))
 
 
 def _check_all_vehicles(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -320,13 +318,13 @@ def _decide_vehicle(  # noqa: PLR0911 - one return for each thing
     if raised:
         point, why = raised[0]
         return _apply_fault(context, state, vehicle, Fault(point.kind, why, now_s, point.code))
-    if why := homing.describe_unexpected_landing(context, vehicle, now_s):
+    if why := touchdown.describe_unexpected_landing(context, vehicle, now_s):
         return _report_down_vehicle(context, state, vehicle, why, now_s)
     if vehicle.stage is Stage.PILOT:
         return withdrawal.monitor_taken_vehicle(context, state, vehicle, now_s)
     if vehicle.stage is Stage.STARTING:
         return launch.monitor_start(context, state, vehicle, now_s)
-    if homing.has_landed(vehicle):
+    if touchdown.has_landed(vehicle):
         return _apply_landing(context, state, vehicle, now_s)
     return homing.issue_homing_order(context, state, name, now_s)
 
@@ -336,7 +334,7 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
     if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
     spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
-    state, commands = homing.apply_touchdown(context, state, vehicle, now_s, spare=spare)
+    state, commands = touchdown.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands
 
@@ -350,7 +348,7 @@ def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: Vehicl
             state = state.put(vehicle.with_sortie(place_told=True))
             place = vehicle_position.describe_down_place(context, vehicle)
             return state, (takeoff.DOWN_AT.say(vehicle=vehicle.name, place=place),)
-        if not homing.is_flying_again(vehicle):
+        if not touchdown.is_flying_again(vehicle):
             return state, ()
         return _bring_home_flying_vehicle(context, state, vehicle, "down", now_s)
     if vehicle.armed and mode_causes.is_taken_over(vehicle, now_s):

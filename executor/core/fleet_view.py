@@ -19,7 +19,7 @@ from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
 from executor.core.state.fleet_state import CheckLine, FleetState, Question
-from executor.core.state.inspection_run import Track
+from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
 from missions import Phase

@@ -19,18 +19,17 @@ from executor.core.formatting import format_count
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
-from executor.core.preflight import board_changes, mission_checks, vehicle_checks
-from executor.core.preflight.board_changes import (
+from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
+from executor.core.preflight.fence_changes import KeptList, OnboardLists
+from executor.core.preflight.onboard_failsafes import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.parameter_changes import (
     Answers,
     ChangeStage,
-    KeptList,
-    OnboardLists,
     ParameterProposal,
     build_board_record,
     check_return_height,
     propose_return_changes,
 )
-from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
@@ -50,9 +49,9 @@ from executor.runtime import vehicle_preflight as asking
 from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_file import Site
+from executor.site.site_keys import VehicleTable
 from executor.site.site_model import SiteModel
 from executor.site.site_parts import base_places_m, build_places
-from executor.site.site_tables import VehicleTable
 from missions import FlightSetup, MissionKind, dialect_for, encode
 from missions.fences import Fence, build_fence_items
 
@@ -251,10 +250,10 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
 
     async def read(name: str) -> Answers:
-        beside = board_changes.list_fence_parameters(context, name)
+        beside = fence_changes.list_fence_parameters(context, name)
         return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    return board_changes.add_fence_changes(
+    return fence_changes.add_fence_changes(
         context, propose_return_changes(context, await run_for_each(context.vehicles, read))
     )
 
@@ -299,7 +298,7 @@ async def apply_changes(
         async with turn:
             ends = await asking.set_changes(links[name], clock, proposal.changes_of(name))
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
-        own = board_changes.list_fence_parameters(context, name)
+        own = fence_changes.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
         rest = {key: problem for key, problem in ends.items() if key not in own}
         if rest:
@@ -343,7 +342,7 @@ def check_fences_on_board(
     """
     kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
 
-    def ours(name: str, kind: MissionKind, items: board_changes.Items | None) -> board_changes.Items | None:
+    def ours(name: str, kind: MissionKind, items: fence_changes.Items | None) -> fence_changes.Items | None:
         known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
         return items if known is not None and items is not None and known.is_ours(items) else None
 
@@ -351,7 +350,7 @@ def check_fences_on_board(
     for name, lists in found.items():
         known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
         board = boards[name]
-        told += board_changes.check_onboard_lists(
+        told += fence_changes.check_onboard_lists(
             context, facts[name], None if board is None else board.path, lists, known
         )
     return told

@@ -6,7 +6,6 @@ What needs the extras mqtt and web is loaded only where the site asks for it.
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
@@ -23,11 +22,12 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Intent, IntentRecord
 from executor.core.state.fleet_state import FleetState
-from executor.errors import ConnectionFailed, LogError, SiteError
+from executor.errors import ConnectionFailed, LogError
 from executor.flight.run_start import FlightRequest, MessageSink, MqttSettings
+from executor.flight.web_token import read_token
 from executor.runtime.flight_loop import Flight
-from executor.site.flight_tables import WebTable
 from executor.site.ground_view import GroundView, compute_shown_area, encode_ground, read_ground_files
+from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import call_safely, keep_going, report_on_loop
 from missions import PlanFile, build_plan_document
 
@@ -133,40 +133,6 @@ class Publication:
             self._publish(lambda to: to.publish_assets(assets, last=last))
 
 
-LEAST_TOKEN = 16
-"""Characters: shorter ones can be guessed."""
-
-
-def check_web(table: WebTable) -> None:
-    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
-
-    Raises:
-        SiteError: the token is missing or too short.
-    """
-    if table.enabled:
-        _read_token(table)
-        if describe_missing_extra(Extra.WEB, "the page"):
-            return  # said beside the flight, which goes on without
-        import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
-
-
-def _read_token(table: WebTable) -> str | None:
-    if table.token_env is None:
-        return None
-    value = os.environ.get(table.token_env, "")
-    if (
-        len(value) < LEAST_TOKEN
-        or not value.isascii()
-        or not value.isprintable()
-        or not value.replace("-", "").isalnum()
-    ):
-        raise SiteError(
-            f"web.token_env: expected a token of {LEAST_TOKEN} or more letters, digits or hyphens in the environment "
-            f"variable {table.token_env}"
-        )
-    return value
-
-
 @asynccontextmanager
 async def serve_page(
     table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, order: FlightRequest | None = None
@@ -195,7 +161,7 @@ async def serve_page(
     def submit(intent: Intent) -> Future[IntentRecord]:
         return asyncio.run_coroutine_threadsafe(take(intent), loop)
 
-    token = _read_token(table)
+    token = read_token(table)
     names = {*table.names, *(() if table.address is None else (urlsplit(table.address).hostname or "",))}
     settings = WebSettings(
         table.host,

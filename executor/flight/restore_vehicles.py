@@ -20,12 +20,11 @@ from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
-from executor.core.preflight import board_changes
-from executor.core.preflight.board_changes import (
+from executor.core.preflight import fence_changes, parameter_changes
+from executor.core.preflight.fence_changes import Items, KeptList
+from executor.core.preflight.parameter_changes import (
     Change,
     ChangeStage,
-    Items,
-    KeptList,
     KeptParameter,
     Present,
     list_return_parameters,
@@ -37,7 +36,7 @@ from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to
 from executor.runtime.vehicle_preflight import read_parameters
 from executor.site.site_file import Site, read_signing_key, read_site
-from executor.site.site_tables import AutopilotKey
+from executor.site.site_keys import AutopilotKey
 from missions import Dialect, MissionItem, MissionKind, dialect_for
 from missions.fences import number_items
 
@@ -236,10 +235,10 @@ SETTLE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class RestoreResult(Generic[board_changes.Change]):
+class RestoreResult(Generic[parameter_changes.Change]):
     """What became of what was changed on one vehicle."""
 
-    kept: tuple[board_changes.Change, ...]
+    kept: tuple[parameter_changes.Change, ...]
     """Each as it is on record now."""
     problems: tuple[str, ...] = ()
     """Why something stays; empty if all was given back."""
@@ -314,8 +313,8 @@ def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
 
 
 async def restore_parameters(
-    link: Link, clock: Clock, kept: Sequence[board_changes.KeptParameter], vehicle: RestingVehicle
-) -> RestoreResult[board_changes.KeptParameter]:
+    link: Link, clock: Clock, kept: Sequence[parameter_changes.KeptParameter], vehicle: RestingVehicle
+) -> RestoreResult[parameter_changes.KeptParameter]:
     """Give one vehicle its parameters back; what somebody else set since stays.
 
     Looks and sets until everything is as it was in a round after the one that set it.
@@ -327,7 +326,7 @@ async def restore_parameters(
         vehicle: It at rest.
     """
     waiting = {one.name: one for one in kept}
-    ended: dict[str, board_changes.KeptParameter] = {}
+    ended: dict[str, parameter_changes.KeptParameter] = {}
     problems: list[str] = []
     said: Present = {}
     for turn in range(ROUNDS):
@@ -337,28 +336,28 @@ async def restore_parameters(
         for name, value in said.items():
             one = waiting[name]
             what = one.classify(value.value)
-            if what is board_changes.ValueOrigin.OTHER:
-                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.LEFT)
+            if what is parameter_changes.ValueOrigin.OTHER:
+                ended[name] = replace(waiting.pop(name), stage=parameter_changes.ChangeStage.LEFT)
                 problems.append(
-                    f"{name} is {board_changes.format_number(value.value)}, which somebody set since: left as it is"
+                    f"{name} is {parameter_changes.format_number(value.value)}, which somebody set since: left as it is"
                 )
-            elif what is board_changes.ValueOrigin.OLD and turn:
-                ended[name] = replace(waiting.pop(name), stage=board_changes.ChangeStage.RESTORED)
-            elif what is board_changes.ValueOrigin.OURS:
+            elif what is parameter_changes.ValueOrigin.OLD and turn:
+                ended[name] = replace(waiting.pop(name), stage=parameter_changes.ChangeStage.RESTORED)
+            elif what is parameter_changes.ValueOrigin.OURS:
                 if not vehicle.is_at_rest:
                     return _build_result(kept, ended, [*problems, "was armed meanwhile"])
                 await procedures.set_parameter(link, clock, name, one.old, value.kind)
         if not (waiting and said):
             break
     for name in waiting:
-        stays = f"stays {board_changes.format_number(said[name].value)}" if name in said else "does not answer"
+        stays = f"stays {parameter_changes.format_number(said[name].value)}" if name in said else "does not answer"
         problems.append(f"{name} {stays}")
     return _build_result(kept, ended, problems)
 
 
 async def restore_lists(
-    link: Link, clock: Clock, kept: Sequence[board_changes.KeptList], vehicle: RestingVehicle
-) -> RestoreResult[board_changes.KeptList]:
+    link: Link, clock: Clock, kept: Sequence[fence_changes.KeptList], vehicle: RestingVehicle
+) -> RestoreResult[fence_changes.KeptList]:
     """Give one vehicle its fence and its rally points back; what somebody else put on board since stays.
 
     Args:
@@ -367,7 +366,7 @@ async def restore_lists(
         kept: What is on record of it, and open.
         vehicle: It at rest.
     """
-    ended: dict[str, board_changes.KeptList] = {}
+    ended: dict[str, fence_changes.KeptList] = {}
     problems: list[str] = []
     for one in kept:
         if not vehicle.is_at_rest:
@@ -378,19 +377,19 @@ async def restore_lists(
             problems.append(f"{one.words_open} cannot be read")
             continue
         what = one.classify(found)
-        if what is board_changes.ValueOrigin.OTHER:
-            ended[one.name] = replace(one, stage=board_changes.ChangeStage.LEFT)
+        if what is parameter_changes.ValueOrigin.OTHER:
+            ended[one.name] = replace(one, stage=parameter_changes.ChangeStage.LEFT)
             problems.append(f"somebody has changed the {one.words_open} since: left as found")
             continue
-        problem = "" if what is board_changes.ValueOrigin.OLD else await _put_list_back(link, clock, one)
+        problem = "" if what is parameter_changes.ValueOrigin.OLD else await _put_list_back(link, clock, one)
         if problem:
             problems.append(problem)
         else:
-            ended[one.name] = replace(one, stage=board_changes.ChangeStage.RESTORED)
+            ended[one.name] = replace(one, stage=parameter_changes.ChangeStage.RESTORED)
     return _build_result(kept, ended, problems)
 
 
-async def _put_list_back(link: Link, clock: Clock, one: board_changes.KeptList) -> str:
+async def _put_list_back(link: Link, clock: Clock, one: fence_changes.KeptList) -> str:
     """Send a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
     dialect, items = dialect_for(one.autopilot), number_items(one.old)
     if one.kind is MissionKind.FENCE:
@@ -401,8 +400,8 @@ async def _put_list_back(link: Link, clock: Clock, one: board_changes.KeptList) 
 
 
 def _build_result(
-    kept: Sequence[board_changes.Change], ended: Mapping[str, board_changes.Change], problems: Sequence[str]
-) -> RestoreResult[board_changes.Change]:
+    kept: Sequence[parameter_changes.Change], ended: Mapping[str, parameter_changes.Change], problems: Sequence[str]
+) -> RestoreResult[parameter_changes.Change]:
     return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))
 
 

@@ -29,7 +29,8 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Asked, IntentReceived, Reopened, ReturnAllOrdered
 from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
-from executor.core.preflight.board_changes import OnboardLists, ParameterProposal
+from executor.core.preflight.fence_changes import OnboardLists
+from executor.core.preflight.parameter_changes import ParameterProposal
 from executor.core.state.fleet_state import CheckLine, FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
@@ -37,9 +38,10 @@ from executor.errors import PreflightFailed
 from executor.flight import preparation
 from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.publication import Publication, check_web, serve_page
+from executor.flight.publication import Publication, serve_page
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
+from executor.flight.web_token import check_web
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_plans

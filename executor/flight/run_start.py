@@ -20,16 +20,16 @@ from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.codes import Check
 from executor.core.interface.commands import Level
-from executor.core.preflight.failsafe_parameters import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.onboard_failsafes import LinkFailsafe, read_link_failsafe
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import SiteError
 from executor.site import day_plans, site_model
-from executor.site.flight_tables import MqttTable
 from executor.site.ground_view import GroundView, view_for, write_ground
 from executor.site.learned_files import build_learned_document, read_learned_before
+from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
 from missions import (

@@ -37,7 +37,7 @@ from executor.core.telemetry.mode_evidence import record_evidence
 from executor.errors import LogError
 from executor.replay.log_replay import LogClock, is_known_copter
 from executor.replay.open_log import open_log
-from executor.site.site_tables import FigureTable, LearnedTable, SpeedTable, SwitchTable
+from executor.site.site_keys import FigureTable, LearnedTable, SpeedTable, SwitchTable
 from missions.validation import format_first_error
 from planner import Drone, InstanceError, pct_per_s
 

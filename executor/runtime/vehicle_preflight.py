@@ -15,8 +15,8 @@ from executor.core.interface import messages
 from executor.core.interface.codes import Severity
 from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
-from executor.core.preflight import board_changes, failsafe_parameters, vehicle_checks
-from executor.core.preflight.board_changes import (
+from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
+from executor.core.preflight.parameter_changes import (
     Answers,
     KeptParameter,
     ParameterProposal,
@@ -201,8 +201,8 @@ async def interview_vehicle(
         answers = await read_parameters(
             link,
             clock,
-            (*failsafe_parameters.list_preflight_parameters(dialect), *more),
-            lambda present: failsafe_parameters.list_older_parameters(dialect, present),
+            (*onboard_failsafes.list_preflight_parameters(dialect), *more),
+            lambda present: onboard_failsafes.list_older_parameters(dialect, present),
         )
     if heard.heartbeat is None or heard.position is None or heard.best_remaining_pct is None:
         raise PreflightFailed(f"{name}: link lost while its parameters were read")
@@ -344,15 +344,15 @@ async def load_mission(
         raise VehicleRefused(f"{name}: the mission is not on board: {done.reason}")
 
 
-async def read_lists(link: Link, clock: Clock) -> board_changes.OnboardLists:
+async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return board_changes.OnboardLists(
+    return fence_changes.OnboardLists(
         await procedures.read_list(link, clock, MissionKind.FENCE),
         await procedures.read_list(link, clock, MissionKind.RALLY),
     )
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: board_changes.OnboardLists) -> None:
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.OnboardLists) -> None:
     """Put a fence and rally points on board; None of either leaves what is there.
 
     Raises:
@@ -413,15 +413,15 @@ async def examine_vehicle(
 
 async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
     """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = board_changes.list_fence_parameters(context, name)
+    beside = fence_changes.list_fence_parameters(context, name)
     present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return board_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
+    return fence_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:
     """Return what cannot be known of its parameters; empty if everything is."""
     if facts.unread:
-        return failsafe_parameters.describe_unread_parameters(facts.unread)
+        return onboard_failsafes.describe_unread_parameters(facts.unread)
     return next((check.text for check in proposal.checks if check.severity is Severity.STOP), "")
 
 

@@ -14,7 +14,7 @@ from executor.core.formatting import format_count
 from executor.core.state.vehicle_parts import PlannedSortie
 from executor.errors import SiteError
 from executor.site import site_model
-from executor.site.flight_tables import BaseTable, DayTable, parse_clock_s
+from executor.site.flight_keys import BaseTable, DayTable, parse_clock_s
 from executor.site.site_model import (
     SiteModel,
     build_plan_terrain,

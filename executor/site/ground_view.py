@@ -19,8 +19,8 @@ from pydantic import Field
 from executor.adapters.extras import Extra, describe_missing_extra, require_extra
 from executor.adapters.run_directory import Document
 from executor.errors import LogError
+from executor.site.site_keys import MapTable
 from executor.site.site_model import SiteModel
-from executor.site.site_tables import MapTable
 from missions import LocalFrame
 from missions.files import write_whole
 from missions.geo import FloatArray

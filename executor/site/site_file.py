@@ -18,37 +18,37 @@ from pydantic import Field, ValidationError, model_validator
 
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import SiteError
-from executor.site import flight_tables, site_tables
+from executor.site import flight_keys, mqtt_and_web_keys, site_keys
 from missions import NESTED, format_first_error
 
 PAGE = "docs/reference/site-file.md"
 """Where every key stands."""
 
 
-class Site(site_tables.SiteTable):
+class Site(site_keys.SiteTable):
     """The whole file."""
 
-    depot: site_tables.DepotTable | None = None
-    network: site_tables.NetworkTable
-    terrain: site_tables.TerrainTable | None = None
-    inspection: site_tables.InspectionTable = site_tables.InspectionTable()
-    energy: site_tables.EnergyTable = site_tables.EnergyTable()
-    area: tuple[site_tables.AreaTable, ...] = ()
-    place: tuple[site_tables.PlaceTable, ...] = ()
-    vehicle: Annotated[tuple[site_tables.VehicleTable, ...], Field(min_length=1)]
-    flight: flight_tables.FlightTable = flight_tables.FlightTable()
-    faults: flight_tables.FaultsTable = flight_tables.FaultsTable()
-    fence: flight_tables.FenceTable | None = None
-    signing: flight_tables.SigningTable | None = None
-    link: flight_tables.LinkTable = flight_tables.LinkTable()
-    mqtt: flight_tables.MqttTable | None = None
-    web: flight_tables.WebTable = flight_tables.WebTable()
-    map: site_tables.MapTable | None = None
-    learned: site_tables.LearnedTable | None = None
-    camera: tuple[site_tables.CameraTable, ...] = ()
-    look: tuple[site_tables.LookTable, ...] = ()
-    day: flight_tables.DayTable | None = None
-    base: tuple[flight_tables.BaseTable, ...] = ()
+    depot: site_keys.DepotTable | None = None
+    network: site_keys.NetworkTable
+    terrain: site_keys.TerrainTable | None = None
+    inspection: site_keys.InspectionTable = site_keys.InspectionTable()
+    energy: site_keys.EnergyTable = site_keys.EnergyTable()
+    area: tuple[site_keys.AreaTable, ...] = ()
+    place: tuple[site_keys.PlaceTable, ...] = ()
+    vehicle: Annotated[tuple[site_keys.VehicleTable, ...], Field(min_length=1)]
+    flight: flight_keys.FlightTable = flight_keys.FlightTable()
+    faults: flight_keys.FaultsTable = flight_keys.FaultsTable()
+    fence: flight_keys.FenceTable | None = None
+    signing: flight_keys.SigningTable | None = None
+    link: flight_keys.LinkTable = flight_keys.LinkTable()
+    mqtt: mqtt_and_web_keys.MqttTable | None = None
+    web: mqtt_and_web_keys.WebTable = mqtt_and_web_keys.WebTable()
+    map: site_keys.MapTable | None = None
+    learned: site_keys.LearnedTable | None = None
+    camera: tuple[site_keys.CameraTable, ...] = ()
+    look: tuple[site_keys.LookTable, ...] = ()
+    day: flight_keys.DayTable | None = None
+    base: tuple[flight_keys.BaseTable, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -134,7 +134,7 @@ class Site(site_tables.SiteTable):
 
     def _check_day(self) -> Iterator[str]:
         vehicles, bases = {one.name for one in self.vehicle}, {one.name for one in self.base}
-        day = self.day or flight_tables.DayTable()
+        day = self.day or flight_keys.DayTable()
         for index, road in enumerate(day.road):
             yield from _check_known(f"day.road[{index}].between", road.between, bases)
         for index, quiet in enumerate(day.quiet):
@@ -157,7 +157,7 @@ class Site(site_tables.SiteTable):
                 )
 
     def _check_connections(self) -> Iterator[str]:
-        first: dict[str, site_tables.VehicleTable] = {}
+        first: dict[str, site_keys.VehicleTable] = {}
         for index, vehicle in enumerate(self.vehicle):
             other = first.setdefault(vehicle.link.exclusive_resource, vehicle)
             if other.link != vehicle.link:

@@ -14,12 +14,14 @@ from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.limits import Limits
-from executor.core.preflight.failsafe_parameters import LinkFailsafe, effective_link_timeout_s
+from executor.core.preflight.link_timeout import effective_link_timeout_s
+from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
 from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
+from executor.site.site_keys import VehicleTable
 from executor.site.site_parts import (
     base_places_m,
     build_looks,
@@ -28,7 +30,6 @@ from executor.site.site_parts import (
     find_base_pads,
     load_areas,
 )
-from executor.site.site_tables import VehicleTable
 from missions.area_rules import apply_areas
 from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED

@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from executor.errors import SiteError
-from executor.site.flight_tables import BaseTable
+from executor.site.flight_keys import BaseTable
 from executor.site.site_file import Site
-from executor.site.site_tables import AreaTable, LookTable, Margin, OverGround, OverSea, Width
+from executor.site.site_keys import AreaTable, LookTable, Margin, OverGround, OverSea, Width
 from missions import BasePlace, LocalFrame, Network, Pad, SafetyError, parse_where
 from missions.areas import (
     Area,

@@ -1,6 +1,6 @@
-"""What Google Earth, GIS programs and handhelds read: the line, routes and flown tracks as KML, GeoJSON and GPX.
+"""What other programs read: missions for QGroundControl; line, routes and flown tracks as KML, GeoJSON and GPX.
 
-Each format is written from the same plain `MapFeatures`, so that all hold the same, as far as each format can say it.
+Each format for maps is written from the same plain `MapFeatures`, so that all hold the same, as far as each can say it.
 """
 
 from missions.exports.map_features import (
@@ -17,3 +17,4 @@ from missions.exports.map_features import (
     build_segment_lines,
 )
 from missions.exports.map_formats import format_geojson, format_gpx, format_kml
+from missions.exports.plan_and_waypoints import format_qgc_plan, format_qgc_waypoints

@@ -4,7 +4,7 @@ Kernels raise nothing, hold no state and protect nobody from a wrong index; ``pl
 the seam. Importing one of these modules loads its kernels from the cache, or compiles them.
 """
 
-from planner.kernels.arrays import use_cache
+from planner.kernels.compiling import use_cache
 
 # Before the first kernel is declared: numba asks for the directory then, and only then.
 use_cache()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights, inner, kernel
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, SearchWorkspace, State, Weights
+from planner.kernels.compiling import inner, kernel
 from planner.kernels.tours import (
     copy_all,
     copy_route,

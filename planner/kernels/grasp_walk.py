@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.kernels.anneal import compute_objective
-from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights, kernel
+from planner.kernels.arrays import Floats, Ints, Problem, RandomState, State, Weights
+from planner.kernels.compiling import kernel
 from planner.kernels.tours import copy_route, draw_integer, draw_uniform, insert, measure
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.kernels.arrays import Floats, Ints, Table, kernel
+from planner.kernels.arrays import Floats, Ints, Table
+from planner.kernels.compiling import kernel
 
 
 @kernel(counted=True)

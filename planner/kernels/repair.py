@@ -15,20 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.kernels.arrays import (
-    Cube,
-    Floats,
-    IntCube,
-    Ints,
-    IntTable,
-    Problem,
-    RandomState,
-    State,
-    Table,
-    Weights,
-    inner,
-    kernel,
-)
+from planner.kernels.arrays import Cube, Floats, IntCube, Ints, IntTable, Problem, RandomState, State, Table, Weights
+from planner.kernels.compiling import inner, kernel
 from planner.kernels.tours import (
     copy_all,
     copy_owners,

@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table, inner, kernel
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
+from planner.kernels.compiling import inner, kernel
 from planner.kernels.repair import (
     SAME_TIME_S,
     Loss,

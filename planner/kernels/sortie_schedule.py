@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planner.kernels.arrays import Floats, Ints, IntTable, Quad, RandomState, Table, inner, kernel
+from planner.kernels.arrays import Floats, Ints, IntTable, Quad, RandomState, Table
+from planner.kernels.compiling import inner, kernel
 from planner.kernels.tours import draw_integer, draw_uniform
 
 NEVER = 1e18

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from planner.kernels.arrays import Floats, RandomState, inner, kernel
+from planner.kernels.arrays import Floats, RandomState
+from planner.kernels.compiling import inner, kernel
 from planner.kernels.sortie_schedule import (
     SortieProblem,
     SortieState,

@@ -14,18 +14,8 @@ import math
 
 import numpy as np
 
-from planner.kernels.arrays import (
-    Floats,
-    Ints,
-    IntTable,
-    Problem,
-    RandomState,
-    SearchWorkspace,
-    State,
-    Weights,
-    inner,
-    kernel,
-)
+from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, SearchWorkspace, State, Weights
+from planner.kernels.compiling import inner, kernel
 
 
 @kernel()

@@ -138,7 +138,9 @@ def site_page() -> str:
     words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
-        MADE.format(what="site models (executor/site/site_file.py, site_tables.py and flight_tables.py)"),
+        MADE.format(
+            what="site models (executor/site/site_file.py, site_keys.py, flight_keys.py and mqtt_and_web_keys.py)"
+        ),
         "",
         "# Site file",
         "",

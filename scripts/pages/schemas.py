@@ -16,15 +16,15 @@ from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
-from executor.site import flight_tables, learned_files, site_file, site_tables
+from executor.site import flight_keys, learned_files, mqtt_and_web_keys, site_file, site_keys
 from missions import (
     areas,
     flight_model,
     geo,
+    inspection_settings,
     plan_file,
     plan_json,
     pricing,
-    setup,
     terrain,
 )
 from missions import shortest_ways as ways
@@ -50,17 +50,17 @@ MESSAGES: dict[str, type[BaseModel]] = {
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,
 }
-SITE = (site_file, site_tables, flight_tables)
+SITE = (site_file, site_keys, flight_keys, mqtt_and_web_keys)
 """The modules that the site file's keys are in."""
 PLAN = (
     areas,
     flight_model,
     geo,
+    inspection_settings,
     moves,
     plan_file,
     plan_json,
     pricing,
-    setup,
     terrain,
     ways,
 )

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.core.interface.events import Heard, LaunchOrdered
-from executor.site.flight_tables import FenceTable
+from executor.site.flight_keys import FenceTable
 from simulator.config import FaultSpecError
 from tests.benchmarks.virtual.short_line import shared, short_ground
 from tests.stories.world import Sink

@@ -22,9 +22,8 @@ from missions import (
     Waypoint,
     encode,
     find_mission_differences,
-    format_qgc_plan,
-    format_qgc_waypoints,
 )
+from missions.exports import format_qgc_plan, format_qgc_waypoints
 from tests.missions.qgc_files import read_qgc_plan, read_waypoints
 
 HOME = (49.6, 15.6, 450.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
-from executor.core.preflight.board_changes import ChangeStage
+from executor.core.preflight.parameter_changes import ChangeStage
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
 from executor.flight.restore_vehicles import read_kept_lists

@@ -23,7 +23,7 @@ from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.interface.commands import Say
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.preflight.failsafe_parameters import read_link_failsafe
+from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import OnboardMission

@@ -25,7 +25,7 @@ from executor.core.interface.events import Examined, SolveEnded
 from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
 from executor.core.lines import sorties
 from executor.core.preflight import vehicle_checks
-from executor.core.preflight.failsafe_parameters import read_link_failsafe
+from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.fleet_state import FleetState, Replan, Stepped

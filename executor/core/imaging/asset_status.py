@@ -23,7 +23,7 @@ from executor.core.payload.camera_state import AwaitedPictures, MissingPictures,
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.state.fleet_state import Coverage, FleetState, Stepped
-from executor.core.state.inspection_run import SegmentPass
+from executor.core.state.inspection_proof import SegmentPass
 from executor.core.state.vehicle_state import IN_THE_AIR, VehicleState
 from missions import Phase
 from missions.cameras import FIRST_COMPONENT, SpanCameraTask, Trigger

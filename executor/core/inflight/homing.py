@@ -1,4 +1,4 @@
-"""The way home: when RTL or a landing may be commanded, and whether a vehicle on the ground has landed or is down.
+"""The way home: when RTL or a landing may be commanded.
 
 An order is given once, and again only if it was lost or refused.
 
@@ -12,39 +12,25 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from executor.core.battery import account
-from executor.core.battery.pack_condition import is_doubtful_at_rest
-from executor.core.context import Context, RelaunchPolicy
+from executor.core.context import Context
 from executor.core.formatting import join_first_names
 from executor.core.inflight.custody.mode_causes import (
     is_failsafe_in_hold,
-    is_in_manual_mode,
     is_long_hold,
     is_under_foreign_control,
 )
-from executor.core.interface.commands import Command, LandNow, Level, SendHome
+from executor.core.interface.commands import Command, LandNow, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
-from executor.core.lines import custody, landing
-from executor.core.state import legs
+from executor.core.lines import custody
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause
 from executor.core.state.vehicle_position import (
-    UNSEEN_S,
-    describe_down_place,
-    describe_last_position,
-    describe_lean,
-    format_down_position,
-    has_fallen,
-    has_sinking_fix,
-    is_dead_reckoning,
     is_kill_switch_text,
-    is_over_pad,
 )
-from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState, change_stage
-from executor.core.telemetry.battery_reports import pack_facts_of
+from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState
 from missions import Phase
 from missions.area_rules import find_areas_on_return
-from missions.autopilots.dialect import is_home_mode, is_mission_mode, mode_name
+from missions.autopilots.dialect import is_home_mode, is_mission_mode
 
 REFUSED_AGAIN_S = 5.0
 """After a refusal an order is given again this much later."""
@@ -235,153 +221,3 @@ def apply_homing_result(state: FleetState, event: ReturnEnded | OrderEnded, now_
     if vehicle.link.heartbeat_s is None or now_s - vehicle.link.heartbeat_s >= UNSAID_S:
         return done, ()  # nobody knows what it does
     return done, (custody.DOES_NOT_FOLLOW.say(vehicle=vehicle.name),)
-
-
-SEEN_AFTER_S = 0.5
-"""A position so much later than the disarming shows where it lies."""
-CRASHED_S = 10.0
-"""Who fell so shortly before it disarmed did not land."""
-MODE_UNKNOWN_S = 10.0
-"""So long without HEARTBEAT the last one says nothing any more."""
-FLIES_UP_M = 5.0
-FLIES_M_S = 1.5
-"""What is this much higher, or this fast, after it was found down, flies."""
-
-
-def has_landed(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that flew, or was on its way home, has disarmed."""
-    return vehicle.sortie.armed_once and not vehicle.armed and vehicle.stage in {Stage.FLYING, Stage.RETURNING}
-
-
-def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> bool | None:
-    """Return whether a vehicle came down outside a landing; None as long as that is not seen."""
-    fix = vehicle.motion.fix
-    if not vehicle.sortie.took_off or fix is None:
-        return False
-    if vehicle.sensors.tilted_since_s is not None:
-        return True
-    if fix.at_s < vehicle.sortie.disarmed_s + SEEN_AFTER_S and now_s - vehicle.sortie.disarmed_s < UNSEEN_S:
-        return True if fix.alt_rel_m > context.limits.off_pad_up_m and not vehicle.orders.lands else None
-    # A commanded landing may end on a hill.
-    came_down = has_sinking_fix(vehicle) if vehicle.orders.lands else has_fallen(context, vehicle)
-    return came_down or vehicle.sortie.disarmed_s - vehicle.motion.falls_s < CRASHED_S
-
-
-def apply_touchdown(
-    context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, spare: bool
-) -> Stepped:
-    """Take a vehicle to be on the ground, as it landed or otherwise.
-
-    Args:
-        context: Of the flight.
-        state: Of the flight.
-        vehicle: Who has landed.
-        now_s: Now.
-        spare: Whether it has budget left for another flight.
-    """
-    came_down = _has_come_down(context, vehicle, now_s)
-    if came_down is None:
-        return state, ()
-    if came_down:
-        leans = f"; {lean}" if (lean := describe_lean(vehicle)) else ""
-        position = describe_last_position(context, vehicle, now_s)
-        lies = change_stage(vehicle, Stage.DOWN).with_assignment(run=None).with_orders(errand=None)
-        lies = lies.with_motion(anchor=vehicle.motion.fix).with_sortie(place_told=False)
-        return state.put(lies), (landing.CAME_DOWN.say(vehicle=vehicle.name, leans=leans, position=position),)
-    vehicle = legs.end_sortie(
-        context, legs.end_landing_leg(vehicle, now_s, context.vehicles[vehicle.name].start), now_s
-    )
-    vehicle = change_stage(vehicle, Stage.LANDED).with_assignment(run=None).with_orders(errand=None, cleared_s=None)
-    state = state.put(vehicle)
-    if vehicle.fault is None and not vehicle.orders.excluded and vehicle.name not in state.replanning.considered:
-        # It was on its way down when the last re-plan was made: what was left then may be for it.
-        state = state.with_replanning(considered=state.replanning.considered | {vehicle.name})
-        if context.fly_again is RelaunchPolicy.AUTO and state.coverage.given_up and spare:
-            trigger = landing.SPARE.format(vehicle=vehicle.name)
-            state = state.with_replanning(urgent=True, trigger=trigger, trigger_s=now_s)
-            state = state.with_coverage(given_up=frozenset())
-    if not vehicle.sortie.took_off:
-        return state, (landing.NOT_SEEN_ALOFT.say(vehicle=vehicle.name),)
-    left = _describe_remaining_charge(context, vehicle, now_s)
-    if vehicle.sortie.rebooted_s is not None and is_over_pad(context, vehicle):
-        return state, (landing.REBOOTED_ON_PAD.say(vehicle=vehicle.name, left=left),)
-    place, stays = "", _describe_manual_mode(context, vehicle)
-    if not is_over_pad(context, vehicle):
-        where = landing.WITHOUT_GPS if is_dead_reckoning(vehicle) else landing.OFF_PAD
-        place = where.format(place=describe_down_place(context, vehicle))
-    landed = landing.LANDED.with_level(Level.FAULT if place else Level.WARNING if stays else Level.INFO)
-    return state, (landed.say(vehicle=vehicle.name, left=left, place=place, stays=stays),)
-
-
-def _describe_manual_mode(context: Context, vehicle: VehicleState) -> str:
-    """Return what is said of a mode that only a person sets, where nobody would be asked before the next take-off."""
-    mode, manual = vehicle.mode, is_in_manual_mode(context, vehicle)
-    if context.fly_again is not RelaunchPolicy.AUTO or mode is None or not manual:
-        return ""
-    return landing.STAYS_ON_GROUND.format(mode=mode_name(context.vehicles[vehicle.name].dialect, mode))
-
-
-def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: float) -> str:
-    """Return what its pack holds, or what it reports where its voltage before the take-off told otherwise."""
-    battery, held_pct = vehicle.power.battery, vehicle.power.landed_pct
-    if held_pct is None or not legs.is_charge_fresh(context, vehicle.power, now_s):
-        return ""
-    last = vehicle.turn.sorties[-1] if vehicle.turn.sorties else None
-    blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
-    if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
-        return landing.LEFT.format(left_pct=held_pct)
-    if not is_doubtful_at_rest(last.rest_v, vehicle.power.volts.cells, pack_facts_of(context, vehicle), last.began_pct):
-        return landing.LEFT.format(left_pct=held_pct)
-    return landing.LEFT_DOUBTFUL.format(left_pct=held_pct)
-
-
-def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: float) -> str:
-    """Return why an armed vehicle is taken to be down, with its place; empty if it is not."""
-    fix, limits = vehicle.motion.fix, context.limits
-    if vehicle.stage not in IN_THE_AIR or not vehicle.armed or fix is None:
-        return ""
-    if vehicle.sensors.tilted_since_s is not None and now_s - vehicle.sensors.tilted_since_s >= limits.tilt_s:
-        return landing.LEANS_DOWN.format(leans=describe_lean(vehicle), down=describe_down_place(context, vehicle))
-    if now_s - fix.at_s > limits.link_stale_s or vehicle.stage is not Stage.RETURNING:
-        return ""
-    if not _has_stopped(context, vehicle, now_s):
-        return ""
-    if _is_mode_unknown(vehicle, now_s):
-        return landing.STOPPED_MODE_UNKNOWN.format(down=format_down_position(context, vehicle))
-    return landing.STOPPED.format(down=describe_down_place(context, vehicle))
-
-
-def _is_mode_unknown(vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether nobody knows any more in which mode it is, and whether it is armed."""
-    return (
-        vehicle.link.heartbeat_s is None
-        or now_s - max(vehicle.link.heartbeat_s, vehicle.link.excused_s) >= MODE_UNKNOWN_S
-    )
-
-
-def _has_stopped(context: Context, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether a vehicle on its way home has stopped for good."""
-    fix, left_s, limits = vehicle.motion.fix, vehicle.sortie.left_s, context.limits
-    if fix is None or vehicle.motion.anchor is None or left_s is None or now_s - left_s < limits.on_ground_s:
-        return False
-    low_over_pad = is_over_pad(context, vehicle) and fix.alt_rel_m > limits.airborne_m
-    stood_s = vehicle.motion.stood_s
-    if not low_over_pad and vehicle.fault is not None and vehicle.fault.code in SINKS:
-        return stood_s >= limits.lies_s  # it sank in its mission's mode, and is left in it
-    if low_over_pad or not (is_coming_home(context, vehicle) or _is_mode_unknown(vehicle, now_s)):
-        return False
-    # On its pad it lands, and disarms some seconds later.
-    if vehicle.telemetry.on_ground and not is_over_pad(context, vehicle):
-        return stood_s >= limits.on_ground_s
-    # Who hangs in the air says so, and a wreck on a hill may say the same.
-    hangs = vehicle.telemetry.on_ground is False and fix.alt_rel_m > limits.off_pad_up_m
-    return stood_s >= (limits.hangs_most_s if hangs else limits.down_s)
-
-
-def is_flying_again(vehicle: VehicleState) -> bool:
-    """Return whether a vehicle that was found down flies after all."""
-    fix, anchor = vehicle.motion.fix, vehicle.motion.anchor
-    if fix is None or anchor is None or not vehicle.armed or vehicle.sensors.tilted_since_s is not None:
-        return False
-    moves_m_s = math.hypot(*(fix.velocity_m_s[2:] if fix.reckoned else fix.velocity_m_s))  # a wreck's reckoning drifts
-    return abs(fix.alt_rel_m - anchor.alt_rel_m) > FLIES_UP_M or moves_m_s > FLIES_M_S

@@ -3,7 +3,7 @@
 from executor.core.interface.commands import CrewLine, Level
 
 STALE = CrewLine(Level.WARNING, "{vehicle}: no message for {age_s:.1f} s")
-REGAINED = CrewLine(Level.INFO, "{vehicle}: link regained")
+NO_LONGER_STALE = CrewLine(Level.INFO, "{vehicle}: link regained")
 ALL_LOST = CrewLine(Level.WARNING, "all links lost: suspecting the ground radio; re-planning suspended")
 ONLY_ONE_LOST = CrewLine(Level.WARNING, "no link to any vehicle: suspecting the ground radio; re-planning suspended")
 ALL_STILL_LOST = CrewLine(
@@ -12,6 +12,15 @@ ALL_STILL_LOST = CrewLine(
     "and resumes with the first link regained",
 )
 ALL_REGAINED = CrewLine(Level.INFO, "links regained")
+LOST_REGAINED = CrewLine(Level.WARNING, "{vehicle}: link regained")
+LOST_REGAINED_COMING = CrewLine(Level.WARNING, "{vehicle}: link regained, returning or landing by itself")
+LOST_REGAINED_ALOFT = CrewLine(
+    Level.WARNING, "{vehicle}: link regained; its segments were reassigned, its mission is not resumed"
+)
+LOST_REGAINED_DOWN = CrewLine(Level.FAULT, "{vehicle}: link regained, {place}")
+LOST_REGAINED_ON_GROUND = CrewLine(Level.INFO, "{vehicle}: link regained, on the ground{then}")
+PILOT_HAS_IT = " with its pilot, not commanded: armed now, it takes off with its old mission"
+SET_TO_RTL = "; switched to RTL, so that it cannot take off with its old mission"
 GROUND_STATION_STALLED = CrewLine(Level.WARNING, "the ground station stalled for {stalled_s:.1f} s")
 LOST = "link lost for {age_s:.1f} s, time-out {timeout_s:g} s"
 UNSEEN = "neither HEARTBEAT nor position for {age_s:.0f} s"

@@ -26,8 +26,8 @@ from executor.core.interface.messages import (
     Version,
 )
 from executor.core.lines import checklist
-from executor.core.preflight import failsafe_parameters
-from executor.core.preflight.failsafe_parameters import LinkFailsafe, Parameters
+from executor.core.preflight import onboard_failsafes
+from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
 from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
@@ -89,7 +89,7 @@ class VehicleFacts:
         lacking = self.unread.intersection(names)
         if not lacking:
             return []
-        unread = failsafe_parameters.describe_unread_parameters(lacking)
+        unread = onboard_failsafes.describe_unread_parameters(lacking)
         return [replace(checklist.NOT_READ.say(self.name, what=what, unread=unread), code=code)]
 
     @property
@@ -190,7 +190,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     ours, names = GROUND_STATION[0], dialect.ground_station_failsafe.station_sysid
     what = "whose HEARTBEATs its GCS failsafe watches is"
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
-    counted = failsafe_parameters.find_watched_station(dialect, facts.parameters)
+    counted = onboard_failsafes.find_watched_station(dialect, facts.parameters)
     if names and counted is None and not found:
         found.append(checklist.STATION_UNKNOWN.say(facts.name, what=what, names=" or ".join(names)))
     if counted is not None and counted[1] != ours:
@@ -205,10 +205,10 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:
     """Say what the vehicle does on a low battery, and whether that fits a flight that lands with `left_pct`."""
-    names = failsafe_parameters.battery_names(dialect)
+    names = onboard_failsafes.battery_names(dialect)
     if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
-    rule = failsafe_parameters.read_battery_rule(dialect, facts.parameters)
+    rule = onboard_failsafes.read_battery_rule(dialect, facts.parameters)
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
@@ -220,7 +220,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
         actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
     severity = None if known else Severity.WARNING
     found = [line.say(facts.name, severity, settings=settings, actions=actions)]
-    early = failsafe_parameters.list_early_returns(dialect, facts.parameters, facts.version)
+    early = onboard_failsafes.list_early_returns(dialect, facts.parameters, facts.version)
     found += [checklist.RETURNS_EARLY.say(facts.name, action=words) for words in early]
     return found + [
         checklist.ACTS_IN_FLIGHT.say(facts.name, action=action.words, left_pct=left_pct)
@@ -232,10 +232,10 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
 def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath | None) -> list[Check]:
     """Check that the flight, and the return by itself, fit into the vehicle's own geofence."""
     setup = context.vehicles[facts.name]
-    names = failsafe_parameters.fence_names(setup.dialect)
+    names = onboard_failsafes.fence_names(setup.dialect)
     if unread := facts.check_parameters_read(names, "its geofence is", CheckCode.GEOFENCE):
         return unread
-    cylinder = failsafe_parameters.read_geofence(setup.dialect, facts.parameters)
+    cylinder = onboard_failsafes.read_geofence(setup.dialect, facts.parameters)
     if cylinder is None:
         return []
     high_m, away_m = context.return_height_m(facts.name), 0.0
@@ -244,8 +244,8 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
         away_m = max(away_m, math.dist(setup.pad_m, context.frame.to_local_m(point.lat_deg, point.lon_deg)))
     rule, found = setup.dialect.geofence, list[Check]()
     action = facts.parameters.get(rule.action, 0.0)
-    if action and failsafe_parameters.describe_action(rule.actions, action) == failsafe_parameters.UNKNOWN:
-        does = failsafe_parameters.UNKNOWN
+    if action and onboard_failsafes.describe_action(rule.actions, action) == onboard_failsafes.UNKNOWN:
+        does = onboard_failsafes.UNKNOWN
         found.append(checklist.GEOFENCE_ACTION.say(facts.name, action=does, name=rule.action, value=action))
     # What its owner has set is no limit to be lifted for a fence of ours.
     severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None

@@ -24,7 +24,7 @@ from executor.core.inflight.homing import is_on_mission
 from executor.core.lines import resume
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.state.fleet_state import FleetState, Stepped
-from executor.core.state.inspection_run import GAP_S, NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
+from executor.core.state.inspection_proof import GAP_S, NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
 from executor.core.state.legs import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMission, PositionFix
 from executor.core.state.vehicle_state import VehicleState, last_known_of

@@ -11,7 +11,7 @@ from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
-from executor.core.state.inspection_run import SegmentPass
+from executor.core.state.inspection_proof import SegmentPass
 from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence

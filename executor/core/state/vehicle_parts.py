@@ -20,7 +20,7 @@ from executor.core.interface.messages import (
     StationHeard,
     Wind,
 )
-from executor.core.state.inspection_run import InspectionRun, Track
+from executor.core.state.inspection_proof import InspectionRun, Track
 from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.vehicle_learning import LearnedFactors

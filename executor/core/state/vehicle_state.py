@@ -12,7 +12,7 @@ from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
-from executor.core.state.inspection_run import Track
+from executor.core.state.inspection_proof import Track
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import (
     Assignment,

@@ -17,7 +17,7 @@ from executor.core.interface.messages import CameraHeard, CameraStatus, GimbalAt
 from executor.core.lines import inspection
 from executor.core.payload.camera_state import CameraRecord, Picture, WantedPicture, angle_between_deg, bearing_deg
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.inspection_run import END_TOLERANCE_M, SPEED_FACTOR, Track
+from executor.core.state.inspection_proof import END_TOLERANCE_M, SPEED_FACTOR, Track
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_position import is_dead_reckoning
 from executor.core.state.vehicle_state import Stage, VehicleState

@@ -10,8 +10,8 @@ from executor.core.context import Scene
 from executor.core.interface import messages
 from executor.core.interface.messages import BOOT, CRITICAL, FlightMessage, StatusText
 from executor.core.lines import inspection
-from executor.core.state import link_quality, mission_height, mission_ownership, vehicle_position
-from executor.core.state.inspection_run import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state import gps_loss, link_quality, mission_height, mission_ownership, vehicle_position
+from executor.core.state.inspection_proof import GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.state.link_quality import ReportedPosition, add_reported_position
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
@@ -230,9 +230,7 @@ def _positioning(
 ) -> Positioning:
     beat = state.telemetry.heartbeat
     stands = beat is not None and not beat.armed and not state.sortie.took_off
-    return vehicle_position.update_positioning(
-        state.sensors.positioning, message, state.motion.fix, now_s, stands=stands
-    )
+    return gps_loss.update_positioning(state.sensors.positioning, message, state.motion.fix, now_s, stands=stands)
 
 
 def _apply_link_report(

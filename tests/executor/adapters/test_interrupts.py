@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from executor.adapters.interrupts import defer_ctrl_c
-from executor.cli import main
+from executor.cli import exit_codes, main
 from tests.executor.cli.test_main import Place, place
 from tests.patience import PATIENCE_S
 
@@ -51,7 +51,7 @@ def test_ctrl_c_ends_it_with_a_line(place: Place, command: list[str], said: str)
         os.killpg(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=PATIENCE_S)
     # Python itself ends by the signal where it was compiling something at that moment; for a shell both are 130.
-    assert process.returncode in {main.INTERRUPTED, -signal.SIGINT}
+    assert process.returncode in {exit_codes.INTERRUPTED, -signal.SIGINT}
     assert "faultline: interrupted" in err
     assert "Traceback" not in seen + err + out, seen + err + out
 
@@ -67,7 +67,7 @@ def test_ctrl_c_while_the_program_loads(monkeypatch: pytest.MonkeyPatch, capsys:
             main.main(["plan"])
     finally:
         signal.signal(signal.SIGINT, before)
-    assert ended.value.code == main.INTERRUPTED
+    assert ended.value.code == exit_codes.INTERRUPTED
     assert capsys.readouterr().err == "faultline: interrupted\n"
 
 
@@ -77,7 +77,7 @@ def test_nobody_reads_any_more() -> None:
         process.stdout.close()
         assert process.stderr is not None
         err = process.stderr.read()
-        assert (process.wait(timeout=PATIENCE_S), err) == (main.NO_READER, "")
+        assert (process.wait(timeout=PATIENCE_S), err) == (exit_codes.NO_READER, "")
 
 
 def test_ctrl_c_waits_until_processes_are_started() -> None:

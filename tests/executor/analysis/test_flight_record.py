@@ -18,7 +18,7 @@ from executor.analysis.flight_record import (
     SegmentRecord,
     VehicleRecord,
 )
-from executor.core.state.inspection_run import PositionSample, Track
+from executor.core.state.inspection_proof import PositionSample, Track
 from executor.core.state.vehicle_state import FaultKind
 from missions.geo import FloatArray
 from tests.executor.core.steps import rounded

@@ -20,7 +20,7 @@ from executor.analysis.flight_record import (
     take_off_time_s,
 )
 from executor.core.interface.commands import Level
-from executor.core.state.inspection_run import PositionSample, Track
+from executor.core.state.inspection_proof import PositionSample, Track
 from executor.core.state.vehicle_state import FaultKind
 from executor.errors import LogError
 from tests.executor.flights import write_run

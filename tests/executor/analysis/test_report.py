@@ -10,7 +10,7 @@ import pytest
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, Version
-from executor.core.preflight.board_changes import ChangeStage, KeptParameter
+from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.vehicle_position import is_over_pad
 from executor.flight.restore_vehicles import build_parameter_rows

@@ -17,7 +17,7 @@ from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.cli import commandline
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
-from executor.core.preflight.board_changes import ChangeStage, KeptParameter
+from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
 from executor.flight.restore_vehicles import write_kept_parameters
 from executor.site.learned_files import build_learned_document

@@ -8,9 +8,9 @@ import pytest
 
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Tick
-from executor.core.state import inspection_run
+from executor.core.state import inspection_proof
 from executor.core.state.fleet_state import GroundStationAbsence
-from executor.core.state.inspection_run import PositionSample
+from executor.core.state.inspection_proof import PositionSample
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause, PositionFix
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
@@ -29,7 +29,7 @@ from tests.executor.core.vehicles import FLEET, NOW_S, ON_PAD, RTL, flying, miss
 WITH_FAILSAFE = replace(
     FLEET.context, vehicles={**FLEET.context.vehicles, "uav1": replace(FLEET.context.vehicles["uav1"], failsafe_s=5.0)}
 )
-RUN = inspection_run.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = inspection_proof.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
     heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
     watches=(("mode", NOW_S - 3.0),),

@@ -9,9 +9,9 @@ import pytest
 
 from executor.core.interface.commands import AskStreams, Level, Say
 from executor.core.interface.events import Tick
-from executor.core.state import inspection_run
+from executor.core.state import inspection_proof
 from executor.core.state.fleet_state import GroundStationAbsence
-from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, _RunStatistics
 from executor.core.state.vehicle_parts import HomingOrder, LastKnown, ModeCause
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
 from tests.executor.builders import with_facts
@@ -25,7 +25,7 @@ from tests.executor.core.steps import (
 )
 from tests.executor.core.vehicles import DISARMED, NOW_S, OUT_THERE, RTL, at, flying, mission
 
-RUN = inspection_run.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = inspection_proof.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 CAME_HOME = flying(
     heartbeat=beat(RTL), cause=ModeCause.FAILSAFE, mode_since_s=NOW_S - 10.0,
     watches=(("mode", NOW_S - 3.0),),

@@ -10,9 +10,9 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Asked, LaunchOrdered, LossJudged, StartEnded
 from executor.core.interface.messages import Heartbeat
-from executor.core.state import inspection_run
+from executor.core.state import inspection_proof
 from executor.core.state.fleet_state import Briefing, LossOutlook, Question
-from executor.core.state.inspection_run import PositionSample
+from executor.core.state.inspection_proof import PositionSample
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import FlownSortie, HomingOrder
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage
@@ -25,7 +25,7 @@ READY = flying(
 )
 STARTS = replace(READY, stage=Stage.STARTING)
 ARMED = with_facts(STARTS, heartbeat=beat(), armed_once=True)
-RUN = inspection_run.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = inspection_proof.join_run(mission().tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 USED: Changes = {
     "run": RUN, "took_off": True, "anchor": LOW, "errand": HomingOrder(NOW_S), "owed": (0, "why"),
     "rebooted_s": 1.0, "away_once": True, "armed_once": True, "waypoint": 5, "carried": MissionOwnership(id=7),

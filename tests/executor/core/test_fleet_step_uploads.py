@@ -9,7 +9,7 @@ import pytest
 from executor.core.interface.commands import Disarm, Level, Say, SendHome, Start
 from executor.core.interface.events import UploadEnded
 from executor.core.state.fleet_state import ReplanRecord
-from executor.core.state.inspection_run import PositionSample, join_run
+from executor.core.state.inspection_proof import PositionSample, join_run
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import FlownSortie
 from executor.core.state.vehicle_state import (

@@ -16,7 +16,7 @@ from executor.core.context import Context
 from executor.core.interface.codes import Check, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Outgoing, SendParamRequest, SendParamSet
-from executor.core.preflight.board_changes import ChangeStage, KeptParameter
+from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError, PreflightFailed
 from executor.flight import preparation

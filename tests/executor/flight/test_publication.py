@@ -19,7 +19,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
 from executor.flight.publication import Publication
 from executor.flight.run_start import MqttSettings, read_mqtt_settings
-from executor.site.flight_tables import MqttTable
+from executor.site.mqtt_and_web_keys import MqttTable
 from executor.supervised import watch_mistakes
 from tests.brokers import secured_in
 from tests.executor.flights import first_plan_file

@@ -22,7 +22,7 @@ from executor.core.interface.events import IntentReceived
 from executor.core.interface.intents import Action, Intent
 from executor.flight.publication import Publication
 from executor.flight.run_start import read_mqtt_settings
-from executor.site.flight_tables import MqttTable
+from executor.site.mqtt_and_web_keys import MqttTable
 from tests.brokers import KIND, RealBroker, running, slowed
 from tests.executor.core.stories import EVERYTHING, story
 from tests.executor.flights import first_plan_file

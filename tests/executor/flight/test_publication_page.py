@@ -15,8 +15,9 @@ from executor.core.interface.intents import Action, Intent, Outcome
 from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
 from executor.flight import publication as web
+from executor.flight import web_token
 from executor.runtime.flight_loop import Flight, Observer
-from executor.site.flight_tables import WebTable
+from executor.site.mqtt_and_web_keys import WebTable
 from executor.site.site_file import check_site
 from tests.executor.builders import fleet_of, with_facts
 from tests.fakes.solver import FakeSolver
@@ -80,19 +81,6 @@ def test_what_it_cannot_be_is_named(web: dict[str, object], expected: str) -> No
     with pytest.raises(SiteError) as raised:
         check_site({**SITE, "web": web}, "test")
     assert str(raised.value).startswith(expected)
-
-
-@pytest.mark.parametrize(
-    "value", [None, "", "short", "sixteen characters!", "with spaces in it all", "ümläutsÜÄÖümläuts"]
-)
-def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPatch, value: str | None) -> None:
-    monkeypatch.delenv(VARIABLE, raising=False)
-    if value is not None:
-        monkeypatch.setenv(VARIABLE, value)
-    table = WebTable(host="0.0.0.0", token_env=VARIABLE)  # noqa: S104 - nothing listens
-    with pytest.raises(SiteError, match=rf"^web\.token_env: expected a token of 16 or more .* variable {VARIABLE}$"):
-        web.check_web(table)
-    web.check_web(table.model_copy(update={"enabled": False}))
 
 
 @pytest.mark.asyncio
@@ -165,7 +153,7 @@ async def test_a_page_that_is_not_installed_does_not_stop_a_flight(
     """It is wanted by default, so nobody may have asked for it."""
     monkeypatch.setitem(sys.modules, missing, None)
     clock, lines = SystemClock(1.0), Lines()
-    web.check_web(WebTable())
+    web_token.check_web(WebTable())
     async with web.serve_page(WebTable(), flight_of(clock), clock, lines):
         await asyncio.sleep(0)
     assert lines.lines == ["the page needs the extra web: pip install starlette uvicorn; the flight goes on without it"]

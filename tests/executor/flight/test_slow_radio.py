@@ -18,7 +18,7 @@ from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.interface.codes import Check, CheckCode, Severity
-from executor.core.preflight import failsafe_parameters
+from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.flight.preparation import (
     apply_changes,
@@ -201,7 +201,7 @@ def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) ->
     """Nobody knows whether it is the radio: what its failsafes do, what fences it has, and where its RTL leads."""
     names = defaults_for(SimVehicle("uav1", 1, AutopilotKind(autopilot), "udpin://127.0.0.1:1", 49.6, 15.6, 450.0), 5e3)
     mute = prepared(tmp_path, autopilot, SLOW, {}, *names)
-    asked = len(failsafe_parameters.list_preflight_parameters(dialect_for(autopilot)))
+    asked = len(onboard_failsafes.list_preflight_parameters(dialect_for(autopilot)))
     assert all((len(facts.unread), facts.parameters) == (asked, {}) for facts in mute.facts.values())
     codes = {check.code for check in mute.found if check.severity is Severity.STOP}
     assert {CheckCode.LINK_FAILSAFE, CheckCode.BATTERY_FAILSAFE, CheckCode.GEOFENCE, CheckCode.RTL_ALTITUDE} <= codes

@@ -16,7 +16,7 @@ from executor.cli import main
 from executor.site.site_file import read_site
 from executor.site.site_model import drone_of
 from planner import CLIMB_SHARE_PER_M_S, PRESETS, pct_per_s, power_w
-from simulator.airframe import Battery as Pack
+from simulator.battery import Battery as Pack
 from tests.recorded import LOGS, Writer, heartbeat, station
 
 DRONE = replace(PRESETS["mavic3"], capacity_ah=4.4)

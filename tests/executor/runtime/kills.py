@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.events import Event, Reopened, SolveEnded
-from executor.core.state.inspection_run import InspectionRun, PositionSample, Track, advance_run
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, Track, advance_run
 from executor.runtime.flight_loop import Flight, Observer
 from tests.executor.builders import THREE, Fleet, fleet_of
 from tests.executor.runtime.test_flight_loop import Sky

@@ -20,7 +20,7 @@ from executor.core.interface.messages import (
     SystemStatus,
     Version,
 )
-from executor.core.preflight import failsafe_parameters
+from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.telemetry.vehicle_identity import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
@@ -77,7 +77,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:
     facts = await Ready(PX4).interview()
     assert (facts.version, facts.parameters, facts.stations) == (None, {}, ())
-    assert facts.unread == {*failsafe_parameters.list_preflight_parameters(PX4)}, (
+    assert facts.unread == {*onboard_failsafes.list_preflight_parameters(PX4)}, (
         "nobody knows whether it is the link or the vehicle"
     )
     assert facts.words == "quadrotor, PX4 of unknown version"
@@ -131,7 +131,7 @@ async def test_a_thousand_reasons_are_told_once_a_second() -> None:
 
 async def test_what_a_firmware_does_not_have_costs_a_moment() -> None:
     """It takes several questions to know that it is not the link."""
-    known = dict.fromkeys(failsafe_parameters.list_preflight_parameters(ARDUPILOT), 1.0)
+    known = dict.fromkeys(onboard_failsafes.list_preflight_parameters(ARDUPILOT), 1.0)
     del known["WPNAV_JERK"], known["FENCE_AUTOENABLE"]
     ready = Ready(ARDUPILOT, **known)
     ready.says(Version(4, 7, 2), 0.5)

@@ -34,7 +34,7 @@ from executor.flight.run_start import (
 )
 from executor.site import day_plans, site_model, site_planning
 from executor.site.day_plans import build_day_problem, list_spares, solve_day
-from executor.site.flight_tables import DayTable
+from executor.site.flight_keys import DayTable
 from executor.site.ground_view import read_ground_files, view_for
 from executor.site.site_file import Site, check_site, read_signing_key
 from executor.site.site_model import SiteModel

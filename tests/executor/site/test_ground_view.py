@@ -10,7 +10,7 @@ import pytest
 from executor.errors import SiteError
 from executor.site.ground_view import BESIDE_M, MOST_PIXELS, build_ground_view, compute_shown_area
 from executor.site.site_file import check_site
-from executor.site.site_tables import MapTable
+from executor.site.site_keys import MapTable
 from missions.errors import BackgroundError
 from tests.executor.grounds import Hills
 from tests.missions.builders import FRAME

@@ -110,7 +110,7 @@ def check_link(context: Scene, state: FleetState, vehicle: VehicleState, now_s: 
         stale = now_s - vehicle.link.spoke_s >= context.limits.link_stale_s
     if stale == vehicle.link.stale:
         return state, ()
-    said = (link.STALE if stale else link.REGAINED).say(vehicle=vehicle.name, age_s=age_s)
+    said = (link.STALE if stale else link.NO_LONGER_STALE).say(vehicle=vehicle.name, age_s=age_s)
     excused_s = vehicle.link.excused_s if stale else now_s
     return state.put(vehicle.with_link(stale=stale, excused_s=excused_s)), (said,)
 

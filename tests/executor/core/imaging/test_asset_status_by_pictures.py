@@ -19,7 +19,7 @@ from executor.core.imaging.asset_status import (
 from executor.core.interface.commands import Level, Say
 from executor.core.replanning.replan_cycle import find_orphan_segments
 from executor.core.state.fleet_state import Coverage, FleetState
-from executor.core.state.inspection_run import SegmentPass
+from executor.core.state.inspection_proof import SegmentPass
 from executor.core.state.vehicle_state import build_onboard_mission
 from missions import Phase, build_flight_path, continue_path
 from missions.inspection_height import build_first_paths

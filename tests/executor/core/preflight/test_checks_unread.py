@@ -11,8 +11,8 @@ import pytest
 
 from executor.core.interface.codes import Check, Severity
 from executor.core.interface.messages import ParamValue, Version
-from executor.core.preflight import failsafe_parameters, vehicle_checks
-from executor.core.preflight.board_changes import Answers, propose_return_changes
+from executor.core.preflight import link_timeout, onboard_failsafes, vehicle_checks
+from executor.core.preflight.parameter_changes import Answers, propose_return_changes
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import ARDUPILOT, PX4, Dialect, FlightPath
 from missions.cameras import Trigger
@@ -34,16 +34,16 @@ def unread(facts: VehicleFacts, *names: str) -> VehicleFacts:
 
 
 def link_lines(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    own = failsafe_parameters.read_link_failsafe(dialect, facts.parameters, facts.unread)
+    own = onboard_failsafes.read_link_failsafe(dialect, facts.parameters, facts.unread)
     return [
         vehicle_checks.check_link_failsafe(
-            facts, own, waited_s=failsafe_parameters.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
+            facts, own, waited_s=link_timeout.effective_link_timeout_s(dialect, None, 0.0, own), wanted_s=None
         )
     ]
 
 
 READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[VehicleFacts, Dialect], list[Check]]]] = [
-    ("the link failsafe", failsafe_parameters.link_names, link_lines),
+    ("the link failsafe", onboard_failsafes.link_names, link_lines),
     (
         "the watched station",
         lambda dialect: dialect.ground_station_failsafe.station_sysid[:1],
@@ -51,7 +51,7 @@ READERS: list[tuple[str, Callable[[Dialect], tuple[str, ...]], Callable[[Vehicle
     ),
     (
         "the battery failsafe",
-        failsafe_parameters.battery_names,
+        onboard_failsafes.battery_names,
         lambda facts, known: vehicle_checks.check_battery_failsafe_settings(facts, known, 40.0),
     ),
     ("the flight times", lambda known: tuple(one.parameter for one in known.tunings), vehicle_checks.flight_times),
@@ -71,7 +71,7 @@ def test_whatever_was_not_read_is_a_reason_not_to_fly(
         assert f"{name} was not read" in found[0].text
 
 
-@pytest.mark.parametrize("name", failsafe_parameters.fence_names(ARDUPILOT))
+@pytest.mark.parametrize("name", onboard_failsafes.fence_names(ARDUPILOT))
 def test_a_fence_of_which_a_half_was_read_is_not_said_to_be_left_alone(name: str) -> None:
     """Over a bad link six warnings had become one: what was not read counted as no limit."""
     facts = said(FENCE_ENABLE=1.0, FENCE_ALT_MAX=10.0, FENCE_RADIUS=60.0)
@@ -109,12 +109,12 @@ def test_an_rtl_that_was_not_read_is_a_reason_not_to_fly_and_nothing_is_set() ->
 @BOTH
 def test_a_silence_is_borne_for_as_long_as_what_was_not_read_may_be(dialect: Dialect) -> None:
     rule = dialect.ground_station_failsafe
-    own = failsafe_parameters.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
+    own = onboard_failsafes.read_link_failsafe(dialect, {rule.action: 1.0}, {rule.timeout})
     assert (own.acts, own.after_s >= rule.timeout_most_s) == (None, True)
-    assert failsafe_parameters.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
-    assert failsafe_parameters.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
-    nothing = failsafe_parameters.read_link_failsafe(dialect, {rule.action: 0.0}, ())
-    assert failsafe_parameters.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
+    assert link_timeout.effective_link_timeout_s(dialect, None, 0.0, own) >= rule.timeout_most_s
+    assert link_timeout.effective_link_timeout_s(dialect, 20.0, 0.0, own) >= rule.timeout_most_s
+    nothing = onboard_failsafes.read_link_failsafe(dialect, {rule.action: 0.0}, ())
+    assert link_timeout.effective_link_timeout_s(dialect, 20.0, 0.0, nothing) == 20.0
 
 
 @pytest.mark.parametrize(

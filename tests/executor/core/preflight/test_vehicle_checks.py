@@ -9,9 +9,9 @@ import pytest
 from executor.core.interface.codes import Check, Severity
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
-from executor.core.preflight import failsafe_parameters
+from executor.core.preflight import onboard_failsafes
 from executor.core.preflight import vehicle_checks as checks
-from executor.core.preflight.failsafe_parameters import Parameters
+from executor.core.preflight.onboard_failsafes import Parameters
 from executor.core.preflight.vehicle_checks import VehicleFacts, describe_prearm_failure
 from executor.site import site_model
 from missions import ARDUPILOT, PX4, Dialect
@@ -89,11 +89,11 @@ def waited_s(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = Non
     if wanted_s is not None:
         tables["faults"] = {"link_timeout_s": wanted_s}
     site = site_of(("uav1",), dialect.name, **tables)
-    return site_model.link_timeout_s(site, dialect, failsafe_parameters.read_link_failsafe(dialect, facts.parameters))
+    return site_model.link_timeout_s(site, dialect, onboard_failsafes.read_link_failsafe(dialect, facts.parameters))
 
 
 def link(facts: VehicleFacts, dialect: Dialect, wanted_s: float | None = None) -> Check:
-    own = failsafe_parameters.read_link_failsafe(dialect, facts.parameters)
+    own = onboard_failsafes.read_link_failsafe(dialect, facts.parameters)
     return checks.check_link_failsafe(facts, own, waited_s=waited_s(facts, dialect, wanted_s), wanted_s=wanted_s)
 
 
@@ -102,10 +102,10 @@ def severities(checks: list[Check]) -> list[Severity]:
 
 
 def test_the_names_are_those_of_the_good_examples() -> None:
-    assert {*failsafe_parameters.list_preflight_parameters(ARDUPILOT)} == {*COPTER}
-    assert {*failsafe_parameters.list_preflight_parameters(PX4)} == {*PIXHAWK}
-    assert failsafe_parameters.list_older_parameters(ARDUPILOT, COPTER) == ()
-    assert failsafe_parameters.list_older_parameters(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == (
+    assert {*onboard_failsafes.list_preflight_parameters(ARDUPILOT)} == {*COPTER}
+    assert {*onboard_failsafes.list_preflight_parameters(PX4)} == {*PIXHAWK}
+    assert onboard_failsafes.list_older_parameters(ARDUPILOT, COPTER) == ()
+    assert onboard_failsafes.list_older_parameters(ARDUPILOT, lacking(said(), "MAV_GCS_SYSID").parameters) == (
         "SYSID_MYGCS",
     )
 
@@ -182,27 +182,6 @@ def test_a_vehicle_that_does_nothing_without_us_is_a_warning(facts: VehicleFacts
     check = link(facts, dialect)
     assert check.severity is Severity.WARNING
     assert check.text.startswith(words)
-
-
-def test_a_silent_vehicles_work_is_not_given_away_before_its_own_failsafe_acts() -> None:
-    slow = said(PX4, COM_DL_LOSS_T=30.0)
-    assert waited_s(slow, PX4) == 37.0 + failsafe_parameters.LINK_MARGIN_S
-    assert waited_s(slow, PX4, 12.0) == 37.0 + failsafe_parameters.LINK_MARGIN_S
-    assert waited_s(slow, PX4, 45.0) == 45.0
-    check = link(slow, PX4, 12.0)
-    assert check.severity is Severity.WARNING
-    assert "faults.link_timeout_s 12 is shorter" in check.text
-    assert check.text.endswith("declared lost after 40 s instead")
-
-
-def test_a_vehicle_without_a_failsafe_is_waited_for_as_the_site_says() -> None:
-    assert waited_s(said(FS_GCS_ENABLE=0.0), ARDUPILOT, 4.0) == 4.0
-    assert waited_s(said(FS_GCS_ENABLE=0.0), ARDUPILOT) == failsafe_parameters.LEAST_LINK_TIMEOUT_S
-
-
-def test_a_fast_simulation_is_waited_for_no_less_than_a_busy_computer_needs() -> None:
-    assert waited_s(said(), ARDUPILOT, speedup=30.0) == 60.0 + failsafe_parameters.LINK_MARGIN_S
-    assert waited_s(said(FS_GCS_TIMEOUT=80.0), ARDUPILOT, speedup=30.0) == 80.0 + failsafe_parameters.LINK_MARGIN_S
 
 
 def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
@@ -282,11 +261,11 @@ def test_a_fence_that_is_smaller_than_the_plan_is_a_warning() -> None:
 
 
 def test_a_fence_that_is_off_is_none() -> None:
-    assert failsafe_parameters.read_geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
-    assert failsafe_parameters.read_geofence(PX4, said(PX4).parameters) is None
-    assert failsafe_parameters.read_geofence(
+    assert onboard_failsafes.read_geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
+    assert onboard_failsafes.read_geofence(PX4, said(PX4).parameters) is None
+    assert onboard_failsafes.read_geofence(
         PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters
-    ) == failsafe_parameters.GeofenceCylinder(None, 500.0)
+    ) == onboard_failsafes.GeofenceCylinder(None, 500.0)
 
 
 def test_pre_arm_checks_in_words() -> None:
@@ -319,6 +298,6 @@ def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
 
 @pytest.mark.parametrize(("waited", "severity"), [(19.9, Severity.OK), (20.0, Severity.OK), (20.1, Severity.WARNING)])
 def test_a_time_out_that_is_as_long_as_the_vehicles_own_is_kept(waited: float, severity: Severity) -> None:
-    own = failsafe_parameters.read_link_failsafe(ARDUPILOT, said().parameters)
+    own = onboard_failsafes.read_link_failsafe(ARDUPILOT, said().parameters)
     assert checks.check_link_failsafe(said(), own, waited_s=waited, wanted_s=20.0).severity is severity
     assert checks.check_link_failsafe(said(), own, waited_s=waited, wanted_s=None).severity is Severity.OK

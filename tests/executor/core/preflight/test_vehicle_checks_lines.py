@@ -12,7 +12,7 @@ from executor.core.interface.codes import Check
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import DoubleHeard, Position, StationHeard, Version
 from executor.core.preflight import vehicle_checks as checks
-from executor.core.preflight.failsafe_parameters import LinkFailsafe
+from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from missions import ARDUPILOT, PX4, Pad
 from tests.executor.core.steps import rounded

@@ -19,7 +19,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, Solve, Upload
 from executor.core.interface.events import NewRoute, SolveEnded, UploadEnded
 from executor.core.interface.messages import Heartbeat
-from executor.core.preflight.failsafe_parameters import LinkFailsafe
+from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.replanning import replan_cycle, replan_separation, withdrawal
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import PositionFix

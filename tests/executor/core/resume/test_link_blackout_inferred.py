@@ -11,7 +11,7 @@ import pytest
 from executor.core.battery import account
 from executor.core.interface.messages import Heartbeat
 from executor.core.resume.link_blackout import NOTHING, InferredCoverage, infer_coverage
-from executor.core.state.inspection_run import NOISE_M, InspectionRun, PositionSample, Track, advance_run, join_run
+from executor.core.state.inspection_proof import NOISE_M, InspectionRun, PositionSample, Track, advance_run, join_run
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import LastKnown, ModeCause, PositionFix, Takeover
 from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of

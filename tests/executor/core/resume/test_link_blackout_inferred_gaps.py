@@ -11,8 +11,8 @@ import pytest
 from executor.core.battery.account import BatteryState
 from executor.core.resume import link_blackout
 from executor.core.resume.link_blackout import InferredCoverage
-from executor.core.state import inspection_run
-from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
+from executor.core.state import inspection_proof
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, _RunStatistics
 from executor.core.state.legs import remaining_leg_share
 from executor.core.state.vehicle_parts import LastKnown
 from tests.executor.core.steps import HOLD, Changes, beat, over_pad, rounded
@@ -20,7 +20,7 @@ from tests.executor.core.vehicles import DISARMED, FLEET, NOW_S, RTL, at, flying
 
 CONTEXT = FLEET.context
 BOARD = mission()
-RUN = inspection_run.join_run(BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = inspection_proof.join_run(BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 SLANTED = replace(BOARD, places_m=((10.0, 20.0), (70.0, 100.0), (70.0, 100.5), *BOARD.places_m[3:]))
 THERE = replace(at(), place_m=(250.0, -5.0))
 

@@ -14,9 +14,9 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.interface.commands import Level, Say, Start
 from executor.core.interface.events import Found, Match, Reopened, StartEnded
 from executor.core.resume import reconciliation
-from executor.core.state import inspection_run
+from executor.core.state import inspection_proof
 from executor.core.state.fleet_state import GroundStationAbsence, Replan
-from executor.core.state.inspection_run import InspectionRun, PositionSample, _RunStatistics
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, _RunStatistics
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.vehicle_parts import HomingOrder, LastKnown
 from executor.core.state.vehicle_state import Stage, VehicleState
@@ -49,7 +49,7 @@ GOING = plan_of(missions={"uav1": NEW}, pending=frozenset({"uav1"}))
 GETS = flying(pending=4)
 STARTS = flying(stage=Stage.STARTING, waypoint=0, fix=LOW, took_off=False, began_pct=93.0)
 WAS = LastKnown(at(age_s=60.0), 2, None, None, 95.0, -math.inf)
-RUN = inspection_run.join_run(OUR_BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
+RUN = inspection_proof.join_run(OUR_BOARD.tracks[0], PositionSample(5.0, (150.0, -5.0), 3.0), 3.0)
 LEFT: Changes = {
     "errand": HomingOrder(5.0, land=True, told=True), "run": RUN, "stale": True,
     "watches": (("mode", 5.0),), "heard_s": NOW_S - 99.0,

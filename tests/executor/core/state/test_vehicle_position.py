@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.inflight.homing import describe_unexpected_landing
+from executor.core.inflight.touchdown import describe_unexpected_landing
 from executor.core.interface.messages import Heartbeat
 from executor.core.state.vehicle_position import (
     describe_down_place,

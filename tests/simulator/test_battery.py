@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from planner.energy import PRESETS, endurance_s, pct_per_s, power_w, top_speed_m_s
-from simulator.airframe import Battery
+from simulator.battery import Battery
 
 DRONE = PRESETS["mavic3"]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executor.core.inflight import homing
+from executor.core.inflight import touchdown
 from executor.core.interface.messages import Attitude
 from executor.core.state.vehicle_state import Stage
 from tests.executor.core.steps import HOMEWARD, STILL, Changes, beat, over_pad, rounded
@@ -19,7 +19,7 @@ CONTEXT = FLEET.context
 
 def down_words(**given: Any) -> str:
     told: Changes = {**HOMEWARD, "fix": at(up_m=1.0), "anchor": at(up_m=1.0, age_s=30.0)}
-    return homing.describe_unexpected_landing(CONTEXT, flying(**told | given), NOW_S)
+    return touchdown.describe_unexpected_landing(CONTEXT, flying(**told | given), NOW_S)
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -115,7 +115,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who flies again",
         lambda: [
-            homing.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
+            touchdown.is_flying_again(flying(**{"fix": STILL, "anchor": STILL, **given}))
             for given in (
                 {},
                 {"fix": replace(STILL, alt_rel_m=5.0)},

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.preflight import failsafe_parameters
-from executor.core.preflight.failsafe_parameters import (
+from executor.core.preflight import onboard_failsafes
+from executor.core.preflight.onboard_failsafes import (
     BatteryAction,
     BatteryRule,
     GeofenceCylinder,
@@ -24,7 +24,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a vehicle does without us",
         lambda: [
-            failsafe_parameters.read_link_failsafe(ARDUPILOT, parameters)
+            onboard_failsafes.read_link_failsafe(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 ARDU,
@@ -58,7 +58,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what PX4 does without us",
         lambda: [
-            failsafe_parameters.read_link_failsafe(PX4, parameters)
+            onboard_failsafes.read_link_failsafe(PX4, parameters)
             for parameters in (
                 {},
                 {"NAV_DLL_ACT": 2.0},
@@ -92,14 +92,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "whose heartbeats count",
         lambda: [
-            failsafe_parameters.find_watched_station(ARDUPILOT, parameters)
+            onboard_failsafes.find_watched_station(ARDUPILOT, parameters)
             for parameters in ({}, ARDU, ARDU | {"MAV_GCS_SYSID": 3.0})
         ],
         [None, ("SYSID_MYGCS", 254), ("MAV_GCS_SYSID", 3)],
     ),
     (
         "what is asked for",
-        lambda: [failsafe_parameters.list_preflight_parameters(dialect) for dialect in (ARDUPILOT, PX4)],
+        lambda: [onboard_failsafes.list_preflight_parameters(dialect) for dialect in (ARDUPILOT, PX4)],
         [
             (
                 "FS_GCS_ENABLE",
@@ -156,7 +156,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what is asked for by its older name",
         lambda: [
-            failsafe_parameters.list_older_parameters(ARDUPILOT, parameters)
+            onboard_failsafes.list_older_parameters(ARDUPILOT, parameters)
             for parameters in ({}, {"MAV_GCS_SYSID": 3.0}, ARDU)
         ],
         [("SYSID_MYGCS",), (), ()],
@@ -164,7 +164,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a vehicle does on a low battery",
         lambda: [
-            failsafe_parameters.read_battery_rule(ARDUPILOT, parameters)
+            onboard_failsafes.read_battery_rule(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 {"BATT_LOW_MAH": 1000.0, "BATT_CRT_MAH": 500.0, "BATT_CAPACITY": 5000.0},
@@ -230,7 +230,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what PX4 does on a low battery",
         lambda: [
-            failsafe_parameters.read_battery_rule(PX4, parameters)
+            onboard_failsafes.read_battery_rule(PX4, parameters)
             for parameters in (
                 {},
                 {"COM_LOW_BAT_ACT": 3.0, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05},
@@ -252,7 +252,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "which fence a vehicle keeps to",
         lambda: [
-            failsafe_parameters.read_geofence(ARDUPILOT, parameters)
+            onboard_failsafes.read_geofence(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 FENCE,
@@ -286,7 +286,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "which fence PX4 keeps to",
         lambda: [
-            failsafe_parameters.read_geofence(PX4, parameters)
+            onboard_failsafes.read_geofence(PX4, parameters)
             for parameters in (
                 {},
                 {"GF_ACTION": 3.0, "GF_MAX_VER_DIST": 60.0},

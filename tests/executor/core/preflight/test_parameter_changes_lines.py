@@ -9,8 +9,8 @@ import pytest
 from executor.core.context import Context
 from executor.core.interface.codes import Check
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight import board_changes
-from executor.core.preflight.board_changes import KeptParameter
+from executor.core.preflight import parameter_changes
+from executor.core.preflight.parameter_changes import KeptParameter
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
 from tests.executor.core.steps import rounded
@@ -32,13 +32,15 @@ def known(**values: float) -> Mapping[str, ParamValue]:
 def proposed(
     said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT, ceiling_m: float | None = None
 ) -> list[str]:
-    found = board_changes.propose_return_changes(context, {name: board_changes.Answers(said)}, ceiling_m=ceiling_m)
+    found = parameter_changes.propose_return_changes(
+        context, {name: parameter_changes.Answers(said)}, ceiling_m=ceiling_m
+    )
     return [one.words_set for one in found.changes] + lines(found.checks)
 
 
 def settled(ends: Mapping[str, str], said: Mapping[str, ParamValue]) -> list[str]:
-    found = board_changes.propose_return_changes(CONTEXT, {"uav1": board_changes.Answers(said)})
-    return lines(board_changes.check_return_height(CONTEXT, "uav1", found, ends))
+    found = parameter_changes.propose_return_changes(CONTEXT, {"uav1": parameter_changes.Answers(said)})
+    return lines(parameter_changes.check_return_height(CONTEXT, "uav1", found, ends))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -183,9 +185,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "what is asked for",
         lambda: [
             (
-                board_changes.list_return_parameters(dialect),
-                board_changes.list_newer_return_parameters(dialect, {}),
-                board_changes.list_newer_return_parameters(dialect, known(RTL_ALT=1.0)),
+                parameter_changes.list_return_parameters(dialect),
+                parameter_changes.list_newer_return_parameters(dialect, {}),
+                parameter_changes.list_newer_return_parameters(dialect, known(RTL_ALT=1.0)),
             )
             for dialect in (ARDUPILOT, PX4)
         ],
@@ -197,7 +199,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "heights are rounded up",
         lambda: [
-            board_changes._round_up_height(height_m, unit_m, kind)
+            parameter_changes._round_up_height(height_m, unit_m, kind)
             for height_m, unit_m, kind in (
                 (15.001, 0.01, 4),
                 (15.0, 0.01, 4),
@@ -211,7 +213,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "why a height is set",
         lambda: [
-            board_changes._explain_return_height(context) for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)
+            parameter_changes._explain_return_height(context) for context in (CONTEXT, fleet_of({"uav1": (0,)}).context)
         ],
         ["keeps its RTL in its own layer", "keeps its RTL above the line"],
     ),

@@ -17,9 +17,8 @@ from missions import (
     MissionFileError,
     encode,
     find_mission_differences,
-    format_qgc_plan,
-    format_qgc_waypoints,
 )
+from missions.exports import format_qgc_plan, format_qgc_waypoints
 from missions.fences import build_fence, build_fence_items, build_rally_items
 from tests.missions.qgc_files import read_qgc_plan, read_waypoints
 from tests.missions.test_encode import PATH

@@ -15,7 +15,7 @@ import numba
 import pytest
 
 import planner.kernels
-from planner.kernels.arrays import compute_sources_digest, make_cache_directory
+from planner.kernels.compiling import compute_sources_digest, make_cache_directory
 
 ROOT = Path(__file__).parents[3]
 REPORT = """
@@ -82,7 +82,7 @@ def test_where_nothing_can_be_written_a_private_directory_serves(
 
 KERNELS = """
 import logging
-from planner.kernels.arrays import kernel
+from planner.kernels.compiling import kernel
 logging.basicConfig(format="%(message)s", level=logging.INFO)
 
 @kernel()

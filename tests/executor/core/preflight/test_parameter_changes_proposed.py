@@ -7,7 +7,7 @@ import pytest
 from executor.core.context import Context
 from executor.core.interface.codes import Severity
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight.board_changes import (
+from executor.core.preflight.parameter_changes import (
     KEPT_HIGHER_M,
     Answers,
     ParameterProposal,

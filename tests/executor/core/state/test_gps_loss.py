@@ -12,8 +12,8 @@ from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.commands import Level
 from executor.core.interface.events import Heard
 from executor.core.interface.messages import EstimatorStatus, FlightMessage, Gps, Position, SystemStatus
+from executor.core.state.gps_loss import GPS_SENSOR
 from executor.core.state.vehicle_position import (
-    GPS_SENSOR,
     accuracy_of,
     describe_down_place,
     describe_last_position,

@@ -1,4 +1,4 @@
-"""The tables of a site file that say what is there: ground, line, areas, places, vehicles, cameras."""
+"""The keys of a site file that say what is there: ground, line, areas, places, vehicles, cameras."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from pydantic_core import PydanticCustomError
 from executor.core.battery.voltage import Chemistry
 from executor.core.interface.connection import Connection, parse_connection
 from missions import AUTOPILOTS, SNAP_M, parse_where
+from missions.cameras import AIM_DEG, LEAST_INTERVAL_S
+from missions.inspection_settings import Inspection
+from missions.terrain import GROUND_MARGIN_M
 from planner import PRESETS
+from planner.risk import RESERVE_PCT
 
 Percent = Annotated[float, Field(ge=0, le=100)]
 Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
@@ -79,28 +83,32 @@ class NetworkTable(SiteTable):
     """Height over their ground of all pylons that have none in the file."""
 
 
+_INSPECTION = Inspection()
+"""Its figures are the defaults of the site file."""
+
+
 class InspectionTable(SiteTable):
     """How the line is flown."""
 
-    height_m: Metres = 15.0
+    height_m: Metres = _INSPECTION.height_m
     """Inspection height over the pylon tops where the network knows them, else over the depot's ground."""
     heights: Literal["known", "flat"] = "known"
     """`flat` claims that the ground is everywhere as high as the depot's, where the network does not know it."""
-    ceiling_m: Metres = 120.0
+    ceiling_m: Metres = _INSPECTION.ceiling_m
     """No mission goes higher than this over the ground; to fly higher needs a permit."""
-    return_ceiling_m: Metres | None = None
+    return_ceiling_m: Metres | None = _INSPECTION.return_ceiling_m
     """The same for the RTL height, which is level and so higher over valleys; without it `ceiling_m` holds."""
-    standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = 5.0
+    standoff_m: Annotated[float, Field(ge=0, le=1000, allow_inf_nan=False)] = _INSPECTION.standoff_m
     """Horizontal distance from the line, always on the same side."""
-    speed_m_s: Speed = 3.0
+    speed_m_s: Speed = _INSPECTION.speed_m_s
     """Speed along the line."""
-    transit_speed_m_s: Speed = 8.0
+    transit_speed_m_s: Speed = _INSPECTION.transit_speed_m_s
     """Speed between segments, and from and to the pad."""
     wind_m_s: tuple[WindSpeed, WindSpeed] = (0.0, 0.0)
     """The wind by where the air moves to: east, north. Plans count with it."""
-    layer_m: Metres = 5.0
+    layer_m: Metres = _INSPECTION.layer_m
     """Least distance between any two vehicles; heights are layered by it."""
-    same_distance: bool = False
+    same_distance: bool = _INSPECTION.same_distance
     """`true`: inspect at `height_m` instead of the layer height wherever no other vehicle can be present. A vehicle
     with others beside it descends once they have left; segments inspected from a layer are re-inspected if battery
     remains, before RTL or from the pad. The descents cost time, and a lost vehicle's segments are reassigned only once
@@ -133,7 +141,7 @@ class TerrainTable(SiteTable):
     vertical: Literal["file", "egm2008", "egm96", "ellipsoid"] = "file"
     """What their heights are counted from: `file` takes the word of the file, or of a product that is known by its
     name; others must be told. Heights over the ellipsoid need a geoid that PROJ has on this computer."""
-    margin_m: GroundMargin = 20.0
+    margin_m: GroundMargin = GROUND_MARGIN_M
     """Least height of every leg, every transit and every way home over the ground, beside `uncertainty_m`."""
     uncertainty_m: Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)] | None = None
     """Nine of ten heights are nearer than this to the truth. Without it 4 of Copernicus GLO-30 and 16 of SRTM, as they
@@ -277,7 +285,7 @@ class VehicleTable(SiteTable):
     """Library that carries the messages; `mavsdk` does not sign frames."""
     budget_pct: Percent = 75.0
     """Most of a full battery that a route may use."""
-    reserve_pct: Percent = 15.0
+    reserve_pct: Percent = RESERVE_PCT
     """Share of a full battery that is never planned with."""
     pack: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$")] | None = None
     """Label of the pack that it flies with: what `[energy] packs` knows of it is reckoned with, and `replay --packs`
@@ -325,7 +333,7 @@ class CameraTable(SiteTable):
     """Width and height of the sensor; the width lies across the flight."""
     image_px: tuple[Pixels, Pixels] | None = None
     """Width and height of a picture."""
-    least_interval_s: Annotated[float, Field(ge=0.05, le=60)] = 1.0
+    least_interval_s: Annotated[float, Field(ge=0.05, le=60)] = LEAST_INTERVAL_S
     """It takes no pictures faster than this."""
     gimbal: bool = False
     """Whether missions point it."""
@@ -352,7 +360,7 @@ class LookTable(SiteTable):
     """A pixel may show no more of the line than this; needs `image_px` of the camera, too."""
     pitch_deg: Annotated[float, Field(ge=-90, le=45)] | None = None
     """Where a gimbal points, from the horizon, down is negative; without it at the line, or at what `target_m` says."""
-    aim_deg: Annotated[float, Field(gt=0, le=180)] = 20.0
+    aim_deg: Annotated[float, Field(gt=0, le=180)] = AIM_DEG
     """A picture whose camera points farther beside that does not count."""
     pylons: Annotated[tuple[str, ...], Field(min_length=1)] = ("*",)
     """Names of the pylons, as `segments` has those of spans."""

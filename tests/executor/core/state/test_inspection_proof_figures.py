@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.state import inspection_run
-from executor.core.state.inspection_run import InspectionRun, PositionSample, SegmentPass, Track, _RunStatistics
+from executor.core.state import inspection_proof
+from executor.core.state.inspection_proof import InspectionRun, PositionSample, SegmentPass, Track, _RunStatistics
 from tests.executor.core.steps import rounded
 
 LINE = Track(3, (10.0, 20.0), (70.0, 100.0))
@@ -21,7 +21,7 @@ def along(*samples: tuple[float, float, float], speed_m_s: float = 5.0) -> list[
     """Return what came of (seconds, metres along, metres beside), one after the other."""
     run, found = None, list[object]()
     for t_s, along_m, beside_m in samples:
-        step = inspection_run.advance_run(
+        step = inspection_proof.advance_run(
             run, LINE, PositionSample(t_s, on_line(along_m, beside_m), speed_m_s), corridor_m=8.0, speed_m_s=5.0
         )
         run = step.run
@@ -121,7 +121,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ("an inspection of a moment", lambda: along((0.0, 0.0, 0.0), (0.0, 96.0, 0.0)), [(0.0, 1), "flown too fast"]),
     (
         "who is found on a line",
-        lambda: inspection_run.join_run(LINE, PositionSample(50.0, on_line(30.0, 2.0), 5.0), 5.0),
+        lambda: inspection_proof.join_run(LINE, PositionSample(50.0, on_line(30.0, 2.0), 5.0), 5.0),
         InspectionRun(
             furthest_m=30.0,
             recent=((50.0, 30.0),),

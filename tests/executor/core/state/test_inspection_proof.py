@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.state.inspection_run import (
+from executor.core.state.inspection_proof import (
     GAP_S,
     SPEED_FACTOR,
     InspectionRun,

@@ -9,8 +9,9 @@ import pytest
 from executor.core.context import Context, FenceRules
 from executor.core.interface.codes import Severity
 from executor.core.interface.messages import ParamValue
-from executor.core.preflight import board_changes, vehicle_checks
-from executor.core.preflight.board_changes import Answers, OnboardLists, propose_return_changes
+from executor.core.preflight import fence_changes, vehicle_checks
+from executor.core.preflight.fence_changes import OnboardLists
+from executor.core.preflight.parameter_changes import Answers, propose_return_changes
 from executor.core.state.onboard_fence import fence_top_m
 from missions import MissionItem
 from missions.items import PlaceCommand
@@ -36,16 +37,16 @@ def present(**values: float) -> dict[str, ParamValue]:
 
 def made(context: Context, **values: float) -> dict[str, float]:
     ends_m = fence_top_m(context, "uav1")
-    found = {one.name: one.new for one in board_changes.plan_fence_changes(context, "uav1", present(**values))}
+    found = {one.name: one.new for one in fence_changes.plan_fence_changes(context, "uav1", present(**values))}
     return {name: TOP_M if abs(value - ends_m) < 0.11 else value for name, value in found.items()}
 
 
 def test_nothing_is_read_or_set_without_the_sites_word() -> None:
     for context in (SHIPS["px4"].context, context_of("px4", enabled=False)):
-        assert board_changes.list_fence_parameters(context, "uav1") == ()
-        assert board_changes.plan_fence_changes(context, "uav1", present(**PIXHAWK)) == []
+        assert fence_changes.list_fence_parameters(context, "uav1") == ()
+        assert fence_changes.plan_fence_changes(context, "uav1", present(**PIXHAWK)) == []
         before = propose_return_changes(context, {"uav1": Answers({}), "uav2": Answers({})})
-        assert board_changes.add_fence_changes(context, before) == before
+        assert fence_changes.add_fence_changes(context, before) == before
 
 
 def test_what_a_fence_needs() -> None:
@@ -82,8 +83,8 @@ def test_limits_of_its_owner_that_the_flight_breaks_stop_it() -> None:
 
 def told(context: Context, **values: float) -> list[tuple[Severity, str]]:
     there = present(**values)
-    own = board_changes.plan_fence_changes(context, "uav1", there)
-    return [(one.severity, one.text) for one in board_changes.check_fence_settings(context, "uav1", there, own)]
+    own = fence_changes.plan_fence_changes(context, "uav1", there)
+    return [(one.severity, one.text) for one in fence_changes.check_fence_settings(context, "uav1", there, own)]
 
 
 def test_what_the_checklist_says_of_it() -> None:
@@ -109,7 +110,7 @@ def found_on_board(
     assert board is not None
     facts = said(**{"FENCE_ENABLE": 1.0, **values})
     return [
-        (one.severity, one.text) for one in board_changes.check_onboard_lists(context, facts, board.path, lists, ours)
+        (one.severity, one.text) for one in fence_changes.check_onboard_lists(context, facts, board.path, lists, ours)
     ]
 
 

@@ -1,0 +1,217 @@
+"""What a flight changes of fences and rally points on board, what speaks against it, and what is to be given back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from executor.core.context import Context
+from executor.core.formatting import format_count
+from executor.core.interface.codes import Check, CheckCode, Severity
+from executor.core.lines import checklist
+from executor.core.preflight.onboard_failsafes import (
+    UNKNOWN,
+    Parameters,
+    describe_action,
+    fence_names,
+    select_names,
+)
+from executor.core.preflight.parameter_changes import (
+    REAL32,
+    BoardChange,
+    KeptParameter,
+    ParameterProposal,
+    Present,
+    format_number,
+    list_change_checks,
+    plan_change,
+)
+from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.state.onboard_fence import fence_top_m
+from missions import Dialect, FlightPath, MissionItem, MissionKind
+from missions.fences import find_first_outside, find_list_differences, parse_outlines
+
+Items = tuple[MissionItem, ...]
+NEAR_M = 5.0
+"""A rally point this near to a pad is the pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptList(BoardChange[Items]):
+    """What is on record of one vehicle's fence, or of its rally points."""
+
+    @property
+    def kind(self) -> MissionKind:
+        """Which list."""
+        return MissionKind.FENCE if self.name == "fence" else MissionKind.RALLY
+
+    @property
+    def words(self) -> str:
+        """What is restored, for the crew to confirm."""
+        items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
+        return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
+
+    @property
+    def words_open(self) -> str:
+        """What the vehicle has not got back."""
+        return "fence" if self.name == "fence" else "rally points"
+
+    @staticmethod
+    def is_same(one: Items, found: Items) -> bool:
+        """Return whether what was found on board is this one, but for what is lost on its way."""
+        return not find_list_differences(one, found)
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardLists:
+    """What one vehicle carries beside its mission; None where it does not let it be read."""
+
+    fence: Items | None = None
+    rally: Items | None = None
+
+
+def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
+    """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
+    if context.fencing is None or not context.fencing.enabled:
+        return ()
+    rule = context.vehicles[name].dialect.geofence
+    kinds = rule.kinds[0] if rule.kinds is not None else None
+    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
+
+
+def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
+    """Return what a flight changes on board with what its fences need."""
+    changes, checks = list(proposal.changes), list(proposal.checks)
+    for name, said in proposal.present.items():
+        made = plan_fence_changes(context, name, said)
+        changes += made
+        checks += [*check_fence_settings(context, name, said, made), *list_change_checks(made)]
+    return replace(proposal, changes=tuple(changes), checks=tuple(checks))
+
+
+def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptParameter]:
+    """Return which parameters are set so that a vehicle keeps to the fence that it is given.
+
+    The limits of its owner stay where the flight fits into them.
+    """
+    names = list_fence_parameters(context, name)
+    if not names or any(one not in said for one in names):
+        return []
+    rule = context.vehicles[name].dialect.geofence
+    stands = any(one in said and said[one].value for one in rule.enabled_by)  # it keeps to a fence already
+    limited = stands and (rule.kinds is None or bool(int(said[rule.kinds[0]].value) & rule.kinds[1]))
+    wanted: dict[str, tuple[float, str, str]] = {}
+    if rule.kinds is not None:
+        kinds, height_bit, _ = rule.kinds
+        own = int(said[kinds].value) if stands else 0
+        wanted[kinds] = (float(own | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
+    top = _round_up_fence_top(context, name, said)
+    limit = said[rule.height].value if limited else 0.0
+    if not 0.0 < limit <= top:
+        wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
+    action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
+    if action is not None:
+        wanted[rule.action] = (float(action), "", checklist.FENCE_ACTION)
+    if rule.enable is not None:
+        wanted[rule.enable] = (1.0, "", checklist.FENCE_ENABLED)
+    return [
+        plan_change(context.vehicles[name], said[key], value, unit, why)
+        for key, (value, unit, why) in wanted.items()
+        if not math.isclose(said[key].value, value, abs_tol=1e-3)
+    ]
+
+
+def check_fence_settings(context: Context, name: str, said: Present, made: Sequence[KeptParameter]) -> list[Check]:
+    """Say how a vehicle will keep to its fence; what cannot be is a reason not to fly."""
+    names = list_fence_parameters(context, name)
+    if not names:
+        return []
+    missing = [one for one in names if one not in said]
+    if missing:
+        return [checklist.NO_FENCE.say(name, names=", ".join(missing))]
+    rule, new = context.vehicles[name].dialect.geofence, {change.name: change.new for change in made}
+    action = int(new.get(rule.action, said[rule.action].value))
+    does = describe_action(rule.actions, action) if action else "nothing"
+    setting = f"{rule.action}={action}"
+    top = new.get(rule.height, said[rule.height].value)
+    margin_m = 0.0 if context.fencing is None else context.fencing.margin_m
+    if does in {"nothing", "warning", UNKNOWN}:
+        does = UNKNOWN if does == UNKNOWN else checklist.DOES_NOTHING
+        return [checklist.FENCE_IDLE.say(name, does=does, setting=setting)]
+    return [checklist.FENCE.say(name, margin_m=margin_m, top=format_number(top), does=does, setting=setting)]
+
+
+def check_onboard_lists(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    """Hold what others put on board against the flight.
+
+    Args:
+        context: Of the flight.
+        facts: What the vehicle said.
+        path: Its first mission.
+        lists: What it carries.
+        ours: What an earlier attempt at this flight may have left: that is ours to replace.
+    """
+    if context.fencing is None:
+        return []
+    return [
+        *_check_onboard_fence(context, facts, path, lists, ours),
+        *_check_onboard_rally(context, facts, lists, ours),
+    ]
+
+
+def _check_onboard_fence(
+    context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
+) -> list[Check]:
+    name, given = facts.name, context.fencing is not None and context.fencing.enabled
+    dialect = context.vehicles[name].dialect
+    if lists.fence is None:
+        return [checklist.FENCE_UNREADABLE.say(name, Severity.STOP if given else None)]
+    if not lists.fence or lists.fence == ours.fence:
+        return []
+    what = checklist.FOREIGN_FENCE.format(items=format_count(len(lists.fence), "item"))
+    asked = checklist.IS_FENCE_ON.format(fence=what)
+    if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
+        return unread
+    if not _is_polygon_fence_enabled(dialect, facts.parameters):
+        return [checklist.FENCE_OFF.say(name, fence=what)]
+    pad_m = context.vehicles[name].pad_m
+    places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
+    shapes = parse_outlines(lists.fence, context.frame)
+    ways = [[pad_m, *places], *([place, pad_m] for place in places)]
+    out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
+    if out is not None:
+        lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
+        return [checklist.FENCE_LEFT.say(name, fence=what, lat_deg=lat_deg, lon_deg=lon_deg)]
+    return [checklist.FENCE_FITS.say(name, fence=what, stays=checklist.FENCE_KEPT if given else "")]
+
+
+def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
+    name, rule = facts.name, context.fencing
+    given = rule is not None and rule.enabled and rule.rally != "keep"
+    if lists.rally is None:
+        return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
+    if lists.rally == ours.rally:
+        return []
+    pad_m = context.vehicles[name].pad_m
+    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in lists.rally]
+    far = [one for one in away_m if one > NEAR_M]
+    if not far or given:
+        return []
+    return [checklist.RALLY_FAR.say(name, points=format_count(len(far), "rally point"), away_m=max(far))]
+
+
+def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
+    rule = context.vehicles[name].dialect.geofence
+    least = fence_top_m(context, name)
+    return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
+
+
+def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
+    """Return whether a vehicle keeps to the polygons on board."""
+    rule = dialect.geofence
+    if not any(parameters.get(one, 0.0) for one in rule.enabled_by):
+        return False
+    return rule.kinds is None or bool(int(parameters.get(rule.kinds[0], rule.polygons)) & rule.polygons)

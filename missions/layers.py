@@ -1,0 +1,178 @@
+"""The layers of a fleet: a height for every vehicle over every place, and the heights of their own returns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from missions.errors import SafetyError
+from missions.geo import FloatArray
+from missions.inspection_settings import Inspection
+from missions.network import Network
+from missions.surface import (
+    Relief,
+    Surface,
+    SurfaceFit,
+    SurfaceRequirements,
+    build_flat_surface,
+    build_relief,
+    fit_overland_surface,
+    fit_surface,
+)
+from missions.terrain import KnownGround, Terrain, build_known_ground
+
+FLAT_M = 1.0
+"""Less relief than this is flat: autopilots hold their height to half of it."""
+NOWHERE = np.zeros((0, 2))
+WHOLE_METRE_M = 1.0
+"""Some autopilots take the height of a return in whole metres only."""
+HEIGHT_KEEPING_M = 1.0
+"""What autopilots are off their height in level flight: PX4 and ArduPilot simulations stay within 0.5 m each."""
+
+
+class HeightReference(Enum):
+    """What the inspection height is counted from; the value is for printing."""
+
+    PYLON_TOPS = "the pylon tops"
+    DEPOT_GROUND = "the depot's ground"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layers:
+    """A height for every vehicle over every place: a common surface, and a fixed step up for each next vehicle.
+
+    Everything that moves over the ground, transit, inspection and return alike, is flown at these heights, so two
+    vehicles over the same place are one or more steps apart.
+    """
+
+    vehicles: tuple[str, ...]
+    """From the lowest layer to the highest."""
+    layer_m: float
+    """The distance that any two vehicles keep."""
+    spacing_m: float
+    """The step between neighbouring layers: ``layer_m`` and what slopes, crossing lines and autopilots take."""
+    tolerance_m: float
+    """Legs off the lines keep this near to their surface."""
+    reference: HeightReference
+    surface: Surface
+    """Of the lowest layer, over the depot's ground."""
+    track_heights_m: FloatArray
+    """(n, 2) float64: heights of the lowest layer at each segment's a and b."""
+    relief: Relief | None
+    """The surface as flights are priced by it, where a raster knows the ground."""
+    known: KnownGround | None
+    """The ground between the lines and the pads, where a raster knows it."""
+    raised_m: FloatArray
+    """(p,) float64: how much higher than asked pylons are passed, for the ground beside them; of none without one."""
+
+    def offset_m(self, vehicle: str) -> float:
+        """Return how far above the lowest layer a vehicle flies.
+
+        Raises:
+            SafetyError: the vehicle has no layer.
+        """
+        if vehicle not in self.vehicles:
+            raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.vehicles)}")
+        return self.vehicles.index(vehicle) * self.spacing_m
+
+    def height_m(self, vehicle: str, east_m: float, north_m: float) -> float:
+        """Return a vehicle's flight height over a place, counted from the depot's ground."""
+        return self.surface.height_m(east_m, north_m) + self.offset_m(vehicle)
+
+    @property
+    def returns_in_layers(self) -> bool:
+        """Whether vehicles come home by themselves in their own layers, and not above all of them."""
+        relief_m = float(self.track_heights_m.max()) - float(self.track_heights_m.min())
+        return self.surface.floor is None and relief_m <= FLAT_M
+
+    def return_up_m(self, vehicle: str) -> float:
+        """Return the height over the depot's ground at which a vehicle comes home by itself, straight and level.
+
+        Over flat ground that is its own layer. Where the layers rise and fall with the ground, a level flight would
+        cross those of others. The highest vehicle has nobody above it: it comes home at the top of its own layer. The
+        others are stacked over that, the lowest on top, as near to each other as level flights may be: any other order
+        makes the stack higher, and it must stay below the ceiling.
+
+        Raises:
+            SafetyError: the vehicle has no layer.
+        """
+        highest_m, offset_m = float(self.track_heights_m.max()), self.offset_m(vehicle)
+        if self.surface.floor is not None:
+            # Over every ridge between the lines and the pads, as all other flights are.
+            highest_m = max(highest_m, float(self.surface.floor.heights_m.max()))
+        elif self.returns_in_layers:
+            return highest_m + offset_m
+        above = len(self.vehicles) - 1 - self.vehicles.index(vehicle)
+        step_m = self.layer_m + HEIGHT_KEEPING_M + WHOLE_METRE_M
+        return highest_m + self.offset_m(self.vehicles[-1]) + above * step_m
+
+
+def tracks_m(network: Network, standoff_m: float) -> FloatArray:
+    """Return (n, 2, 2) float64: east and north of both ends of every inspection leg.
+
+    The leg is parallel to its segment, ``standoff_m`` to the right of the direction from a to b, in both directions
+    of flight: a segment has one track.
+    """
+    ends_m = network.ends_m
+    along = ends_m[:, 1] - ends_m[:, 0]
+    right = np.column_stack((along[:, 1], -along[:, 0])) / network.lengths_m[:, np.newaxis]
+    return np.asarray(ends_m + standoff_m * right[:, np.newaxis], dtype=np.float64)
+
+
+def plan_layers(
+    network: Network,
+    vehicles: Sequence[str],
+    inspection: Inspection,
+    *,
+    terrain: Terrain | None = None,
+    turns_m: FloatArray = NOWHERE,
+) -> Layers:
+    """Return the layers of a fleet over a network.
+
+    Args:
+        network: If ground and structure height of all its pylons are known, heights count from the pylon tops,
+            otherwise from the depot's ground.
+        vehicles: Names, from the lowest layer to the highest.
+        inspection: Heights and distances.
+        terrain: The ground that a raster knows; without it only that of the pylons is known.
+        turns_m: (m, 2) float64 over such ground: where legs begin, end or turn beside the lines, at pads and at the
+            corners of what is flown around.
+
+    Raises:
+        ElevationError: a part of the ground is not known.
+    """
+    height_m, layer_m = inspection.height_m, inspection.layer_m
+    tracks, known, relief = tracks_m(network, inspection.standoff_m), None, None
+    tops = terrain is not None or network.has_heights
+    asked_m = pylon_m = _flight_heights_m(network, height_m) if tops else np.full(len(network.pylons), height_m)
+    indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
+    if terrain is not None:
+        places_m = np.concatenate((tracks.reshape(-1, 2), turns_m))
+        known = build_known_ground(terrain, places_m, network.frame, network)
+        wishes = SurfaceRequirements(terrain.kept_m, inspection.ceiling_m, layer_m, len(vehicles))
+        fit, pylon_m = fit_overland_surface(known, wishes, network, tracks, asked_m)
+        relief = build_relief(fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
+    elif tops:
+        fit = fit_surface(tracks, asked_m[indices], layer_m)
+    else:
+        fit = SurfaceFit(build_flat_surface(height_m), 0.0, layer_m)
+    return Layers(
+        vehicles=tuple(vehicles),
+        layer_m=layer_m,
+        spacing_m=fit.spacing_m + HEIGHT_KEEPING_M,
+        tolerance_m=fit.tolerance_m,
+        reference=HeightReference.PYLON_TOPS if tops else HeightReference.DEPOT_GROUND,
+        surface=fit.surface,
+        track_heights_m=pylon_m[indices],
+        relief=relief,
+        known=known,
+        raised_m=np.zeros(0) if known is None else pylon_m - asked_m,
+    )
+
+
+def _flight_heights_m(network: Network, height_m: float) -> FloatArray:
+    tops_m = [(pylon.elevation_m or 0.0) + (pylon.height_m or 0.0) - network.frame.alt_m for pylon in network.pylons]
+    return np.array(tops_m, dtype=np.float64) + height_m
