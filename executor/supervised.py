@@ -26,7 +26,7 @@ FILE = "mistakes.txt"
 Work = Callable[[], Awaitable[None]]
 
 
-def report_mistake(what: str, error: BaseException, *, said: bool = False) -> None:
+def report_internal_error(what: str, error: BaseException, *, said: bool = False) -> None:
     """Hand a mistake to those who listen; `said` if the crew knows of it already."""
     with suppress(RuntimeError):  # without a loop nothing goes on
         asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error, "said": said})
@@ -37,7 +37,7 @@ def call_safely(what: str, work: Callable[..., object], *arguments: object) -> N
     try:
         work(*arguments)
     except Exception as error:  # noqa: BLE001 - the boundary that this function is
-        report_mistake(what, error)
+        report_internal_error(what, error)
 
 
 async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
@@ -48,7 +48,7 @@ async def keep_going(what: str, work: Work, *, at_once: bool = False) -> None:
         try:
             await work()
         except Exception as error:  # noqa: BLE001 - the boundary that this function is
-            report_mistake(what, error)
+            report_internal_error(what, error)
         else:
             return
         attempt = 1 if loop.time() - began_s > STEADY_S else attempt + 1
@@ -66,7 +66,7 @@ async def run_beside(what: str, work: Work, *, at_once: bool = False) -> AsyncIt
         await asyncio.wait([task])
 
 
-class MistakeReporter:
+class InternalErrorReporter:
     """Says every kind of mistake once, and keeps its traceback; an exception handler of an event loop."""
 
     def __init__(self, say: Callable[[str], None], keep: Callable[[str], None]) -> None:
@@ -104,7 +104,7 @@ def _locate_error(error: BaseException) -> str:
 
 
 @contextmanager
-def watch_mistakes(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
+def watch_internal_errors(say: Callable[[str], None], run: Path | None) -> Iterator[None]:
     """Have every mistake of the running loop, and of the threads beside it, said in a line.
 
     The loop keeps the handler: asyncio complains of some tasks only when it ends.
@@ -120,7 +120,7 @@ def watch_mistakes(say: Callable[[str], None], run: Path | None) -> Iterator[Non
                 file.write(text + "\n")
 
     loop, before = asyncio.get_running_loop(), threading.excepthook
-    loop.set_exception_handler(MistakeReporter(say, keep))
+    loop.set_exception_handler(InternalErrorReporter(say, keep))
 
     def in_a_thread(died: threading.ExceptHookArgs) -> None:
         if died.exc_value is not None and not isinstance(died.exc_value, SystemExit):

@@ -6,6 +6,7 @@ What is defined more than once across the packages stands here, with its reason.
 from __future__ import annotations
 
 import ast
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -173,6 +174,11 @@ THIRD_PERSON = frozenset(
         "works",
     ]
 )
+PERSONS = frozenset([
+    "anybody", "everybody", "nobody", "somebody", "who", "whom", "whose", "they", "them", "we", "boat", "craft",
+    "mast", "tower", "mistake", "mistakes", "thing", "things", "stuff", "wish",
+])  # fmt: skip
+"""Against the glossary: machines are vehicles, lines hang on pylons, what an operator asks for is an intent."""
 QUANTITIES = frozenset({"cost", "energy", "m", "pct", "s", "share", "value", "wh"})
 """What the name of a quantity ends in: a participle may lead it, as in `induced_velocity_m_s`."""
 ENDS_IN_ED = frozenset({"embed", "exceed", "feed", "need", "proceed", "seed", "speed"})
@@ -260,3 +266,11 @@ def test_what_a_name_must_not_begin_with(name: str, expected: bool) -> None:
 
 def test_functions_are_a_verb_and_its_object_or_the_quantity_that_they_return() -> None:
     assert [f"{where} {name}" for name, where in functions() if not is_named_as_a_function(name)] == []
+
+
+def test_no_function_or_class_has_a_word_against_the_glossary() -> None:
+    found = []
+    for name, file in [*defined(), *functions()]:
+        words = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().strip("_").split("_")
+        found += [f"{file}: {name}"] if PERSONS & set(words) else []
+    assert found == []

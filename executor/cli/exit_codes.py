@@ -12,7 +12,7 @@ NO_READER = 1
 BAD_INPUT = 2
 """The line on stderr says why."""
 INTERNAL = 70
-"""EX_SOFTWARE: a mistake of ours, not of the input."""
+"""EX_SOFTWARE: an internal error, not of the input."""
 INTERRUPTED = 128 + signal.SIGINT
 
 

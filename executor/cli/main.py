@@ -169,7 +169,7 @@ def _exit_without_output(error: OSError) -> NoReturn:
 
 
 def _exit_internal_error(error: BaseException) -> NoReturn:
-    """Keep a mistake of ours where it can be reported, and say one line."""
+    """Keep an internal error where it can be reported, and say one line."""
     import tempfile
     import traceback
 

@@ -37,7 +37,7 @@ from executor.flight import preparation
 from executor.flight.publication import Publication
 from executor.flight.run_start import Console, FlightRequest
 from executor.runtime.flight_loop import Observer
-from executor.supervised import report_mistake
+from executor.supervised import report_internal_error
 from missions import (
     MissionsError,
     PlanFile,
@@ -307,7 +307,7 @@ class Checkpointer:
             self._report("checkpoints are written again", failing=False)
         except OSError as error:
             self._report(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
-        except Exception as error:  # noqa: BLE001 - a mistake of ours here must not cost anything but time
+        except Exception as error:  # noqa: BLE001 - an internal error here must not cost anything but time
             text = f"{type(error).__name__}: {error!s:.200}"
             self._report(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
@@ -470,7 +470,7 @@ class FlightRecorder:
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
-            report_mistake("keeping a plan", error, said=True)
+            report_internal_error("keeping a plan", error, said=True)
             return
         if plan_path_of(self._order.run, planned).exists():
             self._in_no_file.remove(planned)

@@ -210,7 +210,7 @@ async def run_checklist_only(order: FlightRequest, console: Console) -> list[Che
     Raises:
         ConnectionFailed: a connection cannot be opened.
     """
-    with supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), None):
+    with supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), None):
         async with follow_fleet_time(order.site, console) as fleet:
             return await _interview_and_check(
                 order, console, SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)

@@ -172,7 +172,7 @@ async def serve_page(
         {} if order is None else read_shown_ground(order, console),
         None if order is None else order.plan.window,
     )
-    server = WebServer(settings, flight.context, now, submit, mistake=partial(report_on_loop, loop))
+    server = WebServer(settings, flight.context, now, submit, on_error=partial(report_on_loop, loop))
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)

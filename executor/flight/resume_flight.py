@@ -132,7 +132,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         latest = ()
         if isinstance(event, SolveEnded) and event.routes is not None and event.revision in solves:
             planned.append((solves[event.revision], event))
-        # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
+        # An internal error in one decision changed nothing in flight; it changes nothing here.
         with suppress(Exception):
             state, latest = fleet_step.step(begun.context, state, event, last_s)
             replayed += len(latest)
@@ -255,7 +255,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
     Raises:
         ExecutorError: another process flies it, nobody answers, or the directory cannot be used.
     """
-    with lock_run_directory(run), supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), run):
+    with lock_run_directory(run), supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), run):
         known = read_resume_plan(run)  # now that nobody else writes to it
         if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")

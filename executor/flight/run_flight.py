@@ -169,7 +169,7 @@ async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
     solver = make_solver_process(order, console)
     with (
         lock_run_directory(order.run),
-        supervised.watch_mistakes(lambda text: console.say(Level.FAULT, text), order.run),
+        supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), order.run),
     ):
         async with follow_fleet_time(order.site, console) as fleet:
             clock = SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)
@@ -336,7 +336,7 @@ async def supervise(
             seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
         )
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.build_observer())
-    hearing = supervised.watch_mistakes(
+    hearing = supervised.watch_internal_errors(
         lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), order.run
     )
     try:

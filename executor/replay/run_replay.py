@@ -77,7 +77,7 @@ def replay_run(run: Path) -> RunReplay:
     decided: list[Decided] = []
     at_s = 0.0
     for at_s, event in read_events(events):
-        # A mistake of ours in one decision changed nothing in flight; it changes nothing here.
+        # An internal error in one decision changed nothing in flight; it changes nothing here.
         with suppress(Exception):
             state, commands = fleet_step.step(context, state, event, at_s)
             decided += [(at_s, _to_plain(command)) for command in commands]

@@ -84,7 +84,7 @@ class Flight:
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.
 
-        A mistake of ours in one decision must not end the supervision of everybody: the event then changes nothing,
+        An internal error in one decision must not end the supervision of everybody: the event then changes nothing,
         because states are values, and the operator is told.
         """
         now_s = self._clock.now_s()
@@ -96,7 +96,7 @@ class Flight:
                 self._mistakes.add(text)
                 line = commands.Say(commands.Level.FAULT, text)
                 supervised.call_safely("what tells the crew", self._observer.said, line, now_s)
-                supervised.report_mistake(f"deciding at {type(event).__name__}", error, said=True)
+                supervised.report_internal_error(f"deciding at {type(event).__name__}", error, said=True)
 
     def now_s(self) -> float:
         """Return the time on the flight's clock."""
@@ -106,7 +106,7 @@ class Flight:
         """Take an operator's intent, once; returns what became of it so far.
 
         Raises:
-            RuntimeError: a mistake of ours kept it from being decided; nothing has changed.
+            RuntimeError: an internal error kept it from being decided; nothing has changed.
         """
         self.apply(events.IntentReceived(intent))
         record = self.state.crew.intents.get(intent.id)
@@ -297,7 +297,7 @@ class Flight:
         Args:
             vehicle: Who.
             work: What.
-            failed: What a mistake of ours in it comes to.
+            failed: What an internal error in it comes to.
             whole: Whether it is brought to its end even when a person takes the vehicle: half a mission on board is
                 worse for its pilot than a whole one, and neither moves it.
         """
@@ -323,11 +323,11 @@ class Flight:
             task.add_done_callback(self._on_job_end)
 
     async def _run_job(self, what: str, work: Work, failed: Failed) -> None:
-        """Apply what something comes to; a mistake of ours in it ends it like a refusal, and nobody else's work."""
+        """Apply what something comes to; an internal error in it ends it like a refusal, and nobody else's work."""
         try:
             event = await work()
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
-            supervised.report_mistake(what, error)
+            supervised.report_internal_error(what, error)
             event = failed(f"internal error: {type(error).__name__}: {error}")
         self.apply(event)
 
@@ -413,7 +413,7 @@ class Flight:
             dialect = self.context.vehicles[vehicle].dialect
             await procedures.request_streams(self._links[vehicle], self._clock, dialect, again=True)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
-            supervised.report_mistake(f"an order to {vehicle}", error)
+            supervised.report_internal_error(f"an order to {vehicle}", error)
 
 
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:

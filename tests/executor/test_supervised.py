@@ -10,7 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from executor.supervised import AT_ONCE_S, FILE, STEADY_S, WAITS_S, call_safely, keep_going, run_beside, watch_mistakes
+from executor.supervised import (
+    AT_ONCE_S,
+    FILE,
+    STEADY_S,
+    WAITS_S,
+    call_safely,
+    keep_going,
+    run_beside,
+    watch_internal_errors,
+)
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
 
@@ -26,7 +35,7 @@ async def test_what_dies_is_begun_again_with_longer_waits_and_said_once(tmp_path
         began.append(round(lived(), 3))
         raise ValueError(f"number {len(began)}")
 
-    with watch_mistakes(said.append, tmp_path):
+    with watch_internal_errors(said.append, tmp_path):
         async with run_beside("the page's stream", dies):
             await asyncio.sleep(sum(WAITS_S) + WAITS_S[-1] + 0.1)
     gaps = [round(after - before, 3) for before, after in itertools.pairwise(began)]
@@ -45,7 +54,7 @@ async def test_what_went_well_for_long_begins_its_waits_anew(tmp_path: Path) -> 
         await asyncio.sleep(STEADY_S + 1.0)
         raise ValueError
 
-    with watch_mistakes(lambda _: None, tmp_path):
+    with watch_internal_errors(lambda _: None, tmp_path):
         async with run_beside("x", dies):
             await asyncio.sleep(3 * (STEADY_S + 1.0 + WAITS_S[0]) + 0.01)
     assert len(began) == 4
@@ -58,7 +67,7 @@ async def test_what_the_flight_stands_on_is_there_again_at_once(tmp_path: Path) 
         began.append(lived())
         raise OSError("gone")
 
-    with watch_mistakes(lambda _: None, tmp_path):
+    with watch_internal_errors(lambda _: None, tmp_path):
         async with run_beside("the tick", dies, at_once=True):
             await asyncio.sleep(1.0)
     assert max(after - before for before, after in itertools.pairwise(began)) == pytest.approx(AT_ONCE_S)
@@ -83,7 +92,7 @@ async def test_other_kinds_of_mistakes_are_said_too(tmp_path: Path) -> None:
     def second() -> None:
         raise KeyError("b")
 
-    with watch_mistakes(said.append, tmp_path):
+    with watch_internal_errors(said.append, tmp_path):
         for work in (first, second, first):
             call_safely("a link", work)
     assert said == ["internal error in a link: ValueError: a", "internal error in a link: KeyError: 'b'"]
@@ -97,7 +106,7 @@ async def test_a_task_that_nobody_waits_for_leaves_a_line_and_no_traceback(
     async def dies() -> None:
         raise ValueError("unseen")
 
-    with watch_mistakes(said.append, tmp_path):
+    with watch_internal_errors(said.append, tmp_path):
         task = asyncio.create_task(dies(), name="keeping a plan")
         await asyncio.sleep(0)
         await asyncio.sleep(0)
@@ -114,7 +123,7 @@ async def test_a_thread_that_dies_is_said(tmp_path: Path, capsys: pytest.Capture
     def dies() -> None:
         raise ValueError("drawn wrongly")
 
-    with watch_mistakes(said.append, tmp_path):
+    with watch_internal_errors(said.append, tmp_path):
         thread = threading.Thread(target=dies, name="drawing")
         thread.start()
         thread.join()
@@ -130,5 +139,5 @@ async def test_a_terminal_or_a_disk_that_is_gone_does_not_matter(tmp_path: Path)
     def dies() -> None:
         raise ValueError
 
-    with watch_mistakes(gone, tmp_path / "no such folder"):
+    with watch_internal_errors(gone, tmp_path / "no such folder"):
         call_safely("x", dies)

@@ -256,7 +256,7 @@ class _Datagrams(asyncio.DatagramProtocol):
         if len(self._peers) > MOST_PEERS:
             self._peers.clear()  # who still sends is there again with the next datagram
         write = self._peers.setdefault(addr, partial(self._write, addr))
-        # asyncio would close the port for good at a mistake of ours.
+        # asyncio would close the port for good at an internal error.
         call_safely("reading a datagram", self._receive, data, write, f"{addr[0]}:{addr[1]}")
 
     def _receive(self, data: bytes, write: Write, source: str) -> None:

@@ -66,7 +66,7 @@ TYPES: Mapping[str, str] = {
 STATIC = resources.files("executor.adapters.web").joinpath("static")
 STATUS = {Outcome.ACCEPTED: 202, Outcome.DONE: 200, Outcome.REFUSED: 409, Outcome.FAILED: 409}
 
-Mistake = Callable[[str, BaseException], None]
+ErrorHandler = Callable[[str, BaseException], None]
 """Called with what died, and of what; from another thread."""
 Submit = Callable[[Intent], "Future[IntentRecord]"]
 """Hands an intent to the flight; called from another thread."""
@@ -92,21 +92,21 @@ class WebSettings:
 
 
 _uvicorn_log = logging.getLogger("uvicorn.error")
-# It would go to the crew's terminal, tracebacks and all; what matters of it goes to `Mistake`.
+# It would go to the crew's terminal, tracebacks and all; what matters of it goes to `ErrorHandler`.
 _uvicorn_log.propagate = False
 
 
 class _Log(logging.Handler):
     """Hands on what a request died of; the rest, such as that somebody sent nonsense, is nobody's concern."""
 
-    def __init__(self, mistake: Mistake) -> None:
+    def __init__(self, on_error: ErrorHandler) -> None:
         super().__init__()
-        self._mistake = mistake
+        self._on_error = on_error
 
     def emit(self, record: logging.LogRecord) -> None:
         error = record.exc_info[1] if record.exc_info else None
         if isinstance(error, Exception):
-            self._mistake("a request to the page", error)
+            self._on_error("a request to the page", error)
 
 
 class WebServer:
@@ -119,7 +119,7 @@ class WebServer:
         now: Now,
         submit: Submit,
         describe: Describe = build_fleet_view,
-        mistake: Mistake = lambda *_: None,
+        on_error: ErrorHandler = lambda *_: None,
         limits: ConnectionLimits | None = None,
     ) -> None:
         """Prepare a server; entering it makes it listen."""
@@ -128,7 +128,7 @@ class WebServer:
         self._etags = {name: f'"{sha256(one).hexdigest()[:20]}"' for name, one in settings.ground.items()}
         """What browsers, which may keep these files, tell them by."""
         self._submit = submit
-        self._mistake = mistake
+        self._on_error = on_error
         self._limits = limits or ConnectionLimits()
         self._newest = LatestValue()
         self._started, self._ended = threading.Event(), threading.Event()
@@ -137,7 +137,7 @@ class WebServer:
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._socket: socket.socket | None = None
         self._ending: asyncio.Future[None] | None = None
-        self._log = _Log(mistake)
+        self._log = _Log(on_error)
         self.address = ""
         """Where the page is, once it listens."""
 
@@ -190,7 +190,7 @@ class WebServer:
                 loop.call_soon_threadsafe(self._shut_down, server)
         self._thread.join(ANSWER_S)
         if self._thread.is_alive():
-            self._mistake("the page", TimeoutError(f"it has not ended after {ANSWER_S:g} s"))
+            self._on_error("the page", TimeoutError(f"it has not ended after {ANSWER_S:g} s"))
         _uvicorn_log.removeHandler(self._log)
         if self._socket is not None:
             self._socket.close()
@@ -213,7 +213,7 @@ class WebServer:
             try:
                 asyncio.run(self._serve())
             except (Exception, SystemExit) as error:  # noqa: BLE001 - the boundary of the thread; uvicorn exits
-                self._mistake("the page", error)
+                self._on_error("the page", error)
             if self._ended.wait(WAITS_S[min(attempt, len(WAITS_S) - 1)]):
                 return
 
@@ -246,7 +246,7 @@ class WebServer:
     def _on_loop_error(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
         if isinstance(error, Exception):
-            self._mistake(str(context.get("message", "the page")), error)
+            self._on_error(str(context.get("message", "the page")), error)
 
     async def _broadcast_states(self) -> None:
         """Make one state for everybody, a few times a second."""

@@ -21,7 +21,7 @@ from executor.cli.console import TerminalConsole, render_fleet
 from executor.core.fleet_view import OfferView, TakenView, build_fleet_view
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
-from executor.supervised import watch_mistakes
+from executor.supervised import watch_internal_errors
 from tests.executor.core.stories import under_way
 
 BELL = "\a"
@@ -189,7 +189,7 @@ async def test_a_mistake_in_the_table_is_said_and_the_drawing_goes_on(monkeypatc
     said, flight = list[str](), under_way()
     console = TerminalConsole(quiet=False, yes=True)
     console._view = (flight.context, flight.state, flight.now_s)
-    with watch_mistakes(said.append, None):
+    with watch_internal_errors(said.append, None):
         monkeypatch.setattr("executor.cli.console.render_fleet", lambda _: 1 // 0)
         broken = console._render_view()
         monkeypatch.undo()

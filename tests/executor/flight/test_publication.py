@@ -20,7 +20,7 @@ from executor.errors import SiteError
 from executor.flight.publication import Publication
 from executor.flight.run_start import MqttSettings, read_mqtt_settings
 from executor.site.mqtt_and_web_keys import MqttTable
-from executor.supervised import watch_mistakes
+from executor.supervised import watch_internal_errors
 from tests.brokers import secured_in
 from tests.executor.flights import first_plan_file
 from tests.ports import free_port
@@ -112,7 +112,7 @@ async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
         raise ZeroDivisionError("a mistake")
 
     publication.publish_plan(0, first_plan_file())
-    with watch_mistakes(lambda text: said.append((Level.FAULT, text)), None):
+    with watch_internal_errors(lambda text: said.append((Level.FAULT, text)), None):
         async with publication.run(broken, lambda _: None, lambda *line: said.append(line), assets):
             for _ in range(3):
                 publication.publish_event(Tick(), FleetState({}))

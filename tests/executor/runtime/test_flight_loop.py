@@ -275,7 +275,7 @@ async def test_an_order_that_dies_of_our_mistake_ends_like_a_refusal(monkeypatch
         raise KeyError("speed")
 
     async with flying(fleet_of()) as (sky, _):
-        with supervised.watch_mistakes(said.append, None):
+        with supervised.watch_internal_errors(said.append, None):
             await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
             monkeypatch.setattr(procedures, "give_order", mistaken)
             sky.flight.apply(IntentReceived(Intent("w1", Action.HOLD, "uav2", "terminal")))
@@ -310,7 +310,7 @@ async def test_a_tick_that_dies_is_there_again_at_once() -> None:
 
     looks, said = itertools.count(), list[str]()
     async with flying(fleet_of()) as (sky, _):
-        with supervised.watch_mistakes(said.append, None):
+        with supervised.watch_internal_errors(said.append, None):
             sky.flight._clock = Wrong()
             await sky.until(lambda: bool(said))
             ticks = sum(isinstance(event, Tick) for event in sky.written)
@@ -327,7 +327,7 @@ async def test_one_link_that_fails_keeps_no_heartbeat_from_the_others() -> None:
     ready, clock, said = fleet_of(), LoopClock(), list[str]()
     flyer = Flyer(ready.context.vehicles["uav1"].dialect, ready.context.frame, (0, 0), 0.0)
     broken, whole = Broken(flyer, clock), FakeLink(flyer, clock)
-    with supervised.watch_mistakes(said.append, None), pytest.raises(TimeoutError):
+    with supervised.watch_internal_errors(said.append, None), pytest.raises(TimeoutError):
         async with asyncio.timeout(10.5):
             await send_heartbeats({"uav1": broken, "uav2": whole}, clock)
     for link in (broken, whole):

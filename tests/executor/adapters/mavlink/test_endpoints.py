@@ -20,7 +20,7 @@ from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Heartbeat, Message, MissionAck, SendHeartbeat
 from executor.core.interface.ports import LinkRequest
 from executor.errors import ConnectionFailed
-from executor.supervised import watch_mistakes
+from executor.supervised import watch_internal_errors
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.mavlink.test_endpoints_link import Frames
 from tests.patience import PATIENCE_S
@@ -323,7 +323,7 @@ async def test_a_mistake_in_reading_closes_no_port(scheme: str) -> None:
     def mistaken(_: Message) -> None:
         raise KeyError("speed")
 
-    with watch_mistakes(say, None):
+    with watch_internal_errors(say, None):
         async with opened(f"{scheme}://127.0.0.1:{port}") as link:
             stop = link.listen(mistaken)
             with socket.socket(socket.AF_INET, kind) as plug:
