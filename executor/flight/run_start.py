@@ -14,7 +14,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today, write_site
-from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_answers
+from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -39,7 +39,6 @@ from missions import (
     PlanFile,
     apply_tunings,
     dialect_for,
-    read_day_plan,
     read_plan,
     write_plan,
 )
@@ -286,16 +285,6 @@ def build_context_and_boards(
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-
-
-def read_flown_day_plan(run: Path) -> DayPlanFile | None:
-    """Return the day plan that a run directory was flown by; None for a single flight.
-
-    Raises:
-        MissionsError: it cannot be used.
-    """
-    path = RunDirectory(run).day_plan
-    return read_day_plan(path) if path.exists() else None
 
 
 def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
