@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from executor.core.context import DayRules
+from executor.core.context import DayRules, PackRules
 from executor.core.formatting import format_count
 from executor.core.state.vehicle_parts import PlannedSortie
 from executor.errors import SiteError
@@ -332,6 +332,7 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
             name: frozenset(content.segments[number].id for number in own)
             for name, own in content.pricing.barred.items()
         },
+        packs={base.name: PackRules(base.packs, base.recharge_s) for base in content.bases if base.packs is not None},
     )
 
 
