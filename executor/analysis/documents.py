@@ -408,6 +408,8 @@ class AskedVehicles(Document):
     """The checklist."""
     earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
     """Flights whose rest is flown."""
+    counts_packs: Annotated[YesNo, Field(exclude_if=not_)] = False
+    """Whether the packs of the bases are counted in flight; never in an older directory."""
 
 
 def read_report(run: Path) -> FlightReport:

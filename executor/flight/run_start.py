@@ -235,7 +235,8 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
 
 def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
-    rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
+    answers = read_vehicle_answers(run)
+    rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
     dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
@@ -243,6 +244,8 @@ def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> 
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
     context, boards = build_context_and_boards(ground, setup, plan, day, own, parameters)
+    if context.day is not None and not answers.counts_packs:
+        context = replace(context, day=replace(context.day, packs={}))
     ahead = {} if day is None else day_plans.sorties_ahead_of(day)
     return RunStart(
         ground,

@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
-from executor.analysis.documents import SortieRow, VehicleRow, read_flown_day_plan
+from executor.analysis.documents import AskedVehicles, SortieRow, VehicleRow, read_flown_day_plan
+from executor.analysis.report import build_vehicle_answers
 from executor.cli import flights
 from executor.cli.main import main
-from executor.flight.run_start import FlightRequest, write_run_start
+from executor.core.context import PackRules
+from executor.flight.run_start import FlightRequest, read_run_start, write_run_start
 from executor.site.day_plans import build_day_rules, sorties_ahead_of
 from missions import DayPlanFile, read_day_plan
 from planner import segment_of
@@ -268,6 +270,24 @@ def test_the_days_of_a_plan_are_flown_one_after_the_other(place: Place, monkeypa
     for command in (("fly", "days.json", "--site", "site.toml"), ("preflight", "site.toml", "--plan", "days.json")):
         code, _, err = place.call(*command, "--after", "three")
         assert (code, err.splitlines()[-1].endswith("everything is inspected; nothing is left to fly")) == (0, True)
+
+
+def test_a_run_directory_from_before_packs_were_counted_is_read_without_them(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[FlightRequest] = []
+    monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
+    place.write(NETWORK, LATER_DAYS, NORTH, SOUTH, VEHICLES)
+    assert place.call("day", "site.toml", "--seconds", "0.5", "--starts", "1", "--run", "one")[0] == 0
+    write_run_start(flown[0])
+    run, counted = place.folder / "one", {"north": PackRules(9), "south": PackRules(8, 1800.0)}
+    for answers in (AskedVehicles(vehicles=(), counts_packs=True), AskedVehicles(vehicles=())):
+        answers.write(run / "vehicles.json")
+        context = read_run_start(run).context
+        assert context.day is not None
+        assert context.day.packs == (counted if answers.counts_packs else {})
+        assert build_vehicle_answers(context, {}) == answers
+    assert "counts_packs" not in (run / "vehicles.json").read_text()
 
 
 def test_the_next_day_is_flown_without_a_vehicle_that_is_lost(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:

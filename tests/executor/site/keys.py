@@ -197,7 +197,7 @@ def _resume(loaded: Loaded, content: PlanFile, day: DayPlanFile | None) -> objec
     shutil.rmtree(run, ignore_errors=True)
     run.mkdir()
     write_run_start(FlightRequest(loaded.site, loaded.folder, loaded.ground, content, run, lambda _: (), day=day))
-    AskedVehicles(format="faultline-vehicles/1", vehicles=()).write(RunDirectory(run).vehicles)
+    AskedVehicles(format="faultline-vehicles/1", vehicles=(), counts_packs=True).write(RunDirectory(run).vehicles)
     found = read_run_start(run)
     again, below = Loaded(found.ground.site, run, found.ground), read_ground_files(run)
     flown = document(replace(found.plan, solved=content.solved))

@@ -9,11 +9,12 @@ from dataclasses import replace
 import pytest
 
 from executor.core.context import Context, DayRules, PackRules
+from executor.core.fleet_view import build_fleet_view
 from executor.core.ground import turnaround
 from executor.core.ground.pack_count import PackStock, count_packs, describe_packs
 from executor.core.interface.intents import Action, Outcome
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import FlownSortie
+from executor.core.state.vehicle_parts import FlownSortie, PlannedSortie
 from executor.core.state.vehicle_state import Stage
 from executor.flight.flight_recorder import round_trip_state
 from planner.sorties import SortieBase
@@ -111,6 +112,19 @@ def test_it_counts_as_the_planner_does() -> None:
     assert stock is not None
     assert stock.charged == sum(ready_s <= 100.0 for ready_s in pool)
     assert stock.next_s == min(ready_s for ready_s in pool if ready_s > 100.0)
+
+
+def test_the_strip_of_a_waiting_vehicle_says_what_is_left_at_its_base() -> None:
+    context, state = day_with(PackRules(2, 500.0)), flown(((0.0, 50.0),), ((0.0, 60.0),))
+    one = state.vehicles["uav1"].with_turn(ahead=(PlannedSortie((0,), 0.0),))
+    state = state.put(replace(one, telemetry=replace(one.telemetry, heartbeat=None)))
+    turn = next(row for row in build_fleet_view(context, state, NOW_S).vehicles if row.name == "uav1").turn
+    assert turn is not None
+    assert turn.awaited
+    assert turn.text == (
+        "waiting for pack confirmation: sortie 2, 1 segment; "
+        "by the plan's count no charged pack is left at base west until T+9:10"
+    )
 
 
 def landed(name: str) -> When:
