@@ -120,11 +120,9 @@ def test_the_strip_of_a_waiting_vehicle_says_what_is_left_at_its_base() -> None:
     state = state.put(replace(one, telemetry=replace(one.telemetry, heartbeat=None)))
     turn = next(row for row in build_fleet_view(context, state, NOW_S).vehicles if row.name == "uav1").turn
     assert turn is not None
-    assert (turn.awaited, turn.text) == (
-        True,
-        "waiting for pack confirmation: sortie 2, 1 segment; "
-        "by the plan's count no charged pack is left at base west until T+9:10",
-    )
+    waits = "waiting for pack confirmation: sortie 2, 1 segment"
+    packs = "no charged pack is left at base west until T+9:10"
+    assert (turn.awaited, turn.text) == (True, f"{waits}; by the plan's count {packs}")
 
 
 def landed(name: str) -> When:
