@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from typing import Annotated, Literal
 
 import numpy as np
@@ -510,6 +511,23 @@ class DayPlanFile(PlanContent):
     objective: Objective
     windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost; empty if nobody looked."""
+    part_of: str | None = None
+    """The ``schedule_id`` of the whole plan that this is the rest of one day of; None for a whole plan."""
+
+    @property
+    def schedule_id(self) -> str:
+        """What names the sorties of the whole plan: the same for its file, its copies and the rests of its days."""
+        ids = [segment.id for segment in self.segments]
+        flown = [
+            (own.name, [(self.bases[one.base].name, one.visits, one.start_s) for one in sorties])
+            for own, sorties in zip(self.vehicles, self.plan.sorties, strict=True)
+        ]
+        return self.part_of or sha256(repr((ids, self.days, flown)).encode()).hexdigest()[:16]
+
+    @property
+    def first_day(self) -> int:
+        """The number of its first day among the days of the whole plan, from 1."""
+        return int(self.days[0][0] // 86_400.0) + 1
 
     @property
     def cost_value(self) -> float:

@@ -268,6 +268,8 @@ class DayPlanDocument(_Document):
     """From which times and energies follow."""
     windows: tuple[DayLossPart, ...] = ()
     """Until when each vehicle must not be lost, where that was looked at."""
+    part_of: Text | None = None
+    """Names the plan that this is what was left of one day of."""
 
     def _list_names(self) -> Iterator[tuple[str, int | str]]:
         yield from super()._list_names()
@@ -501,6 +503,7 @@ def _describe_days(content: DayPlanFile) -> DayPlanDocument:
         finish_s=figures.finish_s,
         flight_s=figures.flight_s,
         windows=tuple(losses),
+        part_of=content.part_of,
     )
 
 
@@ -535,4 +538,5 @@ def _read_days(document: DayPlanDocument, source: str) -> DayPlanFile:
         windows=tuple(
             LossWindow(document.names.index(one.vehicle), one.from_s, one.breaks) for one in document.windows
         ),
+        part_of=document.part_of,
     )

@@ -24,6 +24,7 @@ from executor.adapters.run_directory import (
 from executor.core.formatting import format_count
 from executor.core.interface.codes import CheckCode, Severity
 from executor.core.state.vehicle_state import FaultCode, FaultKind
+from missions import DayPlanFile, read_day_plan
 from missions.validation import is_none
 
 
@@ -305,6 +306,10 @@ class EarlierRow(Document):
     duration_s: Number
     faults: tuple[str, ...]
     """Vehicles that were at fault."""
+    day_plan: Annotated[str, Field(exclude_if=not_)] = ""
+    """Names the plan of days whose sorties it flew."""
+    day: Annotated[Whole, Field(exclude_if=not_)] = 0
+    """Which day of that plan, from 1."""
 
 
 class UnreachableRow(Document):
@@ -403,6 +408,8 @@ class AskedVehicles(Document):
     """The checklist."""
     earlier: Annotated[tuple[EarlierRow, ...], Field(exclude_if=not_)] = ()
     """Flights whose rest is flown."""
+    counts_packs: Annotated[YesNo, Field(exclude_if=not_)] = False
+    """Whether the packs of the bases are counted in flight; never in an older directory."""
 
 
 def read_report(run: Path) -> FlightReport:
@@ -423,19 +430,32 @@ def read_vehicle_answers(run: Path) -> AskedVehicles:
     return AskedVehicles.read(RunDirectory(run).vehicles, "what vehicles said before a flight")
 
 
+def read_flown_day_plan(run: Path) -> DayPlanFile | None:
+    """Return the day plan that a run directory was flown by; None for a single flight.
+
+    Raises:
+        MissionsError: it cannot be used.
+    """
+    path = RunDirectory(run).day_plan
+    return read_day_plan(path) if path.exists() else None
+
+
 def read_earlier_flights(run: Path) -> tuple[EarlierRow, ...]:
     """Return the flights up to that of a run directory, by its report, the first one first.
 
     Raises:
         LogError: there is no report, or it cannot be used.
+        MissionsError: its day plan cannot be used.
     """
-    report = read_report(run)
+    report, day = read_report(run), read_flown_day_plan(run)
     row = EarlierRow(
         run=run.resolve().name,
         segments=list_inspected_segments(report),
         sorties=len(report.sorties) or sum(1 for vehicle in report.vehicles if vehicle.energy_used_pct > 0.0),
         duration_s=report.duration_s,
         faults=tuple(dict.fromkeys(fault.vehicle for fault in report.faults)),
+        day_plan="" if day is None else day.schedule_id,
+        day=0 if day is None else day.first_day,
     )
     return (*report.earlier, row)
 

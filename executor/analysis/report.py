@@ -150,6 +150,7 @@ def build_vehicle_answers(
         ),
         checks=tuple(map(documents.CheckRow.build_from, checks)),
         earlier=earlier,
+        counts_packs=context.day is not None and bool(context.day.packs),
     )
 
 

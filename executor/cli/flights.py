@@ -149,7 +149,7 @@ def fly(
         Path | None, typer.Option("--site", metavar="SITE", help="The site file, where a day plan is named first.")
     ] = None,
     plan: options.FlownPlanOption = None,
-    after: options.AfterOption = None,
+    after: options.FlownAfterOption = None,
     learned: options.LearnedOption = None,
     planning: options.PlanOptions,
     run: options.RunOption = None,
@@ -161,7 +161,7 @@ def fly(
 
     Without --plan it plans as `plan` does with the same options; the checklist shows the options in force. A day plan,
     as `plan --day` writes it, is flown sortie by sortie: each after the first by the crew's word, when its pack is
-    changed.
+    changed. With --after it goes on with the next day of that plan, without what is inspected already.
     """
     site, plan = _select_site_and_plan(site, of, plan)
     wanted = planning.build_request()
@@ -250,7 +250,7 @@ def preflight(
     site: options.SiteArgument,
     *,
     plan: options.FlownPlanOption = None,
-    after: options.AfterOption = None,
+    after: options.FlownAfterOption = None,
     learned: options.LearnedOption = None,
     planning: options.PlanOptions,
     quiet: options.QuietOption = False,

@@ -132,6 +132,14 @@ AfterOption = Annotated[
         "--after", metavar="DIR", help="Plan only what the flight of that run directory left over: the next sortie."
     ),
 ]
+FlownAfterOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--after",
+        metavar="DIR",
+        help="Plan only what the flight of that run directory left over; with a plan of days, fly its next day.",
+    ),
+]
 LearnedOption = Annotated[
     Path | None,
     typer.Option(

@@ -17,9 +17,10 @@ from executor.adapters.run_directory import RunDirectory
 from executor.cli.console import TerminalConsole
 from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.cli.options import DaskOption, JobsOption, PlanOptions, number_option
+from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
 from executor.errors import SiteError
-from executor.flight.next_flight import read_segments_left
+from executor.flight.next_flight import read_segments_left, select_next_day
 from executor.site import day_plans, plan_summary, site_model, site_planning
 from executor.site.campaigns import CampaignRunner, open_campaign_runner
 from executor.site.day_plans import build_day_problem, list_spares, name_sortie_rounds, solve_day
@@ -64,7 +65,7 @@ def load_site_with_learned(
     return site_model.load_site_model(site, base, known)
 
 
-PLANNING = (*(one.name for one in fields(PlanOptions)), "after")
+PLANNING = tuple(one.name for one in fields(PlanOptions))
 
 
 def select_flown_plan(
@@ -83,27 +84,43 @@ def select_flown_plan(
         console: Where it is said.
         asked: The command, with what was given to it.
         wanted: What to plan without a file.
-        plan: The file; of a plan of days its first sorties are flown first.
-        after: The run directory whose rest is planned.
+        plan: The file; of a plan of days its first day, or the next one after `after`.
+        after: The run directory whose rest is planned, or flown as the plan of days has it.
 
     Raises:
-        PlanFileError: the file is not what the site asks for.
+        PlanFileError: the file is not what the site asks for, or no day of it is left.
         SiteError: options of a new plan beside the file of another.
+        typer.Exit: nothing of a plan of days is left to fly.
     """
     if plan is None:
         left = None if after is None else read_segments_left(after, ground)
         return None, plan_and_report(ground, console, wanted, left)
-    for name in PLANNING:
+    day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
+    for name in PLANNING if day is not None else (*PLANNING, "after"):
         if is_option_given(asked, name):
             raise SiteError(f"--{name.replace('_', '-')}: expected none beside --plan, which is flown as it is")
-    day = missions.read_day_plan(plan) if missions.is_day_plan(plan) else None
+    words = "the plan" if day is None else "the day"
+    if day is not None and after is not None:
+        day, words = _select_next_day(day, ground, console, asked, after)
     if day is None:
         content = missions.read_plan(plan)
         site_planning.check_plan_fits(content, ground, str(plan))
     else:
         content = day_plans.build_first_sorties_plan(day, ground)
-    console.say(Level.INFO, f"the {'plan' if day is None else 'day'} is that of {plan}")
+    console.say(Level.INFO, f"{words} is that of {plan}")
     return day, content
+
+
+def _select_next_day(
+    content: missions.DayPlanFile, ground: SiteModel, console: TerminalConsole, asked: typer.Context, after: Path
+) -> tuple[missions.DayPlanFile, str]:
+    """Return the day of a plan that follows a flight, and how to call it."""
+    day = select_next_day(content, after, ground, asked.params.get("of") or asked.params["site"])
+    if day is None:
+        console.say(Level.INFO, f"{content.source}: everything is inspected; nothing is left to fly")
+        raise typer.Exit
+    left = format_count(len(day.plan.uncovered), "segment")
+    return day, f"day {day.first_day} of {len(content.days)}, with {left} in nobody's sorties yet,"
 
 
 def is_option_given(asked: typer.Context, name: str) -> bool:

@@ -124,6 +124,16 @@ def power_draw_table_pct_s(drone: Drone) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, slots=True)
+class PackRules:
+    """The packs of a base."""
+
+    count: int
+    """Charged in the morning."""
+    recharge_s: float | None = None
+    """From a landing until the pack is charged; None where packs are charged overnight alone."""
+
+
+@dataclass(frozen=True, slots=True)
 class DayRules:
     """What a day's plan says beside its sorties; all times count from the launch."""
 
@@ -135,6 +145,8 @@ class DayRules:
     """When each vehicle may fly."""
     barred: Mapping[str, frozenset[int]] = field(default_factory=dict)
     """By the vehicle's name: the network's segments that its camera is not good for."""
+    packs: Mapping[str, PackRules] = field(default_factory=dict)
+    """By the base's name; one that always has enough is not among them."""
 
     @property
     def ends_s(self) -> float:

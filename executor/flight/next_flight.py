@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.documents import FlightReport, read_report
+from executor.analysis.documents import FlightReport, read_earlier_flights, read_report
+from executor.core.formatting import command_line, format_count
 from executor.errors import LogError
 from executor.site import site_model, site_planning
+from executor.site.day_plans import select_day
 from executor.site.plan_summary import describe_left_over
 from executor.site.site_model import SiteModel
-from missions import PlanFile, read_plan
+from missions import DayPlanFile, PlanFile, PlanFileError, read_plan
 
 PLAN_S = 2.0
 """Of the solver; the crew can have more with `faultline plan --after`."""
@@ -30,6 +32,38 @@ def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
     plan = RunDirectory(run).plan_path(0)
     site_planning.check_same_segments(read_plan(plan), ground, str(plan))
     return report.segments_uncovered
+
+
+def select_next_day(content: DayPlanFile, after: Path, ground: SiteModel, site: Path) -> DayPlanFile | None:
+    """Return what is left of the next day of a plan, after the flights that a run directory goes back to.
+
+    Args:
+        content: The plan.
+        after: The run directory of the last flight.
+        ground: The site, which may be without a vehicle of the plan.
+        site: Its file, for messages.
+
+    Returns:
+        The day as a plan of that day alone, or None where nothing that can be reached is open.
+
+    Raises:
+        LogError: there is no report yet.
+        PlanFileError: no day of the plan is left, or the flight's network is not the site's.
+    """
+    earlier, plan = read_earlier_flights(after), RunDirectory(after).plan_path(0)
+    site_planning.check_same_segments(read_plan(plan), ground, str(plan))
+    inspected = {segment for row in earlier for segment in row.segments}
+    flown = max((row.day for row in earlier if row.day_plan == content.schedule_id), default=0)
+    open_ = {segment.id for segment in content.segments} - inspected
+    if not open_:
+        return None
+    for number in range(flown, len(content.days)):
+        day = select_day(content, number, inspected, ground.names)
+        if any(day.plan.sorties):
+            return day
+    command = command_line("plan", site, "--day", "--after", after, "-o", "FILE")
+    left = f"no day of it is left for {format_count(len(open_), 'open segment')}"
+    raise PlanFileError(f"{content.source}: {left}; plan the rest: {command}")
 
 
 def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> PlanFile | None:

@@ -16,7 +16,13 @@ from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.documents import AskedVehicles, FlightReport, read_report, read_vehicle_answers
+from executor.analysis.documents import (
+    AskedVehicles,
+    FlightReport,
+    read_flown_day_plan,
+    read_report,
+    read_vehicle_answers,
+)
 from executor.analysis.report import NOTHING_SAID, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
@@ -210,7 +216,7 @@ def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bo
     """Return the order to fly what a run directory describes; one in the air goes on though it cannot be published."""
     silent = launched and describe_missing_extra(Extra.MQTT, "[mqtt]")
     mqtt = None if silent else run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-    truths, day = partial(read_injected_faults, run), run_start.read_flown_day_plan(run)
+    truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 

@@ -14,7 +14,7 @@ from executor.adapters.clock import SystemClock
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today, write_site
-from executor.analysis.documents import AskedVehicle, EarlierRow, read_vehicle_answers
+from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -39,7 +39,6 @@ from missions import (
     PlanFile,
     apply_tunings,
     dialect_for,
-    read_day_plan,
     read_plan,
     write_plan,
 )
@@ -236,7 +235,8 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
 
 def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
-    rows = {row.name: row for row in read_vehicle_answers(run).vehicles}
+    answers = read_vehicle_answers(run)
+    rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
     dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
@@ -244,6 +244,8 @@ def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> 
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
     context, boards = build_context_and_boards(ground, setup, plan, day, own, parameters)
+    if context.day is not None and not answers.counts_packs:
+        context = replace(context, day=replace(context.day, packs={}))
     ahead = {} if day is None else day_plans.sorties_ahead_of(day)
     return RunStart(
         ground,
@@ -286,16 +288,6 @@ def build_context_and_boards(
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles
     }
-
-
-def read_flown_day_plan(run: Path) -> DayPlanFile | None:
-    """Return the day plan that a run directory was flown by; None for a single flight.
-
-    Raises:
-        MissionsError: it cannot be used.
-    """
-    path = RunDirectory(run).day_plan
-    return read_day_plan(path) if path.exists() else None
 
 
 def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:

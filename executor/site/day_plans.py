@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from executor.core.context import DayRules
+from executor.core.context import DayRules, PackRules
 from executor.core.formatting import format_count
 from executor.core.state.vehicle_parts import PlannedSortie
 from executor.errors import SiteError
@@ -49,6 +49,7 @@ from planner.sorties import (
     SortieEvaluation,
     SortiePlan,
     SortieVehicle,
+    evaluate_sorties,
     solve_sorties,
     subtract_quiet_times,
 )
@@ -255,11 +256,52 @@ def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFil
     return made
 
 
+def select_day(content: DayPlanFile, number: int, inspected: Collection[int], names: Collection[str]) -> DayPlanFile:
+    """Return what is left of one day of a plan, as a plan of that day alone; the rest of the plan is left over in it.
+
+    Args:
+        content: The plan.
+        number: Of the day among those of the plan, from 0.
+        inspected: Ids of segments that are not flown again.
+        names: Of the vehicles that still fly; the sorties of the others are left over too.
+    """
+    opens_s, closes_s = content.days[number]
+    kept = [place for place, segment in enumerate(content.segments) if segment.id not in inspected]
+    rows = [row for row, own in enumerate(content.vehicles) if own.name in names]
+    position = {old: new for new, old in enumerate(kept)}
+
+    def shorten(sortie: Sortie) -> Sortie:
+        open_ = (visit for visit in sortie.visits if segment_of(visit) in position)
+        return replace(sortie, visits=_renumber_visits(position, open_))
+
+    shortened = [
+        [shorten(one) for one in content.plan.sorties[row] if opens_s <= one.start_s < closes_s] for row in rows
+    ]
+    sorties = tuple(tuple(one for one in own if one.visits) for own in shortened)
+    flown = {segment_of(visit) for own in sorties for one in own for visit in one.visits}
+    vehicles = tuple(
+        replace(own, ready_s=opens_s, windows=tuple(one for one in own.windows if opens_s <= one[0] < closes_s))
+        for own in (content.vehicles[row] for row in rows)
+    )
+    part = replace(
+        content,
+        segments=tuple(content.segments[place] for place in kept),
+        pricing=content.pricing.select_segments(kept, [own.name for own in vehicles]),
+        vehicles=vehicles,
+        pads=tuple(content.pads[row] for row in rows),
+        days=((opens_s, closes_s),),
+        plan=SortiePlan(sorties, tuple(place for place in range(len(kept)) if place not in flown)),
+        windows=(),
+        part_of=content.schedule_id,
+    )
+    return replace(part, evaluation=evaluate_sorties(part.build_instance(), part.plan))
+
+
 def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
     """Return every vehicle's sorties of the first day, with the network's visits."""
     ids, begins_s = [segment.id for segment in content.segments], _first_take_off_s(content)
     return {
-        name: tuple(PlannedSortie(_to_network_visits(ids, one.visits), one.start_s - begins_s) for one in own)
+        name: tuple(PlannedSortie(_renumber_visits(ids, one.visits), one.start_s - begins_s) for one in own)
         for name, own in _select_first_day(content).items()
     }
 
@@ -274,7 +316,7 @@ def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]
         at_home = (one for one in sorties if (one.base, one.lands) == (own.base, own.base))
         for number, one in enumerate(at_home):
             rounds += [{}] if number == len(rounds) else []
-            rounds[number][own.name] = _to_network_visits(ids, one.visits)
+            rounds[number][own.name] = _renumber_visits(ids, one.visits)
     return rounds
 
 
@@ -292,6 +334,7 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
             name: frozenset(content.segments[number].id for number in own)
             for name, own in content.pricing.barred.items()
         },
+        packs={base.name: PackRules(base.packs, base.recharge_s) for base in content.bases if base.packs is not None},
     )
 
 
@@ -353,5 +396,5 @@ def _first_take_off_s(content: DayPlanFile) -> float:
     return min(starts, default=content.days[0][0])
 
 
-def _to_network_visits(ids: list[int], visits: tuple[int, ...]) -> tuple[int, ...]:
+def _renumber_visits(ids: Sequence[int] | Mapping[int, int], visits: Iterable[int]) -> tuple[int, ...]:
     return tuple(visit_of(ids[segment_of(visit)], is_reversed(visit)) for visit in visits)

@@ -13,12 +13,16 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from benchmarks.virtual_day import DayScenario, VirtualDay
-from benchmarks.virtual_flight import FlightObservers, fly_virtual
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import EarlierRow, list_inspected_segments, read_earlier_flights
+from executor.flight.next_flight import select_next_day
 from executor.simulated.simulated_fleet import SIMULATED_CEILING_M, build_demo_site
 from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
+from missions import DayPlanFile, check_day_plan, write_plan
 from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
@@ -77,3 +81,50 @@ def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
     assert min(apart_m) >= LAYER_M - 1.0
     flown = sum(truth.what == "took_off" for truth in flight.truths)
     assert flown == sum(map(len, day.plan.sorties))
+
+
+TWO_DAYS_END = "08:12"
+"""So that one day does not do."""
+
+
+def test_a_plan_of_two_days_is_finished_on_the_second_after_a_loss_on_the_first(tmp_path: Path) -> None:
+    content = build_demo_site(
+        network=write_star(tmp_path / "star.geojson"), radius_m=1e6, vehicles=2, speedup=1.0, autopilot="ardupilot",
+        ports=range(20_000, 20_002),
+    )  # fmt: skip
+    content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, "heights": "flat"}
+    content |= {"energy": {"capacity_ah": 0.5}, "day": {"begin": "08:00", "end": TWO_DAYS_END, "days": 2}}
+    site = tmp_path / "site.toml"
+    ground = site_model.load_site_model(check_site(content, "test"), tmp_path)
+    plan = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
+    assert not plan.plan.uncovered
+    starts_s = [one.start_s for own in plan.plan.sorties for one in own]
+    assert min(starts_s) < plan.days[0][1] <= plan.days[1][0] <= max(starts_s)
+
+    def fly(day: DayPlanFile, run: Path, earlier: tuple[EarlierRow, ...], *losses: tuple[float, str]) -> VirtualFlight:
+        """Fly a day of the plan, and keep of it what the next one reads."""
+        numbers: Iterator[int] = itertools.count(1)
+        first = build_first_sorties_plan(day, ground)
+        scenario = DayScenario(day, lambda _: (f"P{next(numbers)}", 100.0), losses)
+        flight = fly_virtual(ground, first, seed=1, make=partial(VirtualDay, scenario))
+        run.mkdir()
+        write_plan(RunDirectory(run).plan_path(0), first)
+        write_plan(RunDirectory(run).day_plan, day)
+        flight.report.model_copy(update={"earlier": earlier}).write(RunDirectory(run).report)
+        return flight
+
+    before = fly(plan, tmp_path / "one", (), (20.0, "uav1"))
+    assert [fault.vehicle for fault in before.report.faults] == ["uav1"]
+    done = set(list_inspected_segments(before.report))
+    assert done
+    assert before.report.segments_uncovered
+
+    rest = select_next_day(plan, tmp_path / "one", ground, site)
+    assert rest is not None
+    assert rest.first_day == 2
+    assert check_day_plan(rest) == []
+    after = fly(rest, tmp_path / "two", read_earlier_flights(tmp_path / "one"))
+    assert after.report.finished
+    assert set(list_inspected_segments(after.report)) == {segment.id for segment in plan.segments} - done
+    assert rest.plan.uncovered  # by the loss: given to those with budget to spare
+    assert select_next_day(plan, tmp_path / "two", ground, site) is None

@@ -18,7 +18,8 @@ from executor.core.battery.pack_condition import PackState, RestReading
 from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
-from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
+from executor.core.ground import pack_count
+from executor.core.ground.out_of_service import clear_for_takeoff, find_vehicles_at_base, return_to_service
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
@@ -87,7 +88,8 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
 
 def advance_turnarounds(context: Context, state: FleetState, now_s: float) -> Stepped:
     """Send out who may go, end what took too long, and open what a lost vehicle had ahead of it."""
-    commands: list[Command] = []
+    state, told = _release_packless_sorties(context, state, now_s)
+    commands = list[Command](told)
     for name in state.vehicles:
         state, more = _release_later_sorties(context, state, state.vehicles[name])
         commands.extend(more)
@@ -170,6 +172,9 @@ def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> 
     open_ = frozenset[int]() if over else find_unplanned_segments(context, state)
 
     def has_more(vehicle: VehicleState) -> bool:
+        stock = pack_count.count_packs(context, state, vehicle.name, now_s)
+        if stock is not None and stock.exhausted:
+            return False
         work = is_in_service(vehicle) and bool(find_next_sortie(state, vehicle) or open_ - vehicle.turn.beyond)
         return work and not _is_done_for_day(context, state, vehicle, now_s)
 
@@ -221,7 +226,9 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     if not open_:
         return ""
     awaited = sorties.AWAITED if visits else sorties.AWAITED_OPEN
-    return awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
+    waits = awaited.format(number=_next_sortie_number(vehicle), segments=format_count(open_, "segment"))
+    packs = pack_count.describe_packs(pack_count.count_packs(context, state, vehicle.name, now_s))
+    return sorties.WITH_PACKS.format(waits=waits, packs=packs) if packs else waits
 
 
 def describe_hours_conflict(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> str:
@@ -290,12 +297,38 @@ def _release_later_sorties(context: Context, state: FleetState, vehicle: Vehicle
     stays = vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.base_closed
     if not vehicle.turn.ahead or not stays:
         return state, ()
-    visits = {segment_of(visit) for sortie in vehicle.turn.ahead for visit in sortie.visits}
-    left = visits - set(state.coverage.inspected)
-    state = state.put(vehicle.with_turn(ahead=()))
-    state = replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left))
-    said = sorties.OPENED.say(vehicle=vehicle.name, segments=format_count(len(left), "segment"))
+    state, left = _open_later_sorties(context, state, (vehicle,))
+    said = sorties.OPENED.say(vehicle=vehicle.name, segments=format_count(left, "segment"))
     return state, (said,) if left else ()
+
+
+def _release_packless_sorties(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Open to the others what the vehicles of a base had ahead of them that has no pack for it any more that day.
+
+    A vehicle that is being turned around may leave its pack to another one.
+    """
+    commands: list[Command] = []
+    for base in () if context.day is None else context.day.packs:
+        vehicles = find_vehicles_at_base(context, state, base)
+        turned = any(vehicle.turn.asked_s is not None for vehicle in vehicles)
+        waiting = () if turned else tuple(vehicle for vehicle in vehicles if vehicle.turn.ahead)
+        stock = pack_count.count_packs(context, state, waiting[0].name, now_s) if waiting else None
+        if stock is not None and stock.exhausted:
+            state, left = _open_later_sorties(context, state, waiting)
+            segments, packs = format_count(left, "segment"), pack_count.describe_packs(stock)
+            commands += [sorties.PACKS_GONE.say(packs=packs, segments=segments)] if left else []
+    return state, tuple(commands)
+
+
+def _open_later_sorties(
+    context: Context, state: FleetState, vehicles: tuple[VehicleState, ...]
+) -> tuple[FleetState, int]:
+    """Open what vehicles had ahead of them; returns with the state how many segments that are."""
+    visits = {segment_of(visit) for own in vehicles for sortie in own.turn.ahead for visit in sortie.visits}
+    left = visits - set(state.coverage.inspected)
+    for vehicle in vehicles:
+        state = state.put(vehicle.with_turn(ahead=()))
+    return replace(state, coverage=replan_cycle.set_aside_segments(context, state.coverage, left)), len(left)
 
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:

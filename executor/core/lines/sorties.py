@@ -57,6 +57,13 @@ EXPIRED_CLEARANCE = (
 # What it waits for, and flies.
 AWAITED = "waiting for pack confirmation: sortie {number}, {segments}"
 AWAITED_OPEN = "waiting for pack confirmation: {segments} open"
+WITH_PACKS = "{waits}; by the plan's count {packs}"
+PACKS_LEFT = "{packs} left at base {base}"
+NO_PACK_UNTIL = "no charged pack is left at base {base} until T+{until}"
+NO_PACK_YET = "no charged pack is left at base {base} until one has landed and is charged"
+NO_PACK_LEFT = "no charged pack is left at base {base} for the rest of the day"
+SWAP_WITHOUT_PACK = CrewLine(WARNING, "{vehicle}: by the plan's count {packs}")
+PACKS_GONE = CrewLine(WARNING, "by the plan's count {packs}; {segments} of its later sorties open for those of others")
 NOT_IN_NEXT_HOURS = "its next sortie of {lasts} does not end within its hours; its next hours begin at T+{later}"
 NO_HOURS = "its next sortie of {lasts} does not end within its hours; it has no hours after now"
 OPENED = CrewLine(WARNING, "{vehicle}: {segments} of its later sorties open for the sorties of others")

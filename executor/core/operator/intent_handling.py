@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
-from executor.core.ground import out_of_service, takeoff_offers, turnaround
+from executor.core.ground import out_of_service, pack_count, takeoff_offers, turnaround
 from executor.core.ground.out_of_service import clear_for_takeoff, return_to_service
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
@@ -17,7 +17,7 @@ from executor.core.inflight.homing import bring_home, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, Hold, LandNow, Level, Resume, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
 from executor.core.interface.intents import Action, Intent, IntentReason, IntentRecord, Outcome, fill_in
-from executor.core.lines import operator
+from executor.core.lines import operator, sorties
 from executor.core.operator import intent_refusals
 from executor.core.operator.intent_refusals import Wish
 from executor.core.replanning import replan_cycle, withdrawal
@@ -198,7 +198,16 @@ def _include(wish: Wish) -> _IntentResult:
 def _swap(wish: Wish) -> _IntentResult:
     state, told = turnaround.begin_turnaround(wish.state, wish.vehicle, wish.intent, wish.now_s)
     installed = operator.PACK_INSTALLED if wish.intent.pack else operator.ANY_PACK_INSTALLED
-    return _IntentResult(state, installed.format(pack=wish.intent.pack), told, open=True)
+    text = installed.format(pack=wish.intent.pack)
+    before, after = (
+        pack_count.count_packs(wish.context, one, wish.vehicle.name, wish.now_s) for one in (wish.state, state)
+    )
+    if before is not None and before.charged:
+        text = sorties.WITH_PACKS.format(waits=text, packs=pack_count.describe_packs(after))
+    elif before is not None:  # the crew knows its packs
+        packs = pack_count.describe_packs(before)
+        told = (sorties.SWAP_WITHOUT_PACK.say(vehicle=wish.vehicle.name, packs=packs), *told)
+    return _IntentResult(state, text, told, open=True)
 
 
 def _close(wish: Wish) -> _IntentResult:

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from executor.analysis.documents import SortieRow
+from executor.analysis.documents import AskedVehicles, SortieRow, VehicleRow, read_flown_day_plan
+from executor.analysis.report import build_vehicle_answers
 from executor.cli import flights
 from executor.cli.main import main
-from executor.flight.run_start import FlightRequest, write_run_start
+from executor.core.context import PackRules
+from executor.flight.run_start import FlightRequest, read_run_start, write_run_start
+from executor.site.day_plans import build_day_rules, sorties_ahead_of
+from missions import DayPlanFile, read_day_plan
+from planner import segment_of
 from tests.executor.flights import short_report
 
 VEHICLES = "".join(
@@ -28,6 +34,13 @@ PEAK = '[[base]]\nname = "peak"\nlat_deg = 49.6000\nlon_deg = 15.6100\nalt_m = 8
 DAY = '[day]\nbegin = "08:00"\nend = "11:00"\nlands = "any"\nroad_m_s = 8\n'
 NETWORK = '[network]\nfile = "default"\nradius_m = 1200\n'
 FAST = ("--seconds", "0.5", "--starts", "1")
+
+
+def inspector(segments: Collection[int]) -> VehicleRow:
+    """Return the row of a vehicle that has inspected some segments."""
+    return VehicleRow(
+        name="uav1", segments=tuple(sorted(segments)), energy_used_pct=1.0, landed=True, min_reserve_pct=None
+    )
 
 
 class Place:
@@ -193,6 +206,110 @@ def test_a_day_is_planned_and_flown_and_the_next_one_goes_on(place: Place, monke
     assert flown[1].day is not None
     assert [segment.id for segment in flown[1].day.segments] == left
     assert [(row.run, row.sorties) for row in flown[1].earlier] == [("one", 1)]
+
+
+LATER_DAYS = DAY.replace("11:00", "08:20").replace('"any"\nroad_m_s = 8', '"own"') + "days = 3\n"
+
+
+def test_the_days_of_a_plan_are_flown_one_after_the_other(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    flown: list[FlightRequest] = []
+    monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
+
+    def fly(run: str, after: str, left: Collection[int]) -> DayPlanFile:
+        """Fly the next day and write its report: of what it was for, `left` stays open."""
+        code, _, _ = place.call("fly", "site.toml", "--plan", "days.json", *(("--after", after) if after else ()),
+                                "--run", run)  # fmt: skip
+        assert code == 0
+        order = flown[-1]
+        write_run_start(order)
+        whole = {segment.id for segment in order.plan.segments}
+        short_report(sorted(left)).model_copy(
+            update={"earlier": order.earlier, "vehicles": (inspector(whole - set(left)),)}
+        ).write(place.folder / run / "report.json")
+        assert order.day is not None
+        kept = read_flown_day_plan(place.folder / run)
+        assert kept is not None
+        assert sorties_ahead_of(kept) == sorties_ahead_of(order.day)
+        return order.day
+
+    place.write(NETWORK, LATER_DAYS, NORTH, SOUTH, VEHICLES)
+    assert place.plan("-o", "days.json")[0] == 0
+    whole = read_day_plan(place.folder / "days.json")
+    ends_s, ids = [end_s for _, end_s in whole.days], [segment.id for segment in whole.segments]
+    planned = [
+        {ids[visit >> 1] for own in whole.plan.sorties for one in own for visit in one.visits
+         if end_s - 86_400.0 < one.start_s <= end_s}
+        for end_s in ends_s
+    ]  # fmt: skip
+    assert all(planned)
+
+    lost = min(planned[0])  # the first day leaves one of its segments, and does one of the second day's
+    done = min(planned[1])
+    first = fly("one", "", {lost} | planned[1] - {done} | planned[2])
+    assert (first.first_day, first.part_of) == (1, None)
+    second = fly("two", "one", {lost} | planned[2])
+    assert (second.first_day, second.part_of) == (2, whole.schedule_id)
+    assert {segment_of(visit) for own in sorties_ahead_of(second).values() for one in own for visit in one.visits} == (
+        planned[1] - {done}
+    )
+    assert {second.segments[place].id for place in second.plan.uncovered} == {lost} | planned[2]
+    assert min(own[0].start_s for own in sorties_ahead_of(second).values() if own) == 0.0
+    assert build_day_rules(second).ends_s == pytest.approx(20 * 60.0, abs=60.0)
+    third = fly("three", "two", {lost})
+    assert (third.first_day, [(row.run, row.day) for row in flown[-1].earlier]) == (3, [("one", 1), ("two", 2)])
+
+    code, _, err = place.call("fly", "site.toml", "--plan", "days.json", "--after", "three")
+    assert code == 2
+    assert err.splitlines()[-1] == (
+        "faultline: days.json: no day of it is left for 1 open segment; plan the rest: "
+        "faultline plan site.toml --day --after three -o FILE"
+    )
+    short_report([]).model_copy(
+        update={"earlier": flown[-1].earlier, "vehicles": (inspector({lost} | planned[2]),)}
+    ).write(place.folder / "three" / "report.json")
+    for command in (("fly", "days.json", "--site", "site.toml"), ("preflight", "site.toml", "--plan", "days.json")):
+        code, _, err = place.call(*command, "--after", "three")
+        assert (code, err.splitlines()[-1].endswith("everything is inspected; nothing is left to fly")) == (0, True)
+
+
+def test_a_run_directory_from_before_packs_were_counted_is_read_without_them(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[FlightRequest] = []
+    monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
+    place.write(NETWORK, LATER_DAYS, NORTH, SOUTH, VEHICLES)
+    assert place.call("day", "site.toml", "--seconds", "0.5", "--starts", "1", "--run", "one")[0] == 0
+    write_run_start(flown[0])
+    run, counted = place.folder / "one", {"north": PackRules(9), "south": PackRules(8, 1800.0)}
+    for answers in (AskedVehicles(vehicles=(), counts_packs=True), AskedVehicles(vehicles=())):
+        answers.write(run / "vehicles.json")
+        context = read_run_start(run).context
+        assert context.day is not None
+        assert context.day.packs == (counted if answers.counts_packs else {})
+        assert build_vehicle_answers(context, {}) == answers
+    assert "counts_packs" not in (run / "vehicles.json").read_text()
+
+
+def test_the_next_day_is_flown_without_a_vehicle_that_is_lost(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    flown: list[FlightRequest] = []
+    monkeypatch.setattr(flights, "_fly_and_finish", lambda order, *_, **__: flown.append(order))
+    place.write(NETWORK, LATER_DAYS, NORTH, SOUTH, VEHICLES)
+    assert place.plan("-o", "days.json")[0] == 0
+    assert place.call("fly", "site.toml", "--plan", "days.json", "--run", "one")[0] == 0
+    write_run_start(flown[0])
+    ids = [segment.id for segment in flown[0].plan.segments]
+    short_report(ids[1:]).model_copy(update={"vehicles": (inspector(ids[:1]),)}).write(
+        place.folder / "one" / "report.json"
+    )
+    alone = NORTH.replace('["uav1"]', "[]"), SOUTH, VEHICLES[VEHICLES.rindex("[[vehicle]]") :]
+    place.write(NETWORK, LATER_DAYS, *alone)
+    code, _, err = place.call("fly", "site.toml", "--plan", "days.json", "--after", "one", "--run", "two")
+    assert (code, err.count("day 2 of 3")) == (0, 1)
+    assert flown[1].day is not None
+    assert [own.name for own in flown[1].day.vehicles] == ["uav2"]
+    assert [segment.id for segment in flown[1].day.segments] == ids[1:]
+    code, _, err = place.call("fly", "site.toml", "--plan", "days.json", "--run", "three")
+    assert (code, "expected uav2 as in the site" in err) == (2, True)
 
 
 def test_nothing_is_planned_for_a_spare(place: Place) -> None:

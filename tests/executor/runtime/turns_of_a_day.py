@@ -12,7 +12,7 @@ from benchmarks.virtual.in_process_solver import InProcessSolver
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.core import fleet_step
 from executor.core.battery.pack_condition import PackHistory
-from executor.core.context import Context, DayRules
+from executor.core.context import Context, DayRules, PackRules
 from executor.core.interface.events import Reopened
 from executor.core.interface.intents import IntentRecord
 from executor.core.preflight.vehicle_checks import VehicleFacts
@@ -63,6 +63,8 @@ class Day:
     """Parameters that a vehicle has with every new pack, as it boots."""
     bases: Mapping[str, str] = field(default_factory=dict)
     """Of vehicles that have another than the depot."""
+    packs: Mapping[str, PackRules] = field(default_factory=dict)
+    """Of each base that the plan counts the packs of."""
     dies: When | None = None
     """When the ground station dies, and comes back a while later."""
 
@@ -129,7 +131,7 @@ class DaySky(Sky):
             everybody = tuple(context.vehicles)
             windows = dict.fromkeys(everybody, self.day.windows_s)
             bases = {**dict.fromkeys(everybody, "depot"), **self.day.bases}
-            context = replace(context, day=DayRules(STAGGER_S, bases, windows))
+            context = replace(context, day=DayRules(STAGGER_S, bases, windows, packs=self.day.packs))
         return context, self._boards
 
     def _initial(self, boards: Mapping[str, OnboardMission | None]) -> FleetState:

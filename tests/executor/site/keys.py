@@ -107,6 +107,11 @@ class Loaded:
         view = view_for(self.ground, self.folder)
         return view.attribution, view.background is None, None if view.relief is None else as_text(view.relief)
 
+    @property
+    def sets_day(self) -> bool:
+        """Whether the site says anything of days."""
+        return self.site.day != DayTable() or bool(self.site.base)
+
     @cached_property
     def plan(self) -> PlanFile:
         """The plan of one flight."""
@@ -174,7 +179,7 @@ def replan(loaded: Loaded) -> object:
     found = site_planning.preview_loss(content, lost, at_s, cost=Cost.MINMAX, seconds=60.0, seed=1)
     answer = document(replace(found.plan, solved=replace(found.plan.solved, seconds=0.0)))
     later = None
-    if loaded.site.day != DayTable() and loaded.first is not None:
+    if loaded.sets_day and loaded.first is not None:
         later = decide(begin(loaded, loaded.first, loaded.day)[0])
     return answer, decide(begin(loaded, content)[0]), later
 
@@ -182,7 +187,7 @@ def replan(loaded: Loaded) -> object:
 def resume(loaded: Loaded) -> object:
     """Return what a run directory gives back of a flight, and of a day, after the site's own folder is gone."""
     flights: list[tuple[PlanFile, DayPlanFile | None]] = [(loaded.plan, None)]
-    if loaded.site.day != DayTable() and loaded.first is not None:
+    if loaded.sets_day and loaded.first is not None:
         flights.append((loaded.first, loaded.day))
     return [_resume(loaded, content, day) for content, day in flights]
 
@@ -192,7 +197,7 @@ def _resume(loaded: Loaded, content: PlanFile, day: DayPlanFile | None) -> objec
     shutil.rmtree(run, ignore_errors=True)
     run.mkdir()
     write_run_start(FlightRequest(loaded.site, loaded.folder, loaded.ground, content, run, lambda _: (), day=day))
-    AskedVehicles(format="faultline-vehicles/1", vehicles=()).write(RunDirectory(run).vehicles)
+    AskedVehicles(format="faultline-vehicles/1", vehicles=(), counts_packs=True).write(RunDirectory(run).vehicles)
     found = read_run_start(run)
     again, below = Loaded(found.ground.site, run, found.ground), read_ground_files(run)
     flown = document(replace(found.plan, solved=content.solved))

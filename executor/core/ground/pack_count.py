@@ -1,0 +1,86 @@
+"""The charged packs of each base, counted as the day's plan counts them, from the sorties that were flown.
+
+All packs of a base are charged at the launch. Each take-off takes the one that was charged first; it can fly again
+`recharge_s` after its landing, and never where packs are charged overnight or where it is lost with its vehicle. A
+vehicle that is being turned around has its pack. The crew knows its packs better: what it puts in is flown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from executor.core.context import Context
+from executor.core.formatting import format_count, format_duration
+from executor.core.ground.out_of_service import find_vehicles_at_base
+from executor.core.lines import sorties
+from executor.core.state.fleet_state import FleetState
+from executor.core.state.vehicle_state import Stage, VehicleState
+
+_AWAY = frozenset({Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT})
+
+
+@dataclass(frozen=True, slots=True)
+class PackStock:
+    """The packs at a base."""
+
+    base: str
+    charged: int
+    """How many can be put in now."""
+    next_s: float | None
+    """When the next one is charged, after the launch; None where none is being charged."""
+    exhausted: bool
+    """Whether none is charged, and none will be within the hours of the day."""
+
+
+def count_packs(context: Context, state: FleetState, name: str, now_s: float) -> PackStock | None:
+    """Return the packs at a vehicle's base; None before the launch, or where the plan does not count them."""
+    day, launched_s = context.day, state.progress.launched_s
+    base = "" if day is None else day.bases.get(name, "")
+    rules = None if day is None else day.packs.get(base)
+    if day is None or rules is None or launched_s is None:
+        return None
+    vehicles = find_vehicles_at_base(context, state, base)
+    pool = [launched_s] * rules.count
+    for _, back_s in sorted(_list_pack_moves(vehicles, rules.recharge_s)):
+        if back_s is not None:
+            pool.append(back_s)
+        elif pool:  # with none charged the crew charges faster, or has one more than the plan
+            pool.remove(min(pool))
+    charged, last_s = sum(ready_s <= now_s for ready_s in pool), launched_s + day.ends_s
+    next_s = min((ready_s for ready_s in pool if ready_s > now_s), default=math.inf)
+    used = any(vehicle.stage in _AWAY or vehicle.turn.asked_s is not None for vehicle in vehicles)
+    landing_s = now_s + rules.recharge_s if used and rules.recharge_s is not None else math.inf
+    exhausted = not charged and min(next_s, landing_s) >= last_s
+    return PackStock(base, charged, next_s - launched_s if math.isfinite(next_s) else None, exhausted)
+
+
+def _list_pack_moves(
+    vehicles: tuple[VehicleState, ...], recharge_s: float | None
+) -> list[tuple[tuple[float, bool], float | None]]:
+    """Return when packs leave the charged ones, and with the time when it can fly again when they are back."""
+    moves: list[tuple[tuple[float, bool], float | None]] = []
+    for vehicle in vehicles:
+        turn, unflown = vehicle.turn, False
+        for sortie in turn.sorties:
+            moves.append(((sortie.began_s, True), None))
+            if sortie.ended_s is not None and recharge_s is not None:
+                moves.append(((sortie.ended_s, False), sortie.ended_s + recharge_s))
+            unflown = sortie.ended_s is None and not vehicle.sortie.took_off
+        if turn.asked_s is not None and not unflown:
+            moves.append(((turn.asked_s, True), None))
+    return moves
+
+
+def describe_packs(stock: PackStock | None) -> str:
+    """Return what is left of the packs of a base in words; empty where nobody counts them."""
+    if stock is None:
+        return ""
+    if stock.charged:
+        return sorties.PACKS_LEFT.format(packs=format_count(stock.charged, "charged pack"), base=stock.base)
+    line = sorties.NO_PACK_YET
+    if stock.exhausted:
+        line = sorties.NO_PACK_LEFT
+    elif stock.next_s is not None:
+        line = sorties.NO_PACK_UNTIL
+    return line.format(base=stock.base, until=format_duration(stock.next_s or 0.0))
