@@ -90,14 +90,15 @@ PROFILES: Mapping[str, RadioProfile] = {
     "mlrs-19": _mlrs(19),
     "mlrs-31": _mlrs(31),
     "mlrs-50": _mlrs(50),
-    "mesh": RadioProfile(144e-6, 2.1e-3, (250, 250), round_s=1 / 0.7),
+    "mesh": RadioProfile(144e-6, 2.1e-3, (250, 250), round_s=1 / 0.7, delay_s=(0.2, 0.45)),
     "lte": _LTE,
     "lte-2": replace(_LTE, outage_s=2.0),
     "lte-8": replace(_LTE, outage_s=8.0),
     "lte-20": replace(_LTE, outage_s=20.0),
 }
 """SiK at 64 kbit/s with its bugs mended, or stock, without and with error correction; mLRS by its packet rate; RFD900x
-with several nodes, each heard 0.7 times a second; LTE, also with outages of so many seconds."""
+with several nodes, each heard 0.7 times a second, and so
+late that a round trip takes the 1 to 2 s that are published; LTE, also with outages of so many seconds."""
 
 
 @dataclass(frozen=True, slots=True)
