@@ -211,6 +211,8 @@ class _Node:
         self._out: dict[int, list[tuple[float, int, bytes]]] = {}
         self._count = 0
         self._codec = Codec(RADIO_SYSTEM, component=RADIO_COMPONENT)
+        self.cut_bytes = 0
+        """What had no room, on either side."""
         self._status: tuple[float, int, bytes] | None = None
         """What the stock firmware puts between the next bytes."""
 
@@ -221,9 +223,11 @@ class _Node:
             frame = data[: measure_frame(data)]
             data = data[len(frame) :]
             begins_s = max(now_s, self._line_free_s)
-            if (begins_s - now_s) * rate_bytes_s + len(frame) <= max(LINE_BYTES, self._profile.fifo_bytes[0]):
-                self._line.append((begins_s, frame, vehicle))
-                self._line_free_s = begins_s + len(frame) / rate_bytes_s
+            if (begins_s - now_s) * rate_bytes_s + len(frame) > max(LINE_BYTES, self._profile.fifo_bytes[0]):
+                self.cut_bytes += len(frame)
+                continue
+            self._line.append((begins_s, frame, vehicle))
+            self._line_free_s = begins_s + len(frame) / rate_bytes_s
 
     def take_out(self, vehicle: int, now_s: float) -> list[bytes]:
         """Take away what has come out on the serial line by now, a frame each or what is left of one."""
@@ -241,8 +245,10 @@ class _Node:
             room = self._profile.fifo_bytes[0] - len(self.fifo)
             if not self._profile.whole_frames:
                 self.fifo += frame[self._inside : come][:room]
-            elif come == len(frame) <= room:
-                self.fifo += frame
+                self.cut_bytes += max(0, come - self._inside - room)
+            elif come == len(frame):
+                self.fifo += frame if come <= room else b""
+                self.cut_bytes += come if come > room else 0
             self._inside = come
             if come < len(frame):
                 break
@@ -291,7 +297,9 @@ class _Node:
     def _put_out(self, vehicle: int, data: bytes, at_s: float, *, whole: bool = False) -> None:
         """Hand out bytes on the serial line; what its buffer has no room for is cut."""
         begins_s, rate_bytes_s = max(at_s, self._out_free_s), self._profile.serial_bytes_s
-        data = data[: max(0, int(self._profile.fifo_bytes[1] - (begins_s - at_s) * rate_bytes_s))]
+        room = max(0, int(self._profile.fifo_bytes[1] - (begins_s - at_s) * rate_bytes_s))
+        self.cut_bytes += max(0, len(data) - room)
+        data = data[:room]
         self._out_free_s = begins_s + len(data) / rate_bytes_s
         tail = bytearray() if whole else self._tails.setdefault(vehicle, bytearray())
         tail += data
@@ -332,6 +340,11 @@ class Radio:
         self._yielded = False
         self._spoke_s = dict.fromkeys(self._nodes, 0.0)
         self._lived_s = dict.fromkeys(vehicles, 0.0)
+
+    @property
+    def cut_bytes(self) -> int:
+        """What had no room anywhere."""
+        return sum(node.cut_bytes for node in self._nodes.values())
 
     def send(self, vehicle: int, data: bytes, now_s: float, *, up: bool) -> None:
         """Take bytes for a vehicle from the ground station, or the other way round."""
