@@ -119,7 +119,6 @@ def fly_virtual(
     craft: Callable[[SimVehicle], SimVehicle] = lambda vehicle: vehicle,
     onlookers: FlightObservers | None = None,
     limit_s: float = LIMIT_S,
-    radio: str = "",
     make: Callable[..., VirtualRun] | None = None,
 ) -> VirtualFlight:
     """Fly a plan over a site from the first heartbeat to the end of the supervision.
@@ -135,7 +134,6 @@ def fly_virtual(
         craft: Changes a simulated vehicle: its charge, its pack, the wind.
         onlookers: Who looks on.
         limit_s: Of the flight's time after the launch.
-        radio: As ``--radio`` takes it.
         make: Makes another run than the plain one, from the same six.
 
     Raises:
@@ -146,8 +144,7 @@ def fly_virtual(
     flight = ground.site.flight.model_copy(update={"speedup": 1.0})
     ground = replace(ground, site=ground.site.model_copy(update={"flight": flight}))
     began_s = time.perf_counter()
-    kind = partial(VirtualRun, radio=radio) if make is None else make
-    run = partial(kind, ground, plan, faults, seed, craft, onlookers or FlightObservers())
+    run = partial(make or VirtualRun, ground, plan, faults, seed, craft, onlookers or FlightObservers())
     flown = run_virtual(lambda: run().fly(limit_s))
     return replace(flown, took_s=time.perf_counter() - began_s)
 
@@ -186,7 +183,10 @@ class VirtualRun(MemoryFlight):
         craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, *, day: DayPlanFile | None = None,
         radio: str = "",
     ) -> None:  # fmt: skip
-        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is."""
+        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is.
+
+        `radio` is as ``--radio`` takes it.
+        """
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers = onlookers
         simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True, radio=radio)

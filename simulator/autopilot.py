@@ -465,15 +465,19 @@ class Autopilot(ABC):
                 self.select_item(body.seq)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body))
-            case messages.RequestDataStream():
-                self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
-            case messages.RadioStatus():
-                self._on_radio_status(body.txbuf_pct)
+            case messages.RequestDataStream() | messages.RadioStatus():
+                self._adjust_streams(body)
             case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
             case _:
                 step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
                 self._apply_store_step(step)
+
+    def _adjust_streams(self, body: messages.RequestDataStream | messages.RadioStatus) -> None:
+        if isinstance(body, messages.RadioStatus):
+            self._on_radio_status(body.txbuf_pct)
+        else:
+            self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
         """Answer questions; what is an answer itself gets none."""

@@ -196,7 +196,7 @@ class SimulationOutputs:
     """What its cameras take."""
 
 
-def run_simulation(
+def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     ground: SiteModel,
     *,
     speedup: float,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from benchmarks.errors import FlightNotFlown
-from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, VirtualRun, fly_virtual
 from executor.core.interface.events import Heard, LaunchOrdered
 from executor.site.flight_tables import FenceTable
 from simulator.config import FaultSpecError, SimulatorError
@@ -97,7 +98,9 @@ def test_a_fence_is_flown_with_and_widened_for_a_replan(tmp_path: Path, autopilo
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_three_vehicles_on_one_telemetry_radio(tmp_path: Path, autopilot: str) -> None:
     ground = short_ground(tmp_path, 3, autopilot)
-    flight = fly_virtual(ground, shared(ground), faults=("uav2:crash@40s",), seed=1, radio="sik")
+    flight = fly_virtual(
+        ground, shared(ground), faults=("uav2:crash@40s",), seed=1, make=partial(VirtualRun, radio="sik")
+    )
     report = flight.report
     assert (flight.ended, report.finished, report.segments_inspected, report.segments_total) == (True, True, 6, 6)
     assert [(fault.vehicle, fault.happened_s is not None) for fault in report.faults] == [("uav2", True)]
@@ -108,4 +111,4 @@ def test_three_vehicles_on_one_telemetry_radio(tmp_path: Path, autopilot: str) -
 def test_a_radio_that_there_is_not_is_refused(tmp_path: Path) -> None:
     ground = short_ground(tmp_path, 1, "px4")
     with pytest.raises(SimulatorError, match="unknown profile 'sick'"):
-        fly_virtual(ground, shared(ground), radio="sick")
+        fly_virtual(ground, shared(ground), make=partial(VirtualRun, radio="sick"))

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from simulator.messages import MavCommand, MissionCount, MissionSetCurrent, RequestDataStream
+from simulator.messages import MavCommand, MissionCount, MissionSetCurrent, RadioStatus, RequestDataStream
 from tests.simulator.copter import HOME, cruising, mission, operator, speed_now
 from tests.simulator.harness import (
     AUTO,

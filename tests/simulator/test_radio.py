@@ -24,7 +24,7 @@ RADIO_STATUS = 109
 
 
 def build_frame(number: int, size: int) -> bytes:
-    """Return a frame of so many bytes, 14 to 267, that differs from every other, and has no byte that could begin one."""
+    """Return a frame of 14 to 267 bytes that differs from every other, and has no byte that could begin one."""
     counted = bytes(number >> shift & 0x7F for shift in (21, 14, 7, 0))
     return bytes([0xFD, size - 12, 0, 0, number % 128, 1, 1, 30, 0, 0]) + counted + bytes([1] * (size - 14))
 
@@ -64,7 +64,7 @@ def run(
     due_s = {place: chance.random() for place in range(-1, vehicles)}
     beat_s = 0.0
     for now_s in (step * STEP_S for step in range(round(seconds / STEP_S))):
-        for place in due_s:
+        for place in range(-1, vehicles):
             rate = up if place < 0 else down
             while rate and due_s[place] <= now_s:
                 frame = build_frame(len(heard.sent), size)
@@ -185,7 +185,7 @@ def test_a_mesh_lets_everybody_speak_seven_times_in_ten_seconds() -> None:
 @pytest.mark.parametrize(("name", "outage_s"), [("lte-2", 2.0), ("lte-8", 8.0), ("lte-20", 20.0)])
 def test_a_mobile_network_is_fast_and_away_at_times(name: str, outage_s: float) -> None:
     heard = run(name, down=300.0, seconds=1200.0)
-    assert 55 <= heard.quantile_ms(0.0)
+    assert heard.quantile_ms(0.0) >= 55
     assert heard.quantile_ms(1.0) <= 155
     assert heard.lost == pytest.approx(outage_s / (120 + outage_s), rel=0.7)
 

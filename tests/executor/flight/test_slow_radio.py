@@ -1,4 +1,4 @@
-"""Three vehicles behind one radio with error correction: everything is asked, set and put on board that is so over a fast link."""
+"""Three vehicles behind one slow radio: everything is asked, set and put on board that is so over a fast link."""
 
 from __future__ import annotations
 
@@ -72,9 +72,7 @@ class Prepared:
         return [(check.severity, check.subject, check.text) for check in self.found if check.code is code]
 
 
-def prepared(
-    folder: Path, autopilot: str, kind: str, parameters: Mapping[str, float], *lacks: str
-) -> Prepared:
+def prepared(folder: Path, autopilot: str, kind: str, parameters: Mapping[str, float], *lacks: str) -> Prepared:
     """Return three vehicles after their checklist, with their RTL heights set and their missions on board."""
     ground = short_ground(folder, 3, autopilot)
     order = FlightRequest(ground.site, folder, ground, shared(ground), folder, lambda _: ())
@@ -83,7 +81,10 @@ def prepared(
         clock = SystemClock(1.0, 0.0, 0.0, asyncio.get_running_loop().time, (0.0, 0.0))
         fleet = fleet_of(ground, speedup=1.0, faults=(), seed=1, wind=1.0, failsafe=True, radio=kind)
         crafts = build_vehicles(fleet, lambda one: replace(one, parameters={**one.parameters, **parameters}))
-        radios, items = {one.name: _End(one, table.sysid) for one, table in zip(crafts, fleet.vehicles, strict=True)}, Counter[tuple[int, int]]()
+        radios, items = (
+            {one.name: _End(one, table.sysid) for one, table in zip(crafts, fleet.vehicles, strict=True)},
+            Counter[tuple[int, int]](),
+        )
         for end in radios.values():
             end.items = items
             end.vehicle.autopilot.params.hidden |= {*lacks}
