@@ -247,6 +247,7 @@ class ArduPilot(Autopilot):
         self.mode = Mode.STABILIZE
         self.hands = self._breached = False
         self._gcs_failsafe = self._ekf_failsafe = False
+        self._radio_slow_s = self.store.slow_s = 0.0
         self._battery_level = 0
         self._low_since_s.clear()
         self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct

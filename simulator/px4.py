@@ -311,6 +311,7 @@ class Px4(Autopilot):
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
+        self._radio_factor = 1.0
         self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = self._lost_gps = False
         self._action_due = None
         self._charge_state = 1
@@ -326,7 +327,9 @@ class Px4(Autopilot):
 
     def _slow_down(self, interval_s: float) -> float:
         heard = self.now_s - self._radio_heard_s <= RADIO_FORGOTTEN_S
-        factor = min(self._radio_factor if heard else 1.0, self.vehicle.rate_bytes_s / self.streams.bytes_s)
+        factor = self._radio_factor if heard else 1.0
+        if math.isfinite(self.vehicle.rate_bytes_s):
+            factor = min(factor, self.vehicle.rate_bytes_s / self.streams.bytes_s)
         return interval_s / max(LEAST_FACTOR, factor) if factor < 1.0 else interval_s
 
     # The mission on board.
