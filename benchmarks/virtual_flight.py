@@ -47,7 +47,7 @@ from executor.site.site_model import SiteModel
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
-from simulator.fleet import SimulatedVehicle
+from simulator.fleet import SimulatedVehicle, build_vehicles
 from simulator.truth import Truth
 
 LIMIT_S = 3 * 3600.0
@@ -137,7 +137,7 @@ def fly_virtual(
         make: Makes another run than the plain one, from the same six.
 
     Raises:
-        SimulatorError: a fault cannot be read, or names nobody.
+        SimulatorError: a fault or the radio cannot be read, or a fault names nobody.
         PreflightFailed: a vehicle does not become ready.
         FlightNotFlown: the checklist stops the flight.
     """
@@ -181,18 +181,24 @@ class VirtualRun(MemoryFlight):
     def __init__(
         self, ground: SiteModel, plan: PlanFile, faults: Sequence[str], seed: int,
         craft: Callable[[SimVehicle], SimVehicle], onlookers: FlightObservers, *, day: DayPlanFile | None = None,
+        radio: str = "",
     ) -> None:  # fmt: skip
-        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is."""
+        """Prepare; the arguments are those of `fly_virtual`, and the day whose first sorties the plan is.
+
+        `radio` is as ``--radio`` takes it.
+        """
         self._order = FlightRequest(ground.site, Path(), ground, plan, Path(), lambda _: (), day=day)
         self._onlookers = onlookers
-        simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True)
+        simulated = fleet_of(ground, speedup=1.0, faults=faults, seed=seed, wind=1.0, failsafe=True, radio=radio)
         setup = ground.setup
-        radios = {}
-        for config in simulated.vehicles:
+
+        def raise_return(config: SimVehicle) -> SimVehicle:
             rule = dialect_for(config.autopilot.value).return_parameters
             height = {rule.height: setup.return_height_m(config.name) / rule.unit_m}
-            raised = replace(config, parameters={**config.parameters, **height})
-            radios[config.name] = MemoryRadio(SimulatedVehicle(craft(raised), simulated.faults), config.sysid)
+            return craft(replace(config, parameters={**config.parameters, **height}))
+
+        vehicles = zip(simulated.vehicles, build_vehicles(simulated, raise_return), strict=True)
+        radios = {config.name: MemoryRadio(vehicle, config.sysid) for config, vehicle in vehicles}
         solver = InProcessSolver(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         super().__init__(radios, solver, self._onlookers.sink)
         self._vehicles = {name: radio.vehicle for name, radio in radios.items()}

@@ -36,6 +36,8 @@ GIVES_UP_M = 100.0
 EKF_BOOT = 1024
 """Flags of EKF_STATUS_REPORT: 'uninitialised'."""
 LOW, CRITICAL = 1, 2
+MOST_SLOW_S = 2.0
+"""What a full radio adds to the interval of every stream."""
 EMERGENCY_PCT = 8.0
 """What an emergency leaves of the charge: enough to land."""
 DEV = 0
@@ -67,6 +69,7 @@ class ArduPilot(Autopilot):
     """One vehicle."""
 
     mission: ArduPilotMission
+    store: ArduPilotStore
     STREAMS_S: ClassVar = {"HEARTBEAT": 1.0, "TIMESYNC": 10.0}
     REFUSED: ClassVar = messages.Result.FAILED
     INVALID: ClassVar = messages.Result.FAILED
@@ -93,6 +96,8 @@ class ArduPilot(Autopilot):
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._battery_level = 0
+        self._radio_slow_s = 0.0
+        """By how much every interval is longer for its radio's buffer."""
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
         """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
@@ -242,12 +247,25 @@ class ArduPilot(Autopilot):
         self.mode = Mode.STABILIZE
         self.hands = self._breached = False
         self._gcs_failsafe = self._ekf_failsafe = False
+        self._radio_slow_s = self.store.slow_s = 0.0
         self._battery_level = 0
         self._low_since_s.clear()
         self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct
         self.mission.apply_reboot()
 
     # The mission on board.
+
+    def _on_radio_status(self, txbuf_pct: int) -> None:
+        if txbuf_pct < 20:
+            change_s = 0.06
+        elif txbuf_pct < 50:
+            change_s = 0.02
+        else:
+            change_s = -0.04 if txbuf_pct > 95 else -0.02 if txbuf_pct > 90 else 0.0
+        self._radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, self._radio_slow_s + change_s))
+
+    def _slow_down(self, interval_s: float) -> float:
+        return (interval_s + self._radio_slow_s) * (4.0 if self.store.is_receiving else 1.0)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO

@@ -88,7 +88,7 @@ class Autopilot(ABC):
         self.hands = False
         """Whether a person holds the sticks: a mode that follows them keeps its height then."""
         self.positioning = Positioning()
-        self.streams = Streams(self.STREAMS_S, 0.0)
+        self.streams = self._start_streams()
         self.gcs_heard_s: float | None = None
         """When the ground station that counts was last heard; None before it ever was."""
         self._mission_began_s: float | None = None
@@ -378,6 +378,14 @@ class Autopilot(ABC):
     def _build_own(self, name: str) -> messages.Outbound | None:
         """Return a telemetry message that the dialects fill differently; None where there is nothing to say."""
 
+    @abstractmethod
+    def _on_radio_status(self, txbuf_pct: int) -> None:
+        """React to how much of its radio's buffer is free."""
+
+    @abstractmethod
+    def _slow_down(self, interval_s: float) -> float:
+        """Return the interval that a stream keeps for the one that was asked for."""
+
     def _on_stick_input(self) -> None:  # noqa: B027 - as ArduPilot does on its mission
         """React to a person who moves the sticks: here they move nothing."""
 
@@ -417,9 +425,14 @@ class Autopilot(ABC):
         self._rebooting_until_s = None
         self.boot_s = self.now_s
         self.gcs_heard_s = None
-        self.streams = Streams(self.STREAMS_S, self.now_s)
+        self.streams = self._start_streams()
         self.store.forget_transfers()
         self._on_boot()
+
+    def _start_streams(self) -> Streams:
+        streams = Streams(self.STREAMS_S, self.now_s)
+        streams.slow_down = self._slow_down
+        return streams
 
     def _report(self, *, only_heartbeat: bool) -> None:
         for name in self.streams.take_due(self.now_s):
@@ -452,13 +465,19 @@ class Autopilot(ABC):
                 self.select_item(body.seq)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
                 self.voice.send(self.params.answer(body))
-            case messages.RequestDataStream():
-                self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
+            case messages.RequestDataStream() | messages.RadioStatus():
+                self._adjust_streams(body)
             case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
             case _:
                 step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
                 self._apply_store_step(step)
+
+    def _adjust_streams(self, body: messages.RequestDataStream | messages.RadioStatus) -> None:
+        if isinstance(body, messages.RadioStatus):
+            self._on_radio_status(body.txbuf_pct)
+        else:
+            self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
         """Answer questions; what is an answer itself gets none."""

@@ -412,6 +412,8 @@ class SimVehicle:
     transfer_patience_s: float = 0.0
     """A mission transfer is not given up sooner than this, simulated, though a real autopilot does: where a simulation
     runs faster than real time, a silent partner may be a busy computer."""
+    rate_bytes_s: float = math.inf
+    """PX4: MAV_0_RATE, to which it scales its streams."""
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Autopilot parameters that differ from the defaults."""
     seed: int = 0
@@ -435,6 +437,8 @@ class SimFleet:
     vehicles: tuple[SimVehicle, ...]
     speedup: float = 1.0
     faults: tuple[Injection, ...] = ()
+    radio: str = ""
+    """The radio that they share, as ``parse_radio`` reads it; without one they are on a network."""
 
     def __post_init__(self) -> None:
         """Check that the connections can be told apart, and the faults find their vehicles.

@@ -29,6 +29,7 @@ from simulator.config import (
 from simulator.messages import Command, Heartbeat, Peer, Received, build_message
 from simulator.mission_store import UploadFault
 from simulator.px4 import Px4
+from simulator.radio import Radio, build_radios, parse_radio
 from simulator.truth import Truth
 from simulator.wire import Codec
 
@@ -112,7 +113,11 @@ def make_autopilot(vehicle: SimVehicle) -> Autopilot:
 class SimulatedVehicle:
     """An autopilot behind a link that may be bad; all times are simulated seconds."""
 
-    def __init__(self, vehicle: SimVehicle, faults: Iterable[Injection] = ()) -> None:
+    def __init__(
+        self, vehicle: SimVehicle, faults: Iterable[Injection] = (), radio: Radio | None = None, place: int = 0
+    ) -> None:
+        """Switch it on; `place` is its number on the radio."""
+        self._radio, self._place = radio, place
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         payload = self.autopilot.payload
@@ -145,6 +150,9 @@ class SimulatedVehicle:
 
     def receive(self, datagram: bytes) -> None:
         """Take a datagram from a ground station; an answer may be ready at once."""
+        if self._radio is not None:
+            self._radio.send(self._place, datagram, self._now_s, up=True)
+            return
         self._up.offer(datagram, self._now_s)
         self._deliver()
 
@@ -152,6 +160,9 @@ class SimulatedVehicle:
         """Live until ``until_s``, in whole steps."""
         while self._now_s + STEP_S <= until_s + 1e-9:
             self._now_s += STEP_S
+            if self._radio is not None:
+                for datagram in self._radio.take(self._place, self._now_s, up=True):
+                    self._up.offer(datagram, self._now_s)
             self._deliver()
             self.autopilot.advance(self._now_s)
             self._inject()
@@ -161,7 +172,12 @@ class SimulatedVehicle:
     def drain(self) -> list[bytes]:
         """Take away the datagrams that have reached the ground stations."""
         self._collect()
-        return self._down.take_due(self._now_s)
+        sent = self._down.take_due(self._now_s)
+        if self._radio is None:
+            return sent
+        for datagram in sent:
+            self._radio.send(self._place, datagram, self._now_s, up=False)
+        return self._radio.take(self._place, self._now_s, up=False)
 
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
         """Take away what really happened, where on the globe, and when by a machine's clock."""
@@ -263,6 +279,24 @@ class SimulatedVehicle:
             "HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
         )
         self._down.offer(self._station.encode(beat, self._now_s), self._now_s)
+
+
+def build_vehicles(
+    fleet: SimFleet, craft: Callable[[SimVehicle], SimVehicle] = lambda one: one
+) -> list[SimulatedVehicle]:
+    """Return the vehicles of a fleet, behind their radio if they have one; `craft` changes one before it is built.
+
+    Raises:
+        SimulatorError: there is no such radio.
+    """
+    crafts = [craft(one) for one in fleet.vehicles]
+    if not fleet.radio:
+        return [SimulatedVehicle(one, fleet.faults) for one in crafts]
+    radios = build_radios(parse_radio(fleet.radio), len(crafts), crafts[0].seed)
+    return [
+        SimulatedVehicle(one, fleet.faults, radio, place)
+        for place, (one, radio) in enumerate(zip(crafts, radios, strict=True))
+    ]
 
 
 Address = tuple[str, int]
@@ -378,9 +412,9 @@ async def run_fleet(
     loop = asyncio.get_running_loop()
     links: list[_Link] = []
     try:
-        for config in fleet.vehicles:
+        for config, vehicle in zip(fleet.vehicles, build_vehicles(fleet), strict=True):
             endpoint = parse_vehicle_endpoint(config.connection)
-            link = _Link(SimulatedVehicle(config, fleet.faults), endpoint.target)
+            link = _Link(vehicle, endpoint.target)
             await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
             links.append(link)
         clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -236,6 +236,14 @@ class Timesync:
 
 
 @dataclass(frozen=True, slots=True)
+class RadioStatus:
+    """RADIO_STATUS of the vehicle's own radio."""
+
+    txbuf_pct: int
+    """How much of its buffer is free."""
+
+
+@dataclass(frozen=True, slots=True)
 class Ping:
     """PING."""
 
@@ -249,7 +257,7 @@ MissionMessage = (
 )
 Body = (
     Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
-    | RequestDataStream | Timesync | Ping
+    | RequestDataStream | RadioStatus | Timesync | Ping
 )  # fmt: skip
 
 
@@ -380,6 +388,18 @@ STREAMS: Mapping[int, tuple[str, ...]] = {
 """What REQUEST_DATA_STREAM asks for, by MAV_DATA_STREAM; 0 is all of it."""
 
 
+FRAME_BYTES: Mapping[str, int] = {
+    "SYS_STATUS": 43, "SYSTEM_TIME": 24, "GPS_RAW_INT": 64, "ATTITUDE": 40, "LOCAL_POSITION_NED": 40,
+    "GLOBAL_POSITION_INT": 40, "MISSION_CURRENT": 30, "VFR_HUD": 32, "TIMESYNC": 28, "BATTERY_STATUS": 66,
+    "WIND_COV": 52, "HOME_POSITION": 72, "EXTENDED_SYS_STATE": 14, "ESTIMATOR_STATUS": 54,
+}  # fmt: skip
+"""Of MAVLink 2 with all fields."""
+
+
+def _keep_interval(interval_s: float) -> float:
+    return interval_s
+
+
 class Streams:
     """The schedule of one vehicle's telemetry."""
 
@@ -387,6 +407,13 @@ class Streams:
         self._defaults_s = defaults_s
         self._interval_s = dict(defaults_s)
         self._due_s = dict.fromkeys(defaults_s, now_s)
+        self.slow_down: Callable[[float], float] = _keep_interval
+        """Returns the interval that is kept, in seconds, for one that was asked for."""
+
+    @property
+    def bytes_s(self) -> float:
+        """What everything on schedule but HEARTBEAT needs, as PX4 counts it: without signatures."""
+        return sum(FRAME_BYTES.get(name, 60) / one for name, one in self._interval_s.items() if name != "HEARTBEAT")
 
     def interval_s(self, name: str) -> float | None:
         """Return the interval, or None when the message is not sent by itself."""
@@ -420,6 +447,8 @@ class Streams:
         for name, due_s in self._due_s.items():
             if due_s <= now_s + 1e-9:
                 interval_s = self._interval_s[name]
+                if name != "HEARTBEAT":
+                    interval_s = self.slow_down(interval_s)
                 self._due_s[name] = due_s + interval_s if due_s + interval_s > now_s else now_s + interval_s
                 yield name
 

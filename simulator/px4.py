@@ -73,6 +73,10 @@ CONE_CLOSE_M = 2.0
 UNKNOWN_CURRENT_CA = -100
 """What 'no sensor' looks like: -1 A in centiamperes, not -1."""
 EMPTY_TOTAL = 65535
+LEAST_FACTOR = 0.01
+"""Of the rates of its streams."""
+RADIO_FORGOTTEN_S = 5.0
+"""MAV_RADIO_TOUT."""
 EMERGENCY_PCT = 4.5
 """What an emergency leaves of the charge: under BAT_EMERGEN_THR, and enough to land."""
 OFFICIAL = 255
@@ -113,6 +117,8 @@ class Px4(Autopilot):
         """The index as last reported."""
         self._link_lost = False
         self._failsafe = self._blind = self._lost_gps = False
+        self._radio_factor, self._radio_heard_s = 1.0, 0.0
+        """What its radio's buffer leaves of the rates of its streams."""
         self._emergency = Mode.LAND
         """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
         self._emergency_ordered = False
@@ -305,11 +311,26 @@ class Px4(Autopilot):
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
+        self._radio_factor = 1.0
         self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = self._lost_gps = False
         self._action_due = None
         self._charge_state = 1
         self.voice.muted = False
         self.mission.apply_reboot()
+
+    def _on_radio_status(self, txbuf_pct: int) -> None:
+        if self.now_s - self._radio_heard_s > RADIO_FORGOTTEN_S:
+            self._radio_factor = 1.0
+        factor = 0.8 if txbuf_pct < 25 else 0.975 if txbuf_pct < 35 else 1.025 if txbuf_pct > 50 else 1.0
+        self._radio_factor = min(1.0, max(LEAST_FACTOR, self._radio_factor * factor))
+        self._radio_heard_s = self.now_s
+
+    def _slow_down(self, interval_s: float) -> float:
+        heard = self.now_s - self._radio_heard_s <= RADIO_FORGOTTEN_S
+        factor = self._radio_factor if heard else 1.0
+        if math.isfinite(self.vehicle.rate_bytes_s):
+            factor = min(factor, self.vehicle.rate_bytes_s / self.streams.bytes_s)
+        return interval_s / max(LEAST_FACTOR, factor) if factor < 1.0 else interval_s
 
     # The mission on board.
 

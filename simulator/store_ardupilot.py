@@ -58,6 +58,13 @@ class ArduPilotList:
         self._items: tuple[MissionItem, ...] = ()
         self._give_up_s = max(GIVE_UP_S, patience_s)
         self._upload: Transfer | None = None
+        self.slow_s = 0.0
+        """By how much later a slow radio makes it ask again."""
+
+    @property
+    def is_receiving(self) -> bool:
+        """Whether it is asking for items."""
+        return self._upload is not None
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -95,7 +102,7 @@ class ArduPilotList:
             self._upload = None
             timeout = ((Severity.WARNING, f"{NAMES[self.kind]} upload timeout"),)
             return self._build_ack(upload.partner, MissionResult.OPERATION_CANCELLED, timeout)
-        if upload.is_stalled(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S:
+        if upload.is_stalled(self.fault) or now_s - upload.asked_s < ASK_AGAIN_S + self.slow_s:
             return StoreStep()
         return self._request_next_item(upload, now_s)
 

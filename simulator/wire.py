@@ -115,6 +115,7 @@ READERS: Mapping[str, Callable[[_Fields], messages.Body]] = {
     "REQUEST_DATA_STREAM": lambda f: messages.RequestDataStream(
         f.get_integer("req_stream_id"), f.get_integer("req_message_rate"), bool(f.get_integer("start_stop"))
     ),
+    "RADIO_STATUS": lambda f: messages.RadioStatus(f.get_integer("txbuf")),
     "TIMESYNC": lambda f: messages.Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
     "PING": lambda f: messages.Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),
 }

@@ -124,6 +124,7 @@ def simulate(
         Path | None,
         typer.Option(metavar="DIR", help="Write what the site's cameras take there, as JPEGs with EXIF."),
     ] = None,
+    radio: options.RadioOption = "",
 ) -> None:
     """Run the simulated fleet alone, on UDP, for any ground station; ends with Ctrl-C."""
     from executor.simulated.simulated_fleet import SimulationOutputs, run_simulation
@@ -136,7 +137,7 @@ def simulate(
     factor = content.flight.speedup if speedup is None else speedup
     run_simulation(
         ground, speedup=factor, faults=fault or (), seed=seed, wind=wind, outputs=SimulationOutputs(truth, cards),
-        failsafe=failsafe, key=read_signing_key(content, site.parent),
+        failsafe=failsafe, key=read_signing_key(content, site.parent), radio=radio,
     )  # fmt: skip
 
 

@@ -126,6 +126,15 @@ FaultOption = Annotated[
         "(300s), a share of the route (40%) or a height (2.5m in the climb, 20m-down in the descent), or landed.",
     ),
 ]
+RadioOption = Annotated[
+    str,
+    typer.Option(
+        metavar="PROFILE[:loss=SHARE]",
+        help="Put all vehicles behind one telemetry radio: sik (SiK at 64 kbit/s), sik-stock, sik-ecc, sik-ecc-mended, "
+        "mlrs-19, mlrs-31, mlrs-50, mesh (RFD900x), lte, or lte-2, lte-8 and lte-20 with outages of so many seconds; "
+        "with a loss such as sik:loss=0.15 that share of packets is lost in bursts.",
+    ),
+]
 AfterOption = Annotated[
     Path | None,
     typer.Option(

@@ -27,6 +27,7 @@ from missions.geo import FloatArray
 from simulator.camera import CapturedImage, format_picture_name
 from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle, parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
+from simulator.radio import parse_radio
 from simulator.truth import Truth, TruthWriter
 
 SIZE_PX = (160, 120)
@@ -128,6 +129,10 @@ TICKS_PER_S = 100_000
 """Steps of 10 us."""
 
 
+PX4_RATE_BYTES_S = 1200.0
+"""MAV_0_RATE as PX4 comes, on a telemetry radio."""
+
+
 def fleet_of(
     ground: SiteModel,
     *,
@@ -137,12 +142,14 @@ def fleet_of(
     wind: float,
     failsafe: bool,
     signing: Signing | None = None,
+    radio: str = "",
 ) -> SimFleet:
     """Return the site's vehicles, standing on their pads; with `failsafe` they come home when they lose our heartbeat.
 
     Raises:
-        SimulatorError: a fault, or a connection, that cannot be simulated.
+        SimulatorError: a fault, a radio or a connection that cannot be simulated.
     """
+    slow = bool(radio) and parse_radio(radio).profile.speaks
     setup = ground.setup
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
@@ -166,6 +173,7 @@ def fleet_of(
                     rule.action: float(rule.action_return if failsafe else 0),
                     rule.timeout: max(rule.timeout_s, site_model.stall_s(speedup)),
                 },
+                rate_bytes_s=PX4_RATE_BYTES_S if slow else math.inf,
                 seed=seed * 1000 + number,
                 signing=signing,
                 cameras=tuple(
@@ -175,7 +183,7 @@ def fleet_of(
                 ),
             )
         )
-    return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults))
+    return SimFleet(tuple(vehicles), speedup, tuple(parse_fault(fault) for fault in faults), radio)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +196,7 @@ class SimulationOutputs:
     """What its cameras take."""
 
 
-def run_simulation(
+def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     ground: SiteModel,
     *,
     speedup: float,
@@ -198,6 +206,7 @@ def run_simulation(
     outputs: SimulationOutputs,
     failsafe: bool,
     key: bytes | None = None,
+    radio: str = "",
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
     written = None if outputs.cards is None else SimulatedCards(outputs.cards, ground.network, time.time())
@@ -205,7 +214,9 @@ def run_simulation(
     if key is not None:
         began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
-    fleet = fleet_of(ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing)
+    fleet = fleet_of(
+        ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing, radio=radio
+    )
     with ExitStack() as stack:
         writer = stack.enter_context(closing(TruthWriter(outputs.truth))) if outputs.truth is not None else None
         for vehicle in fleet.vehicles:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
+from executor.site.flight_tables import FenceTable
 
 from benchmarks.errors import FlightNotFlown
-from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, VirtualRun, fly_virtual
 from executor.core.interface.events import Heard, LaunchOrdered
 from executor.site.flight_keys import FenceTable
-from simulator.config import FaultSpecError
+from simulator.config import FaultSpecError, SimulatorError
 from tests.benchmarks.virtual.short_line import shared, short_ground
 from tests.stories.world import Sink
 
@@ -92,3 +94,22 @@ def test_a_fence_is_flown_with_and_widened_for_a_replan(tmp_path: Path, autopilo
     assert [fault.kind.value for fault in flight.report.faults] == ["interruption"]
     assert any("fence widened first" in line.text for _, line in flight.said)
     assert not any("fence" in truth.what for truth in flight.truths), "nobody left its fence"
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_three_vehicles_on_one_telemetry_radio(tmp_path: Path, autopilot: str) -> None:
+    ground = short_ground(tmp_path, 3, autopilot)
+    flight = fly_virtual(
+        ground, shared(ground), faults=("uav2:crash@40s",), seed=1, make=partial(VirtualRun, radio="sik")
+    )
+    report = flight.report
+    assert (flight.ended, report.finished, report.segments_inspected, report.segments_total) == (True, True, 6, 6)
+    assert [(fault.vehicle, fault.happened_s is not None) for fault in report.faults] == [("uav2", True)]
+    assert [replan.feasible for replan in report.replans] == [True]
+    assert [craft.wrecked for craft in flight.crafts.values()] == [False, True, False]
+
+
+def test_a_radio_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    ground = short_ground(tmp_path, 1, "px4")
+    with pytest.raises(SimulatorError, match="unknown profile 'sick'"):
+        fly_virtual(ground, shared(ground), make=partial(VirtualRun, radio="sick"))

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from simulator.messages import MavCommand, MissionCount, MissionSetCurrent, RequestDataStream
+from simulator.messages import MavCommand, MissionCount, MissionSetCurrent, RadioStatus, RequestDataStream
 from tests.simulator.copter import HOME, cruising, mission, operator, speed_now
 from tests.simulator.harness import (
     AUTO,
@@ -46,6 +46,41 @@ def test_set_message_interval_and_data_streams_are_followed() -> None:
     op.run(10)
     assert len(op.sent("SYS_STATUS")) == 20
     assert len(op.sent("MISSION_CURRENT")) == 20
+
+
+def test_a_full_radio_makes_every_interval_longer_and_an_empty_one_shorter_again() -> None:
+    op = operator()
+    op.command(MavCommand.SET_MESSAGE_INTERVAL, 33, 200_000)
+
+    def count(seconds: float) -> int:
+        before = len(op.sent("GLOBAL_POSITION_INT"))
+        op.run(seconds)
+        return len(op.sent("GLOBAL_POSITION_INT")) - before
+
+    assert count(12) == 60
+    for _ in range(10):
+        op.send(RadioStatus(10))
+    op.run(2)
+    assert count(12) == 15, "0.2 s and ten times 60 ms"
+    for _ in range(100):
+        op.send(RadioStatus(10))
+    op.run(3)
+    assert count(22) == 10, "at most 2 s more"
+    for _ in range(50):
+        op.send(RadioStatus(96))
+    op.run(3)
+    assert count(12) == 60
+    assert len(op.sent("HEARTBEAT")) == pytest.approx(op.now_s, abs=1.1)
+
+
+def test_it_sends_a_quarter_while_it_asks_for_items() -> None:
+    op = operator()
+    op.command(MavCommand.SET_MESSAGE_INTERVAL, 33, 200_000)
+    op.send(MissionCount(5, 0))
+    op.run(1)
+    before = len(op.sent("GLOBAL_POSITION_INT"))
+    op.run(4)
+    assert len(op.sent("GLOBAL_POSITION_INT")) - before == 5
 
 
 def test_guided_arm_mission_start_works_and_arming_in_auto_is_refused() -> None:

@@ -52,6 +52,22 @@ async def test_a_calling_ground_station_is_answered(kind: AutopilotKind) -> None
 
 
 @pytest.mark.asyncio
+@KINDS
+async def test_a_mission_goes_on_board_over_a_radio_that_two_share(kind: AutopilotKind) -> None:
+    ports = (free_port(), free_port())
+    vehicles = tuple(
+        sim_vehicle(kind, name=f"uav{sysid}", sysid=sysid, connection=f"udpout://127.0.0.1:{port}")
+        for sysid, port in zip((11, 12), ports, strict=True)
+    )
+    async with flying(SimFleet(vehicles, speedup=5, radio="sik")), Station.calling(ports[0]) as station:
+        station.heartbeat()
+        assert (await station.wait_for("RADIO_STATUS")).txbuf > 80
+        assert is_from(11, await station.wait_for("HEARTBEAT"))
+        items = numbered((waypoint(0, 0, 0.0), rtl()) if kind is AutopilotKind.ARDUPILOT else (takeoff(), rtl()), 0)
+        assert await station.upload([on_wire(item) for item in items]) == 0
+
+
+@pytest.mark.asyncio
 async def test_several_vehicles_on_one_port_and_several_ground_stations() -> None:
     port = free_port()
     vehicles = tuple(

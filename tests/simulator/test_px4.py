@@ -8,7 +8,7 @@ import pytest
 
 from missions.items import Command, Frame, MissionItem
 from simulator.config import AutopilotKind
-from simulator.messages import MavCommand, MissionClearAll, MissionCount, MissionSetCurrent
+from simulator.messages import MavCommand, MissionClearAll, MissionCount, MissionSetCurrent, RadioStatus
 from simulator.px4 import Px4
 from tests.simulator.harness import (
     OTHER,
@@ -61,6 +61,41 @@ def test_it_streams_unasked() -> None:
     assert op.command(MavCommand.SET_MESSAGE_INTERVAL, 147, 0) == 0
     op.run(10)
     assert len(op.sent("BATTERY_STATUS", 20.01)) == 5
+
+
+def test_a_full_radio_makes_its_streams_rarer_until_it_is_forgotten() -> None:
+    op = operator()
+
+    def count(seconds: float) -> int:
+        before = len(op.sent("GLOBAL_POSITION_INT"))
+        op.run(seconds)
+        return len(op.sent("GLOBAL_POSITION_INT")) - before
+
+    op.run(2)
+    for _ in range(5):
+        op.send(RadioStatus(20))
+    op.run(1)
+    assert count(3) == pytest.approx(3 * 4 * 0.8**5, abs=1)
+    for _ in range(3):
+        op.send(RadioStatus(40))
+    for _ in range(60):
+        op.send(RadioStatus(60))
+    assert count(4) == pytest.approx(16, abs=1)
+    for _ in range(200):
+        op.send(RadioStatus(20))
+    op.run(0.3)
+    assert count(4) <= 1, "not below 1 %"
+    op.run(30)
+    assert count(4) == 16, "it hears nothing of its radio any more"
+
+
+def test_its_streams_keep_to_the_rate_of_its_link() -> None:
+    op = operator(rate_bytes_s=300.0)
+    asked_bytes_s = op.vehicle.streams.bytes_s
+    op.run(60)
+    assert asked_bytes_s > 600.0
+    assert len(op.sent("GLOBAL_POSITION_INT")) == pytest.approx(60 * 4 * 300.0 / asked_bytes_s, rel=0.1)
+    assert len(op.sent("HEARTBEAT")) >= 60
 
 
 def test_mission_start_arms_and_takes_off() -> None:

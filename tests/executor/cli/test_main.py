@@ -133,7 +133,7 @@ OPTIONS = {
     "bench": ["solvers", "table", "upload"],
     "replan": ["--lost", "--at", "--cost", "--seconds", "--seed", "--output", "--json"],
     "export": ["--output", "--format", "--autopilot"],
-    "simulate": ["--speedup", "--fault", "--seed", "--wind", "--truth", "--failsafe"],
+    "simulate": ["--speedup", "--fault", "--seed", "--wind", "--truth", "--failsafe", "--radio"],
     "fly": ["--plan", "--after", "--run", "--yes", "--json"],
     "restore": ["--yes", "--json", "--quiet"],
 }
@@ -361,6 +361,11 @@ def test_a_vehicle_that_the_plan_does_not_have(place: Place) -> None:
 def test_a_fault_that_cannot_be_simulated(place: Place, spec: str, expected: str) -> None:
     reason = place.refused("simulate", place.path("site.toml"), "--fault", spec)
     assert expected in reason
+
+
+def test_a_radio_that_cannot_be_simulated(place: Place) -> None:
+    reason = place.refused("simulate", place.path("site.toml"), "--radio", "sick")
+    assert "radio 'sick': unknown profile 'sick', expected one of sik, sik-stock" in reason
 
 
 def test_a_demo_refuses_its_faults_before_anything_is_started(place: Place) -> None:
