@@ -91,11 +91,11 @@ def demo(
         wanted = replace(wanted, seconds=DEMO_MOST_S, iterations=DEMO_ITERATIONS, starts=DEMO_SEARCHES)
     plan = plan_inputs.plan_and_report(ground, console, wanted)
     directory = create_run_directory(run)
-    order = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
-    write_run_start(order)
+    request = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
+    write_run_start(request)
     with simulated_fleet.run_simulated_fleet(directory, faults, seed):
-        flown = clock.run_on_fair_loop(flying.run_flight(order, console))
-    _finish_flight(order, flown, as_json=as_json)
+        flown = clock.run_on_fair_loop(flying.run_flight(request, console))
+    _finish_flight(request, flown, as_json=as_json)
 
 
 def simulate(
@@ -223,11 +223,11 @@ class _PreparedSite:
         )  # fmt: skip
 
 
-def _fly_and_finish(order: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
-    check_run(order.run, order.site)
-    write_run_start(order)
-    flown = clock.run_on_fair_loop(flying.run_flight(order, console))
-    _finish_flight(order, flown, as_json=as_json)
+def _fly_and_finish(request: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
+    check_run(request.run, request.site)
+    write_run_start(request)
+    flown = clock.run_on_fair_loop(flying.run_flight(request, console))
+    _finish_flight(request, flown, as_json=as_json)
 
 
 def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
@@ -266,8 +266,8 @@ def preflight(
     console = TerminalConsole(quiet=as_json or quiet, yes=True)
     ground = plan_inputs.load_site_with_learned(content, site.parent, learned, console)
     day, routes = plan_inputs.select_flown_plan(ground, console, asked, wanted, plan=plan, after=after)
-    order = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
-    found = clock.run_on_fair_loop(run_checklist_only(order, console))
+    request = FlightRequest(content, site.parent, ground, routes, Path(), lambda _: (), day=day)
+    found = clock.run_on_fair_loop(run_checklist_only(request, console))
     console.show_checks(found)
     stops = [check for check in found if check.severity is Severity.STOP]
     lines = ["ready" if not stops else f"not ready: {stops[0].subject}: {stops[0].text}"]
@@ -302,7 +302,7 @@ def resume(
         if not console.confirm("Resume this flight?"):
             raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
         _finish_flight(
-            known.order,
+            known.request,
             clock.run_on_fair_loop(resuming.resume_flight(directory, console, told)),
             as_json=as_json,
         )
@@ -312,15 +312,17 @@ def resume(
         restore = command_line("restore", directory)
         text = f"{one.vehicle}: {one.words_open} not restored: {restore}"
         console.say(Level.WARNING, text)
-    _finish_flight(known.order, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
+    _finish_flight(known.request, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
 
 
-def _finish_flight(order: FlightRequest, flown: flying.FlightResult, *, as_json: bool) -> None:
+def _finish_flight(request: FlightRequest, flown: flying.FlightResult, *, as_json: bool) -> None:
     report = flown.report
     if as_json:
         _print_line(json_text(report.to_plain()))
     else:
-        _print_line(f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {order.run}")
+        _print_line(
+            f"{report.segments_inspected} of {report.segments_total} segments inspected; record in {request.run}"
+        )
         if together := describe_total_inspected(report):
             _print_line(together)
         if report.segments_uncovered:
@@ -328,8 +330,8 @@ def _finish_flight(order: FlightRequest, flown: flying.FlightResult, *, as_json:
         if report.left_over:
             names = (report.segment_names[str(segment)] for segment in report.left_over)
             _print_line(f"of these, planned for the next sortie: {', '.join(names)}")
-    _write_next_flight(order, report, quiet=as_json)
-    _show_flight(order.run, report)
+    _write_next_flight(request, report, quiet=as_json)
+    _show_flight(request.run, report)
     if not report.finished:
         raise typer.Exit(ANSWER_IS_NO)
 
@@ -345,10 +347,10 @@ def _print_line(text: str, *, to: TextIO | None = None) -> None:
         discard_output(stream)
 
 
-def _write_next_flight(order: FlightRequest, report: FlightReport, *, quiet: bool) -> None:
-    path = RunDirectory(order.run).next_sortie
+def _write_next_flight(request: FlightRequest, report: FlightReport, *, quiet: bool) -> None:
+    path = RunDirectory(request.run).next_sortie
     try:
-        plan = plan_next_flight(order.ground, report, order.plan.solved.seed)
+        plan = plan_next_flight(request.ground, report, request.plan.solved.seed)
         if plan is None:
             return
         write_plan(path, plan)

@@ -354,7 +354,7 @@ class FlightRecorder:
 
     def __init__(
         self,
-        order: FlightRequest,
+        request: FlightRequest,
         context: Context,
         console: Console,
         log: EventLog,
@@ -363,7 +363,7 @@ class FlightRecorder:
         legacy: InheritedRecord = NOTHING_LEFT,
     ) -> None:
         """Name who is told."""
-        self._order = order
+        self._order = request
         self._publication = publication
         self._context = context
         self._console = console
@@ -380,7 +380,7 @@ class FlightRecorder:
         self._in_no_file = list(legacy.unkept)
         """Those, and what is just being kept."""
         self._keeping: set[asyncio.Task[None]] = set()
-        self._checkpoints = Checkpointer(order.run, log, clock.speedup, self._warn, legacy.checkpoint)
+        self._checkpoints = Checkpointer(request.run, log, clock.speedup, self._warn, legacy.checkpoint)
 
     def build_observer(self) -> Observer:
         """Return what the flight tells of itself."""
@@ -492,17 +492,17 @@ def plan_path_of(run: Path, planned: Planned) -> Path:
     return RunDirectory(run).plan_path(planned[1].revision)
 
 
-def _build_plan_file(order: FlightRequest, pricing: Pricing, planned: Planned) -> PlanFile:
+def _build_plan_file(request: FlightRequest, pricing: Pricing, planned: Planned) -> PlanFile:
     """Return a re-plan as a plan file, and keep it where there is room."""
-    ground, (solve, event) = order.ground, planned
+    ground, (solve, event) = request.ground, planned
     task, plan = _build_replan(pricing, solve, event)
-    solved = SolverRecord(seed=order.plan.solved.seed, solver="search", seconds=event.solve_s)
+    solved = SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
     )  # fmt: skip
-    content = replace(content.with_site_of(order.plan), says_distances=not ground.inspection.same_distance)
+    content = replace(content.with_site_of(request.plan), says_distances=not ground.inspection.same_distance)
     with suppress(OSError):
-        write_plan(plan_path_of(order.run, planned), content)
+        write_plan(plan_path_of(request.run, planned), content)
     return content
 
 
@@ -514,9 +514,9 @@ def _build_replan(pricing: Pricing, solve: Solve, event: SolveEnded) -> tuple[Ta
     return task, Plan(routes, tuple(segment for segment in range(len(task.segment_ids)) if segment not in flown))
 
 
-def read_plan_in_force(order: FlightRequest, revision: int) -> PlanFile:
+def read_plan_in_force(request: FlightRequest, revision: int) -> PlanFile:
     """Return the newest plan that is on record; a flight that is taken up again may have had several."""
     with suppress(OSError, MissionsError):
         if revision > 0:
-            return read_plan(RunDirectory(order.run).plan_path(revision))
-    return order.plan
+            return read_plan(RunDirectory(request.run).plan_path(revision))
+    return request.plan

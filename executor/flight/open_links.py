@@ -95,7 +95,7 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    order: FlightRequest, clock: SystemClock, *, recorded: bool = True
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
@@ -104,20 +104,20 @@ async def open_links(
     """
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkRequest]] = {"native": {}, "mavsdk": {}}
-        for table in order.site.vehicle:
+        for table in request.site.vehicle:
             log = None
             if recorded:
-                log = TelemetryLog(RunDirectory(order.run).telemetry_path(table.name), clock.label_usec)
+                log = TelemetryLog(RunDirectory(request.run).telemetry_path(table.name), clock.label_usec)
                 stack.callback(log.close)
             wanted[table.backend][table.name] = LinkRequest(table.link, table.sysid, log)
-        key = read_signing_key(order.site, order.base)
+        key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
-        radios = order.site.link.senders
+        radios = request.site.link.senders
         native = await stack.enter_async_context(endpoints.open_mavlink_links(wanted["native"], keyring, radios))
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
         )
-        links = {table.name: native.get(table.name) or others[table.name] for table in order.site.vehicle}
+        links = {table.name: native.get(table.name) or others[table.name] for table in request.site.vehicle}
         async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
             yield links
 

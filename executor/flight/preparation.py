@@ -57,7 +57,7 @@ from missions.fences import Fence, build_fence_items
 
 
 async def interview_vehicles(
-    order: FlightRequest, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
+    request: FlightRequest, links: Mapping[str, OpenLink], clock: SystemClock, console: Console
 ) -> Mapping[str, VehicleFacts]:
     """Ask everybody.
 
@@ -66,9 +66,9 @@ async def interview_vehicles(
         PreflightFailed: somebody does not become ready.
     """
     console.say(Level.INFO, f"waiting for {len(links)} vehicles")
-    everybody = order.site.vehicle
+    everybody = request.site.vehicle
     facts = await run_concurrently(
-        connect_and_interview(order.site, table, links[table.name], clock, console) for table in everybody
+        connect_and_interview(request.site, table, links[table.name], clock, console) for table in everybody
     )
     return {table.name: fact for table, fact in zip(everybody, facts, strict=True)}
 
@@ -97,16 +97,16 @@ async def connect_and_interview(
 
 
 def build_context_and_checklist(
-    order: FlightRequest, facts: Mapping[str, VehicleFacts]
+    request: FlightRequest, facts: Mapping[str, VehicleFacts]
 ) -> tuple[Context, Mapping[str, OnboardMission | None], list[Check]]:
     """Return the context of the flight, everybody's first mission, and the checklist."""
-    ground = order.ground
+    ground = request.ground
     setup = _build_setup(ground, facts)
-    dialects = {table.name: dialect_for(table.autopilot) for table in order.site.vehicle}
+    dialects = {table.name: dialect_for(table.autopilot) for table in request.site.vehicle}
     own = {name: read_link_failsafe(dialects[name], fact.parameters, fact.unread) for name, fact in facts.items()}
     parameters = {name: fact.parameters for name, fact in facts.items()}
-    context, boards = build_context_and_boards(ground, setup, order.plan, order.day, own, parameters)
-    return context, boards, build_checklist(order, context, facts, own, boards, shutil.disk_usage(order.run).free)
+    context, boards = build_context_and_boards(ground, setup, request.plan, request.day, own, parameters)
+    return context, boards, build_checklist(request, context, facts, own, boards, shutil.disk_usage(request.run).free)
 
 
 def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> FlightSetup:
@@ -143,7 +143,7 @@ async def upload_first_missions(
 
 
 def build_checklist(
-    order: FlightRequest,
+    request: FlightRequest,
     context: Context,
     facts: Mapping[str, VehicleFacts],
     own: Mapping[str, LinkFailsafe],
@@ -153,7 +153,7 @@ def build_checklist(
     """Return what was found.
 
     Args:
-        order: What is to be flown.
+        request: What is to be flown.
         context: Of the flight.
         facts: What each vehicle said.
         own: What each vehicle does by itself when it does not hear us.
@@ -161,8 +161,8 @@ def build_checklist(
         free_bytes: On the disk that takes the record.
     """
     paths = {name: board.path for name, board in boards.items() if board is not None}
-    site, plan = order.site, order.plan
-    found = mission_checks.check_flight_heights(context.setup, list(paths.values()), order.ground.worth_a_look)
+    site, plan = request.site, request.plan
+    found = mission_checks.check_flight_heights(context.setup, list(paths.values()), request.ground.worth_a_look)
     stated_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
     pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
@@ -198,11 +198,11 @@ def build_checklist(
         found += vehicle_checks.flight_times(fact, setup.dialect)
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
-    later = frozenset[int]() if order.day is None else day_plans.find_later_segments(order.day)
+    later = frozenset[int]() if request.day is None else day_plans.find_later_segments(request.day)
     return found + build_plan_checks(plan, len(context.setup.network.segments), later)
 
 
-async def run_checklist_only(order: FlightRequest, console: Console) -> list[Check]:
+async def run_checklist_only(request: FlightRequest, console: Console) -> list[Check]:
     """Ask every vehicle, and return what a flight would be told before its take-off.
 
     A vehicle that does not answer, or is not ready, is a check that stops; the others are looked at all the same.
@@ -211,31 +211,31 @@ async def run_checklist_only(order: FlightRequest, console: Console) -> list[Che
         ConnectionFailed: a connection cannot be opened.
     """
     with supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), None):
-        async with follow_fleet_time(order.site, console) as fleet:
+        async with follow_fleet_time(request.site, console) as fleet:
             return await _interview_and_check(
-                order, console, SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)
+                request, console, SystemClock.start_on(request.site.flight.speedup, fleet.steady_s)
             )
 
 
-async def _interview_and_check(order: FlightRequest, console: Console, clock: SystemClock) -> list[Check]:
+async def _interview_and_check(request: FlightRequest, console: Console, clock: SystemClock) -> list[Check]:
     async def one(table: VehicleTable, link: OpenLink) -> VehicleFacts | Check:
         try:
-            return await connect_and_interview(order.site, table, link, clock, console)
+            return await connect_and_interview(request.site, table, link, clock, console)
         except ExecutorError as error:
             return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "), CheckCode.NOT_READY)
 
-    async with open_links.open_links(order, clock, recorded=False) as links:
-        answers = await asyncio.gather(*(one(table, links[table.name]) for table in order.site.vehicle))
+    async with open_links.open_links(request, clock, recorded=False) as links:
+        answers = await asyncio.gather(*(one(table, links[table.name]) for table in request.site.vehicle))
         facts = {answer.name: answer for answer in answers if isinstance(answer, VehicleFacts)}
         found = [answer for answer in answers if isinstance(answer, Check)]
         if not found:
-            context, boards, found_of = build_context_and_checklist(order, facts)
+            context, boards, found_of = build_context_and_checklist(request, facts)
             found_of += check_fences_on_board(context, facts, boards, await read_fences(context, links, clock))
             return [*found_of, *(await read_changes(context, links, clock)).checks]
-    found += build_plan_checks(order.plan, len(order.ground.network.segments))
+    found += build_plan_checks(request.plan, len(request.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.
-    frame = order.ground.network.frame
-    for table in order.site.vehicle:
+    frame = request.ground.network.frame
+    for table in request.site.vehicle:
         if table.name in facts:
             fact, dialect = facts[table.name], dialect_for(table.autopilot)
             found += vehicle_checks.check_identity(

@@ -135,7 +135,7 @@ class Publication:
 
 @asynccontextmanager
 async def serve_page(
-    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, order: FlightRequest | None = None
+    table: WebTable, flight: Flight, clock: SystemClock, console: MessageSink, request: FlightRequest | None = None
 ) -> AsyncIterator[None]:
     """Serve the page; a flight goes on without it where it cannot be served.
 
@@ -169,8 +169,8 @@ async def serve_page(
         token,
         frozenset(names),
         clock.speedup,
-        {} if order is None else read_shown_ground(order, console),
-        None if order is None else order.plan.window,
+        {} if request is None else read_shown_ground(request, console),
+        None if request is None else request.plan.window,
     )
     server = WebServer(settings, flight.context, now, submit, on_error=partial(report_on_loop, loop))
     stack = ExitStack()
@@ -188,12 +188,12 @@ async def serve_page(
         await asyncio.to_thread(stack.close)
 
 
-def read_shown_ground(order: FlightRequest, console: MessageSink) -> Mapping[str, bytes]:
+def read_shown_ground(request: FlightRequest, console: MessageSink) -> Mapping[str, bytes]:
     """Return what the run directory keeps of the ground, or at least where the local metres are."""
     try:
-        kept = read_ground_files(order.run)
+        kept = read_ground_files(request.run)
     except LogError as error:
         console.say(Level.WARNING, f"{error}: the page shows no ground")
         kept = {}
-    around = GroundView(*compute_shown_area(order.ground.network.positions_m))
-    return kept or encode_ground(around, order.ground.network.frame)
+    around = GroundView(*compute_shown_area(request.ground.network.positions_m))
+    return kept or encode_ground(around, request.ground.network.frame)

@@ -71,7 +71,7 @@ class InterruptedRun:
 class ResumePlan:
     """What is known of a flight that was left before its log is read: enough to be heard by its vehicles."""
 
-    order: run_start.FlightRequest
+    request: run_start.FlightRequest
     head: eventlog.LogHeader
     found: FoundCheckpoint
     """Its checkpoint, if there is a good one."""
@@ -96,9 +96,9 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     path = RunDirectory(run).events
     found = find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
-    order = _build_request(run, *run_start.read_site_and_plan(run), launched=launched)
+    request = _build_request(run, *run_start.read_site_and_plan(run), launched=launched)
     if not launched:
-        return order
+        return request
     known = found.checkpoint
     set_s = (
         eventlog.total_clock_step_s(path)
@@ -106,7 +106,7 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
         else known.set_s + eventlog.total_clock_step_s(path, known.place)
     )
     last_s = eventlog.read_last_event_s(path) or 0.0
-    return ResumePlan(order, eventlog.read_head(path), found, last_s, set_s)
+    return ResumePlan(request, eventlog.read_head(path), found, last_s, set_s)
 
 
 def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], bool] = lambda: False) -> InterruptedRun:
@@ -121,7 +121,7 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
         LogError: as `read_resume_plan`, or it was stopped.
     """
     path, checkpoint = RunDirectory(run).events, known.found.checkpoint
-    begun = run_start.build_run_start(run, known.order.ground, known.order.plan)
+    begun = run_start.build_run_start(run, known.request.ground, known.request.plan)
     notes = list(known.found.notes)
     state, place, last_s = begun.state, None, 0.0
     solves: dict[int, Solve] = {}
@@ -220,18 +220,18 @@ def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bo
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(order: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
+async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
     """Fly a flight that was never launched.
 
     Raises:
         ExecutorError: as `app.fly`.
     """
-    kept = RunDirectory(order.run)
+    kept = RunDirectory(request.run)
     # The log holds its head at most; checkpoints would be another flight's.
     for file in (kept.events, *kept.checkpoints):
         file.unlink(missing_ok=True)
-    console.say(Level.INFO, f"{order.run}: nothing was launched; the flight begins from its beginning")
-    return await run_flight.run_flight(order, console)
+    console.say(Level.INFO, f"{request.run}: nothing was launched; the flight begins from its beginning")
+    return await run_flight.run_flight(request, console)
 
 
 def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
@@ -265,19 +265,19 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
         known = read_resume_plan(run)  # now that nobody else writes to it
         if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
-        order = known.order
-        if order.mqtt is None and order.site.mqtt is not None:
+        request = known.request
+        if request.mqtt is None and request.site.mqtt is not None:
             why = describe_missing_extra(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
             console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         async with AsyncExitStack() as stack:
-            fleet = await stack.enter_async_context(follow_fleet_time(order.site, console))
+            fleet = await stack.enter_async_context(follow_fleet_time(request.site, console))
             head = known.head
             clock = SystemClock.resume(
                 head.speedup, head.began_unix_s, known.last_s, known.set_s, fleet.steady_s, fleet.date_unix_s()
             )
-            links = await stack.enter_async_context(open_links(order, clock))
+            links = await stack.enter_async_context(open_links(request, clock))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
-            await asyncio.to_thread(run_flight.load_optional_parts, order)
+            await asyncio.to_thread(run_flight.load_optional_parts, request)
             left = await _replay_in_thread(run, known)
             report = finish_report(run, left)
             if report is not None:
@@ -294,14 +294,14 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             away_s = max(0.0, clock.now_s() - left.last_s)
             reopened = Reopened(time.time(), away_s, left.notes)
             # The planner's process starts while the vehicles are asked: they fly meanwhile.
-            solver = run_flight.make_solver_process(order, console)
+            solver = run_flight.make_solver_process(request, console)
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
                 seat = run_flight.FlightSession(
                     left.begun.context, left.state, links, clock, log, solver, said, left.legacy
                 )
-                return await run_flight.supervise(order, console, seat, reopened)
+                return await run_flight.supervise(request, console, seat, reopened)
             finally:
                 await starting
 

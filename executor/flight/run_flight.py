@@ -159,51 +159,51 @@ class FlightResult:
     """Whether the operator left while the vehicles flew on."""
 
 
-async def run_flight(order: FlightRequest, console: Console) -> FlightResult:
+async def run_flight(request: FlightRequest, console: Console) -> FlightResult:
     """Connect, check, upload, fly and report.
 
     Raises:
         ExecutorError: a vehicle does not answer, or a check says no; nothing has moved then.
     """
-    load_optional_parts(order)
-    solver = make_solver_process(order, console)
+    load_optional_parts(request)
+    solver = make_solver_process(request, console)
     with (
-        lock_run_directory(order.run),
-        supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), order.run),
+        lock_run_directory(request.run),
+        supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), request.run),
     ):
-        async with follow_fleet_time(order.site, console) as fleet:
-            clock = SystemClock.start_on(order.site.flight.speedup, fleet.steady_s)
-            async with open_links(order, clock) as links, solver:
-                return await _check_and_supervise(order, console, clock, solver, links)
+        async with follow_fleet_time(request.site, console) as fleet:
+            clock = SystemClock.start_on(request.site.flight.speedup, fleet.steady_s)
+            async with open_links(request, clock) as links, solver:
+                return await _check_and_supervise(request, console, clock, solver, links)
 
 
-def load_optional_parts(order: FlightRequest) -> None:
+def load_optional_parts(request: FlightRequest) -> None:
     """Load what not every flight has, before anything is connected: no vehicle would be heard in that time.
 
     Raises:
         SiteError: as `check_web`.
     """
-    check_web(order.site.web)
-    if order.mqtt is not None:
+    check_web(request.site.web)
+    if request.mqtt is not None:
         import executor.adapters.mqtt.publisher  # noqa: F401 - it is loaded, and used later
 
 
-def make_solver_process(order: FlightRequest, console: Console) -> SolverProcess:
+def make_solver_process(request: FlightRequest, console: Console) -> SolverProcess:
     """Return the solver of a flight, not started yet."""
-    setup = SolverSetup(order.site.flight.solve_s, order.plan.solved.seed)
+    setup = SolverSetup(request.site.flight.solve_s, request.plan.solved.seed)
     return SolverProcess(setup, make_warning_sink(console))
 
 
 async def _check_and_supervise(
-    order: FlightRequest,
+    request: FlightRequest,
     console: Console,
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
 ) -> FlightResult:
-    run = order.run
-    facts = await preparation.interview_vehicles(order, links, clock, console)
-    context, boards, found = preparation.build_context_and_checklist(order, facts)
+    run = request.run
+    facts = await preparation.interview_vehicles(request, links, clock, console)
+    context, boards, found = preparation.build_context_and_checklist(request, facts)
     lists = await preparation.read_fences(context, links, clock)
     found += preparation.check_fences_on_board(context, facts, boards, lists, run)
     console.show_checks(found)
@@ -221,7 +221,7 @@ async def _check_and_supervise(
         boards,
         tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
         fences,
-        {} if order.day is None else day_plans.sorties_ahead_of(order.day),
+        {} if request.day is None else day_plans.sorties_ahead_of(request.day),
     )
     log = EventLog(
         RunDirectory(run).events,
@@ -229,11 +229,11 @@ async def _check_and_supervise(
         speedup=clock.speedup,
         told=make_warning_sink(console),
     )
-    said = partial(build_vehicle_answers, context, facts, found, order.earlier)
+    said = partial(build_vehicle_answers, context, facts, found, request.earlier)
     seat = FlightSession(context, state, links, clock, log, solver, said)
     flown: FlightResult | None = None
     try:
-        flown = await supervise(order, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
+        flown = await supervise(request, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
@@ -265,7 +265,7 @@ class LaunchPreparation:
 
 
 async def _prepare_launch(
-    order: FlightRequest, console: Console, seat: FlightSession, flight: Flight, beginning: LaunchPreparation
+    request: FlightRequest, console: Console, seat: FlightSession, flight: Flight, beginning: LaunchPreparation
 ) -> None:
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
 
@@ -279,14 +279,16 @@ async def _prepare_launch(
         told = [*fence_lines, *preparation.describe_parameter_changes(proposal)]
         if not await _ask_crew(flight, console, Action.PREPARE, text, told):
             raise PreflightFailed("not confirmed; nothing was changed on board")
-    beginning.found.extend(await preparation.apply_changes(order.run, proposal, context, links, clock, console))
+    beginning.found.extend(await preparation.apply_changes(request.run, proposal, context, links, clock, console))
     # Before the missions: PX4 holds a mission against the fence that is on board.
-    await preparation.upload_wanted_lists(order.run, context, links, clock, beginning.fences, beginning.lists, console)
+    await preparation.upload_wanted_lists(
+        request.run, context, links, clock, beginning.fences, beginning.lists, console
+    )
     await preparation.upload_first_missions(context, links, clock, beginning.boards, console)
-    seat.said().write(RunDirectory(order.run).vehicles)
-    later = [] if order.day is None else day_plans.describe_later_sorties(order.day)
-    text = f"All missions are on board, verified by read-back: {summarise_plan(order.plan)}. Take off?"
-    if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(order.plan), *later)):
+    seat.said().write(RunDirectory(request.run).vehicles)
+    later = [] if request.day is None else day_plans.describe_later_sorties(request.day)
+    text = f"All missions are on board, verified by read-back: {summarise_plan(request.plan)}. Take off?"
+    if not await _ask_crew(flight, console, Action.TAKE_OFF, text, (*describe_routes(request.plan), *later)):
         raise PreflightFailed("not confirmed; nothing has moved")
 
 
@@ -320,7 +322,7 @@ class FlightSession:
 
 
 async def supervise(
-    order: FlightRequest, console: Console, seat: FlightSession, begins: LaunchPreparation | Reopened
+    request: FlightRequest, console: Console, seat: FlightSession, begins: LaunchPreparation | Reopened
 ) -> FlightResult:
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
@@ -329,41 +331,41 @@ async def supervise(
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
     context, clock, links = seat.context, seat.clock, seat.links
-    publication = Publication(order.mqtt, order.run, clock)
-    keeper = FlightRecorder(order, context, console, seat.log, clock, publication, seat.legacy)
-    if order.mqtt is not None:
+    publication = Publication(request.mqtt, request.run, clock)
+    keeper = FlightRecorder(request, context, console, seat.log, clock, publication, seat.legacy)
+    if request.mqtt is not None:
         publication.publish_plan(
-            seat.state.replanning.revision, read_plan_in_force(order, seat.state.replanning.revision)
+            seat.state.replanning.revision, read_plan_in_force(request, seat.state.replanning.revision)
         )
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.build_observer())
     hearing = supervised.watch_internal_errors(
-        lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), order.run
+        lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), request.run
     )
     try:
         listening = flight.listen_to_vehicles() if isinstance(begins, LaunchPreparation) else nullcontext()
         with hearing, listening, Interrupts(flight, console) as interrupts:
             async with (
-                serve_page(order.site.web, flight, clock, console, order),
+                serve_page(request.site.web, flight, clock, console, request),
                 _publish_flight(publication, flight, keeper, clock),
             ):
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
                 reopened = begins if isinstance(begins, Reopened) else None
                 if isinstance(begins, LaunchPreparation):
-                    await interrupts.run_unless_interrupted(_prepare_launch(order, console, seat, flight, begins))
+                    await interrupts.run_unless_interrupted(_prepare_launch(request, console, seat, flight, begins))
                 with _freeze_garbage_collector():
                     async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver)):
-                        await flight.run(reopened, order.site.flight.connect_timeout_s)
+                        await flight.run(reopened, request.site.flight.connect_timeout_s)
                         await keeper.settle()
     finally:
         console.stop_drawing()
         seat.log.close()
     ended_s = clock.now_s()
-    given_back, _ = await restore_board(order.run, links, clock, console)
+    given_back, _ = await restore_board(request.run, links, clock, console)
     frames = {name: link.counts for name, link in links.items()}
     report = build_report(
-        context, flight.state, ended_s, order.truths(clock), frames, seat.said(), build_parameter_rows(given_back)
+        context, flight.state, ended_s, request.truths(clock), frames, seat.said(), build_parameter_rows(given_back)
     )
-    for line in write_results(order.run, order.ground, context, flight.state, report, clock.began_unix_s):
+    for line in write_results(request.run, request.ground, context, flight.state, report, clock.began_unix_s):
         console.say(Level.WARNING, line)
     return FlightResult(report, context, interrupts.left)
 

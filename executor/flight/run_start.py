@@ -161,41 +161,41 @@ class FlightRequest:
     """Flights whose rest is flown."""
 
 
-def write_run_start(order: FlightRequest) -> None:
+def write_run_start(request: FlightRequest) -> None:
     """Write the site, the first plan and the ground around the line into the run directory.
 
     Raises:
         BackgroundError: the picture of the ground cannot be used; nothing is written then.
     """
-    below = view_for(order.ground, order.base) if order.below is None else order.below
-    write_ground(order.run, below, order.ground.network.frame)
+    below = view_for(request.ground, request.base) if request.below is None else request.below
+    write_ground(request.run, below, request.ground.network.frame)
     files = {}
-    if order.site.network.file != site_model.DEFAULT_NETWORK:
-        files["network", "file"] = order.base / order.site.network.file
-    if order.site.energy.packs is not None:
-        files["energy", "packs"] = order.base / order.site.energy.packs
-    for index, table in enumerate(order.site.area):
+    if request.site.network.file != site_model.DEFAULT_NETWORK:
+        files["network", "file"] = request.base / request.site.network.file
+    if request.site.energy.packs is not None:
+        files["energy", "packs"] = request.base / request.site.energy.packs
+    for index, table in enumerate(request.site.area):
         if table.file is not None:
-            files[f"area.{index}", "file"] = order.base / table.file
-    if order.site.mqtt is not None and order.site.mqtt.ca_file is not None:
-        files["mqtt", "ca_file"] = order.base / order.site.mqtt.ca_file
-    content = order.site.model_dump(exclude_none=True, mode="json")
-    if order.site.signing is not None and order.site.signing.key_file is not None:
+            files[f"area.{index}", "file"] = request.base / table.file
+    if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
+        files["mqtt", "ca_file"] = request.base / request.site.mqtt.ca_file
+    content = request.site.model_dump(exclude_none=True, mode="json")
+    if request.site.signing is not None and request.site.signing.key_file is not None:
         # The key stays where it is: a run directory is copied and handed on.
-        content["signing"] = {"key_file": str((order.base / order.site.signing.key_file).resolve())}
+        content["signing"] = {"key_file": str((request.base / request.site.signing.key_file).resolve())}
     # What the crew sees of it is kept; the whole picture may be as large as a county.
     content.get("map", {}).pop("background", None)
-    if order.ground.terrain is not None:
+    if request.ground.terrain is not None:
         # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
-        kept = RunDirectory(order.run).terrain
-        write_kept_ground(kept, order.ground.terrain.elevation)
+        kept = RunDirectory(request.run).terrain
+        write_kept_ground(kept, request.ground.terrain.elevation)
         content["terrain"] = {**content["terrain"], "files": kept.name}
-    write_site(order.run, content, files)
-    if order.ground.learned:
-        build_learned_document(order.ground.learned, today()).write(RunDirectory(order.run).learned_before)
-    write_plan(RunDirectory(order.run).plan_path(0), order.plan)
-    if order.day is not None:
-        write_plan(RunDirectory(order.run).day_plan, order.day)
+    write_site(request.run, content, files)
+    if request.ground.learned:
+        build_learned_document(request.ground.learned, today()).write(RunDirectory(request.run).learned_before)
+    write_plan(RunDirectory(request.run).plan_path(0), request.plan)
+    if request.day is not None:
+        write_plan(RunDirectory(request.run).day_plan, request.day)
 
 
 @dataclass(frozen=True, slots=True)

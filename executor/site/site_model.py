@@ -26,7 +26,7 @@ from executor.site.site_parts import (
     base_places_m,
     build_looks,
     build_places,
-    build_pylon_wishes,
+    build_viewpoint_requests,
     find_base_pads,
     load_areas,
 )
@@ -180,7 +180,7 @@ def build_site_model(
     travel = travel_for(drone, table.transit_speed_m_s, table.speed_m_s, wind_m_s=table.wind_m_s)
     said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
     inspection = missions.Inspection(**said, flat=network.flat)
-    network, wished = add_viewpoints(network, build_pylon_wishes(site, network), table.standoff_m)
+    network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
     found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
     setup = missions.plan_flight_setup(

@@ -257,7 +257,7 @@ SHORTEST_M = 0.5
 """Pictures nearer to each other than this are a mistake in the figures."""
 
 
-def build_pylon_wishes(site: Site, network: Network) -> list[ViewpointRequest]:
+def build_viewpoint_requests(site: Site, network: Network) -> list[ViewpointRequest]:
     """Return from where pylons are to be seen.
 
     Raises:

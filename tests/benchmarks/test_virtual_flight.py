@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from executor.site.flight_tables import FenceTable
 
 from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, VirtualRun, fly_virtual

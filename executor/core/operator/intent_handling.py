@@ -1,4 +1,4 @@
-"""What becomes of an operator's wish: refused with its reason, or ordered, and answered by the vehicle itself."""
+"""What becomes of an operator's intent: refused with its reason, or ordered, and answered by the vehicle itself."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from executor.core.interface.events import OrderEnded, ReturnEnded
 from executor.core.interface.intents import Action, Intent, IntentReason, IntentRecord, Outcome, fill_in
 from executor.core.lines import operator, sorties
 from executor.core.operator import intent_refusals
-from executor.core.operator.intent_refusals import Wish
+from executor.core.operator.intent_refusals import PendingIntent
 from executor.core.replanning import replan_cycle, withdrawal
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import ON_GROUND
@@ -59,20 +59,20 @@ def apply_intent(context: Context, state: FleetState, intent: Intent, now_s: flo
     """Take an intent; one that was taken before changes nothing."""
     if intent.id in state.crew.intents:
         return state, ()
-    source, wish = intent.source, _describe_intent(intent)
+    source, pending = intent.source, _describe_intent(intent)
     refused = intent_refusals.find_refusal(context, state, intent, now_s)
     if refused is not None:
         code, reason = refused
         record = IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code)
-        return _store_intent(state, record), (operator.REFUSED.say(source=source, wish=wish, reason=reason),)
+        return _store_intent(state, record), (operator.REFUSED.say(source=source, pending=pending, reason=reason),)
     if question := intent_refusals.build_confirmation_question(context, state, intent):
         record = IntentRecord(intent, Outcome.REFUSED, operator.UNCONFIRMED, now_s, ended_s=now_s, question=question)
         return _store_intent(state, replace(record, code=IntentReason.UNCONFIRMED)), ()
-    ordered = _ORDERS[intent.action].order(Wish(context, state, intent, now_s))
+    ordered = _ORDERS[intent.action].order(PendingIntent(context, state, intent, now_s))
     record = IntentRecord(intent, Outcome.DONE, ordered.text, now_s, ordered.waiting, now_s)
     if ordered.waiting or ordered.open:
         record = replace(record, outcome=Outcome.ACCEPTED, ended_s=None)
-    said = operator.ORDERED.with_level(ordered.level).say(source=source, wish=wish, text=ordered.text)
+    said = operator.ORDERED.with_level(ordered.level).say(source=source, pending=pending, text=ordered.text)
     return _store_intent(ordered.state, record), (said, *ordered.commands)
 
 
@@ -90,27 +90,27 @@ def _store_intent(state: FleetState, record: IntentRecord) -> FleetState:
     return state.with_crew(intents=MappingProxyType(intents))
 
 
-def _hold(wish: Wish) -> _IntentResult:
-    vehicle = wish.vehicle
-    held = vehicle.with_orders(held_s=wish.now_s, hold_asked_s=wish.now_s, ordered_mode_s=wish.now_s)
+def _hold(pending: PendingIntent) -> _IntentResult:
+    vehicle = pending.vehicle
+    held = vehicle.with_orders(held_s=pending.now_s, hold_asked_s=pending.now_s, ordered_mode_s=pending.now_s)
     if vehicle.stage is Stage.PILOT:
         held = change_stage(held, Stage.FLYING).with_custody(taken=None)
-    hold = wish.context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
-    state = wish.state.put(held.with_orders(ordered_modes=frozenset({hold})).with_custody(cause=ModeCause.OURS))
+    hold = pending.context.vehicles[vehicle.name].dialect.modes.hold.custom_mode
+    state = pending.state.put(held.with_orders(ordered_modes=frozenset({hold})).with_custody(cause=ModeCause.OURS))
     return _IntentResult(state, operator.HOLD, (Hold(vehicle.name),), frozenset({vehicle.name}))
 
 
-def _resume(wish: Wish) -> _IntentResult:
-    vehicle = wish.vehicle
+def _resume(pending: PendingIntent) -> _IntentResult:
+    vehicle = pending.vehicle
     speed_m_s = vehicle.leg.speed_m_s if vehicle.leg is not None else 0.0
-    mission = wish.context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
-    state = wish.state.put(vehicle.with_orders(ordered_mode_s=wish.now_s, ordered_modes=frozenset({mission})))
+    mission = pending.context.vehicles[vehicle.name].dialect.modes.mission.custom_mode
+    state = pending.state.put(vehicle.with_orders(ordered_mode_s=pending.now_s, ordered_modes=frozenset({mission})))
     return _IntentResult(state, operator.RESUME, (Resume(vehicle.name, speed_m_s),), frozenset({vehicle.name}))
 
 
-def _return(wish: Wish) -> _IntentResult:
-    vehicle, now_s = wish.vehicle, wish.now_s
-    state, more = _send_vehicle_home(wish.context, wish.state, vehicle, now_s, force=wish.intent.confirmed)
+def _return(pending: PendingIntent) -> _IntentResult:
+    vehicle, now_s = pending.vehicle, pending.now_s
+    state, more = _send_vehicle_home(pending.context, pending.state, vehicle, now_s, force=pending.intent.confirmed)
     state, others = withdraw_vehicle(state, vehicle.name, operator.RETURNS.format(vehicle=vehicle.name), now_s)
     # Over its pad a vehicle lands, and not every one is to be commanded now.
     kinds, begins = {type(command) for command in more}, operator.RETURN_ORDERED
@@ -132,137 +132,140 @@ def _send_vehicle_home(
     return bring_home(context, state, left, now_s, force=force)
 
 
-def _land(wish: Wish) -> _IntentResult:
-    vehicle, now_s, forced = wish.vehicle, wish.now_s, wish.intent.confirmed
+def _land(pending: PendingIntent) -> _IntentResult:
+    vehicle, now_s, forced = pending.vehicle, pending.now_s, pending.intent.confirmed
     fault = Fault(FaultKind.OPERATOR, operator.LANDS_WHERE_IT_WAS, now_s, FaultCode.OPERATOR_LAND)
     left = replace(leave_plan(vehicle, Stage.RETURNING, now_s), fault=vehicle.fault or fault)
     left = left.with_orders(lands=True, excluded=True)
     left = left.with_custody(taken=None, cause=ModeCause.OURS) if forced else left
-    state, told = bring_home(wish.context, wish.state, left, now_s, land=True, force=forced)
+    state, told = bring_home(pending.context, pending.state, left, now_s, land=True, force=forced)
     others: tuple[Command, ...] = ()
     if vehicle.stage in _ON_MISSION:
         state, others = withdraw_vehicle(state, vehicle.name, operator.LANDS.format(vehicle=vehicle.name), now_s)
     return _IntentResult(state, operator.LAND, (*others, *told), frozenset({vehicle.name}), level=Level.WARNING)
 
 
-def _exclude(wish: Wish) -> _IntentResult:
-    vehicle = wish.vehicle.with_orders(excluded=True)
+def _exclude(pending: PendingIntent) -> _IntentResult:
+    vehicle = pending.vehicle.with_orders(excluded=True)
     if vehicle.stage in {*ON_GROUND, Stage.DOWN}:
         given = vehicle.assignment.pending is not None
-        state = wish.state.put(vehicle.with_orders(cleared_s=None).with_assignment(pending=None))
+        state = pending.state.put(vehicle.with_orders(cleared_s=None).with_assignment(pending=None))
         if not given:
             return _IntentResult(state, operator.STAYS_ON_GROUND)
         # It would start as soon as its new mission is on board.
-        return _withdraw(wish, state, operator.EXCLUDED_ON_GROUND, operator.STAYS_ON_GROUND)
+        return _withdraw(pending, state, operator.EXCLUDED_ON_GROUND, operator.STAYS_ON_GROUND)
     if vehicle.stage is Stage.PILOT:
         hold = replace(vehicle.custody.taken, given_away=True) if vehicle.custody.taken is not None else None
-        state = wish.state.put(vehicle.with_custody(taken=hold))
-        return _withdraw(wish, state, operator.EXCLUDED_WITH_PILOT, operator.STAYS_WITH_PILOT)
-    fault = Fault(FaultKind.OPERATOR, operator.EXCLUDED, wish.now_s, FaultCode.OPERATOR_EXCLUDE)
-    state, commands = declare_fault(wish.context, wish.state.put(vehicle), vehicle, fault)
+        state = pending.state.put(vehicle.with_custody(taken=hold))
+        return _withdraw(pending, state, operator.EXCLUDED_WITH_PILOT, operator.STAYS_WITH_PILOT)
+    fault = Fault(FaultKind.OPERATOR, operator.EXCLUDED, pending.now_s, FaultCode.OPERATOR_EXCLUDE)
+    state, commands = declare_fault(pending.context, pending.state.put(vehicle), vehicle, fault)
     if vehicle.stage is Stage.STARTING and not vehicle.armed:
         commands = (*commands, SendHome(vehicle.name))  # in place of its start
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome))
     text = operator.TAKEN_OUT_RETURNS if told else operator.TAKEN_OUT
-    alone, gone = replan_cycle.find_orphan_segments(wish.context, state), {Stage.LOST, Stage.RETURNING}
+    alone, gone = replan_cycle.find_orphan_segments(pending.context, state), {Stage.LOST, Stage.RETURNING}
     others = [one for one in state.vehicles.values() if one.fault is None and not one.orders.excluded]
     if alone and all(one.name == vehicle.name or one.stage in gone for one in others):
         text += operator.NOBODY_IS_LEFT.format(count=len(alone))
     return _IntentResult(state, text, commands, told, level=Level.WARNING)
 
 
-def _withdraw(wish: Wish, state: FleetState, trigger: str, text: str) -> _IntentResult:
+def _withdraw(pending: PendingIntent, state: FleetState, trigger: str, text: str) -> _IntentResult:
     """Plan around a vehicle that is not commanded for it."""
-    name = wish.vehicle.name
-    state, more = withdraw_vehicle(state, name, trigger.format(vehicle=name), wish.now_s)
+    name = pending.vehicle.name
+    state, more = withdraw_vehicle(state, name, trigger.format(vehicle=name), pending.now_s)
     return _IntentResult(state, text, more)
 
 
-def _include(wish: Wish) -> _IntentResult:
-    context, state, vehicle = wish.context, wish.state, wish.vehicle
+def _include(pending: PendingIntent) -> _IntentResult:
+    context, state, vehicle = pending.context, pending.state, pending.vehicle
     if vehicle.stage is Stage.PILOT:
-        state, more = withdrawal.take_back_from_pilot(context, state, vehicle, wish.now_s)
+        state, more = withdrawal.take_back_from_pilot(context, state, vehicle, pending.now_s)
         return _IntentResult(state, operator.INCLUDED, more)
     left = replan_cycle.find_left_over_segments(state)
     again = takeoff_offers.is_offered_reinspection(state, vehicle)
     state, ready = return_to_service(state, vehicle)
-    state = clear_for_takeoff(state, ready, wish.now_s)
+    state = clear_for_takeoff(state, ready, pending.now_s)
     if state.crew.offer is not None and len(state.crew.offer.vehicles) > 1:
         # The others may be cleared in a moment: the work is shared then.
-        state = state.with_replanning(wait_until_s=max(state.replanning.wait_until_s, wish.now_s + SHARED_S))
+        state = state.with_replanning(wait_until_s=max(state.replanning.wait_until_s, pending.now_s + SHARED_S))
     if replan_cycle.find_orphan_segments(context, state) or left:
         return _IntentResult(state, operator.INCLUDED_REPLANNING)
     return _IntentResult(state, operator.INCLUDED_AGAIN if again else operator.INCLUDED_IDLE)
 
 
-def _swap(wish: Wish) -> _IntentResult:
-    state, told = turnaround.begin_turnaround(wish.state, wish.vehicle, wish.intent, wish.now_s)
-    installed = operator.PACK_INSTALLED if wish.intent.pack else operator.ANY_PACK_INSTALLED
-    text = installed.format(pack=wish.intent.pack)
+def _swap(pending: PendingIntent) -> _IntentResult:
+    state, told = turnaround.begin_turnaround(pending.state, pending.vehicle, pending.intent, pending.now_s)
+    installed = operator.PACK_INSTALLED if pending.intent.pack else operator.ANY_PACK_INSTALLED
+    text = installed.format(pack=pending.intent.pack)
     before, after = (
-        pack_count.count_packs(wish.context, one, wish.vehicle.name, wish.now_s) for one in (wish.state, state)
+        pack_count.count_packs(pending.context, one, pending.vehicle.name, pending.now_s)
+        for one in (pending.state, state)
     )
     if before is not None and before.charged:
         text = sorties.WITH_PACKS.format(waits=text, packs=pack_count.describe_packs(after))
     elif before is not None:  # the crew knows its packs
         packs = pack_count.describe_packs(before)
-        told = (sorties.SWAP_WITHOUT_PACK.say(vehicle=wish.vehicle.name, packs=packs), *told)
+        told = (sorties.SWAP_WITHOUT_PACK.say(vehicle=pending.vehicle.name, packs=packs), *told)
     return _IntentResult(state, text, told, open=True)
 
 
-def _close(wish: Wish) -> _IntentResult:
-    base, away = wish.intent.base, {*ON_GROUND, Stage.DOWN, Stage.LOST}
-    vehicles = out_of_service.find_vehicles_at_base(wish.context, wish.state, base)
+def _close(pending: PendingIntent) -> _IntentResult:
+    base, away = pending.intent.base, {*ON_GROUND, Stage.DOWN, Stage.LOST}
+    vehicles = out_of_service.find_vehicles_at_base(pending.context, pending.state, base)
     aloft = ", ".join(vehicle.name for vehicle in vehicles if vehicle.stage not in away)
-    state, told = out_of_service.close_base(wish.context, wish.state, base, wish.now_s)
+    state, told = out_of_service.close_base(pending.context, pending.state, base, pending.now_s)
     text = operator.BASE_IS_CLOSED + (operator.STILL_TO_LAND.format(vehicles=aloft) if aloft else "")
     return _IntentResult(state, text, told, level=Level.WARNING)
 
 
-def _open(wish: Wish) -> _IntentResult:
-    state = out_of_service.open_base(wish.context, wish.state, wish.intent.base)
+def _open(pending: PendingIntent) -> _IntentResult:
+    state = out_of_service.open_base(pending.context, pending.state, pending.intent.base)
     return _IntentResult(state, operator.BASE_IS_OPENED)
 
 
-def _disarm(wish: Wish) -> _IntentResult:
-    name = wish.vehicle.name
+def _disarm(pending: PendingIntent) -> _IntentResult:
+    name = pending.vehicle.name
     told = (Disarm(name, force=True),)
-    return _IntentResult(wish.state, operator.DISARM, told, frozenset({name}), level=Level.WARNING)
+    return _IntentResult(pending.state, operator.DISARM, told, frozenset({name}), level=Level.WARNING)
 
 
-def _answer(wish: Wish) -> _IntentResult:
-    briefing = replace(wish.state.crew.briefing, question=None, answered=wish.intent.action.value)
-    return _IntentResult(wish.state.with_crew(briefing=briefing), operator.YES)
+def _answer(pending: PendingIntent) -> _IntentResult:
+    briefing = replace(pending.state.crew.briefing, question=None, answered=pending.intent.action.value)
+    return _IntentResult(pending.state.with_crew(briefing=briefing), operator.YES)
 
 
-def _replan(wish: Wish) -> _IntentResult:
-    state = wish.state.with_coverage(given_up=frozenset())
-    return _order_replan(wish, state, operator.REPLAN_REQUESTED, operator.REPLAN)
+def _replan(pending: PendingIntent) -> _IntentResult:
+    state = pending.state.with_coverage(given_up=frozenset())
+    return _order_replan(pending, state, operator.REPLAN_REQUESTED, operator.REPLAN)
 
 
-def _order_replan(wish: Wish, state: FleetState, trigger: str, text: str, segments: str = "") -> _IntentResult:
-    trigger = trigger.format(source=wish.intent.source, segments=segments)
-    state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=wish.now_s)
+def _order_replan(
+    pending: PendingIntent, state: FleetState, trigger: str, text: str, segments: str = ""
+) -> _IntentResult:
+    trigger = trigger.format(source=pending.intent.source, segments=segments)
+    state = state.with_replanning(ordered=True, trigger=trigger, trigger_s=pending.now_s)
     return _IntentResult(state, text.format(segments=segments), open=True)
 
 
-def _prove(wish: Wish) -> _IntentResult:
-    context, state, coverage = wish.context, wish.state, wish.state.coverage
-    if not wish.intent.assets:
+def _prove(pending: PendingIntent) -> _IntentResult:
+    context, state, coverage = pending.context, pending.state, pending.state.coverage
+    if not pending.intent.assets:
         wanted = coverage.list_inferred_segments() | asset_status.find_missed_segments(context, state)
         state = replace(state, coverage=asset_status.discard_proof(coverage, wanted))
         names = format_segments(context, wanted)
-        return _order_replan(wish, state, operator.PROOF_REQUESTED, operator.PROVE, names)
-    found = asset_status.select_segments_to_reinspect(context, state, wish.intent.assets)
+        return _order_replan(pending, state, operator.PROOF_REQUESTED, operator.PROVE, names)
+    found = asset_status.select_segments_to_reinspect(context, state, pending.intent.assets)
     if not isinstance(found, frozenset):
         raise TypeError(found[1])
     state = replace(state, coverage=asset_status.reopen_segments(coverage, found))
     names = format_segments(context, found)
-    return _order_replan(wish, state, operator.REINSPECTION_REQUESTED, operator.REINSPECT, names)
+    return _order_replan(pending, state, operator.REINSPECTION_REQUESTED, operator.REINSPECT, names)
 
 
-def _abort(wish: Wish) -> _IntentResult:
-    state, commands = recall_fleet(wish.context, wish.state, wish.now_s)
+def _abort(pending: PendingIntent) -> _IntentResult:
+    state, commands = recall_fleet(pending.context, pending.state, pending.now_s)
     told = frozenset(command.vehicle for command in commands if isinstance(command, SendHome | LandNow))
     commands = commands[1:]  # the first line says what the intent's own does
     text = operator.ABORT
@@ -290,7 +293,7 @@ def recall_fleet(context: Context, state: FleetState, now_s: float) -> Stepped:
 class _Order:
     """What an intent does, and what is said of it then."""
 
-    order: Callable[[Wish], _IntentResult]
+    order: Callable[[PendingIntent], _IntentResult]
     done: str = ""
     """Of the intent, once every vehicle has answered."""
     does: str = ""

@@ -1,4 +1,4 @@
-"""When an operator's wish is refused: it would be unsafe, or there is nothing to do."""
+"""When an operator's intent is refused: it would be unsafe, or there is nothing to do."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _COMMANDING = frozenset({Action.HOLD, Action.RESUME, Action.RETURN, Action.LAND}
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class PendingIntent:
     """What an operator asks for, and the flight in which it does so."""
 
     context: Context
@@ -51,7 +51,7 @@ class Wish:
         return self.state.vehicles[self.intent.vehicle]
 
     def refuse(self, reason: Reason, **values: object) -> Reason:
-        """Return a reason with its words filled in: with these values, and with what the wish itself says."""
+        """Return a reason with its words filled in: with these values, and with what the intent itself says."""
         known = self.state.vehicles.get(self.intent.vehicle or "")
         values |= {"action": self.intent.action.value, "vehicle": self.intent.vehicle, "base": self.intent.base}
         stage = "" if known is None else known.stage.value
@@ -60,33 +60,33 @@ class Wish:
 
 
 Reasons = Iterator[Reason | Literal[False] | None]
-"""The reasons against a wish, the most important first; those that do not hold are false, or None."""
+"""The reasons against an intent, the most important first; those that do not hold are false, or None."""
 
 
 def find_refusal(context: Context, state: FleetState, intent: Intent, now_s: float) -> Reason | None:
     """Return why an intent is refused, as code and words; None if it is not."""
-    return next((reason for reason in _object(Wish(context, state, intent, now_s)) if reason), None)
+    return next((reason for reason in _object(PendingIntent(context, state, intent, now_s)) if reason), None)
 
 
-def _object(wish: Wish) -> Reasons:
-    state, intent = wish.state, wish.intent
+def _object(pending: PendingIntent) -> Reasons:
+    state, intent = pending.state, pending.intent
     yield state.progress.finished and operator.OVER
     if intent.action in BEFORE:
-        yield from _object_before_launch(wish)
+        yield from _object_before_launch(pending)
         return
     yield state.progress.launched_s is None and operator.NOT_BEGUN
     if intent.action not in FOR_ALL | FOR_BASE:
-        yield intent.vehicle is None and wish.refuse(operator.VEHICLE_MISSING)
-        yield intent.vehicle not in state.vehicles and wish.refuse(operator.VEHICLE_UNKNOWN)
+        yield intent.vehicle is None and pending.refuse(operator.VEHICLE_MISSING)
+        yield intent.vehicle not in state.vehicles and pending.refuse(operator.VEHICLE_UNKNOWN)
     elif intent.vehicle is not None:
-        yield wish.refuse(operator.FOR_BASE if intent.action in FOR_BASE else operator.FOR_FLEET)
-    yield from _OBJECTIONS[intent.action](wish)
+        yield pending.refuse(operator.FOR_BASE if intent.action in FOR_BASE else operator.FOR_FLEET)
+    yield from _OBJECTIONS[intent.action](pending)
 
 
-def _object_before_launch(wish: Wish) -> Reasons:
-    asked, intent = wish.state.crew.briefing.question, wish.intent
-    yield wish.state.progress.launched_s is not None and operator.BEGUN
-    yield intent.vehicle is not None and wish.refuse(operator.FOR_FLEET)
+def _object_before_launch(pending: PendingIntent) -> Reasons:
+    asked, intent = pending.state.crew.briefing.question, pending.intent
+    yield pending.state.progress.launched_s is not None and operator.BEGUN
+    yield intent.vehicle is not None and pending.refuse(operator.FOR_FLEET)
     yield (asked is None or asked.id != intent.action.value) and operator.NOT_ASKED
 
 
@@ -107,64 +107,64 @@ def build_confirmation_question(context: Context, state: FleetState, intent: Int
     return ""
 
 
-def _object_to_base(wish: Wish) -> Reasons:
-    bases, closes = list_bases(wish.context), wish.intent.action is Action.CLOSE
-    if wish.intent.base not in bases:
-        yield wish.refuse(operator.BASE_UNKNOWN if bases else operator.NO_BASES, bases=", ".join(bases))
-    shut = is_base_closed(wish.context, wish.state, wish.intent.base)
+def _object_to_base(pending: PendingIntent) -> Reasons:
+    bases, closes = list_bases(pending.context), pending.intent.action is Action.CLOSE
+    if pending.intent.base not in bases:
+        yield pending.refuse(operator.BASE_UNKNOWN if bases else operator.NO_BASES, bases=", ".join(bases))
+    shut = is_base_closed(pending.context, pending.state, pending.intent.base)
     yield closes and shut and operator.BASE_SHUT
     yield not closes and not shut and operator.BASE_OPEN
 
 
-def _object_to_silence(wish: Wish) -> Reasons:
-    heard_s = wish.vehicle.link.heard_s
+def _object_to_silence(pending: PendingIntent) -> Reasons:
+    heard_s = pending.vehicle.link.heard_s
     if heard_s is None:
         yield operator.NEVER_HEARD
-    elif wish.now_s - heard_s >= wish.context.limits.link_stale_s:
-        yield wish.refuse(operator.LINK_STALE, age_s=wish.now_s - heard_s)
+    elif pending.now_s - heard_s >= pending.context.limits.link_stale_s:
+        yield pending.refuse(operator.LINK_STALE, age_s=pending.now_s - heard_s)
 
 
-def _object_to_hold(wish: Wish) -> Reasons:
-    vehicle = wish.vehicle
+def _object_to_hold(pending: PendingIntent) -> Reasons:
+    vehicle = pending.vehicle
     phase = None if vehicle.leg is None else vehicle.leg.phase
-    yield vehicle.stage not in {Stage.FLYING, Stage.PILOT} and wish.refuse(operator.NOT_ON_MISSION)
+    yield vehicle.stage not in {Stage.FLYING, Stage.PILOT} and pending.refuse(operator.NOT_ON_MISSION)
     yield vehicle.orders.held_s is not None and operator.ON_HOLD
     yield (vehicle.fault is not None or vehicle.orders.excluded) and operator.PULLED_OUT
     yield vehicle.assignment.pending is not None and operator.UPLOADING
     yield phase is Phase.TAKEOFF and operator.CLIMBING
     yield phase is Phase.LAND and operator.IN_LANDING
-    yield from _object_to_silence(wish)
+    yield from _object_to_silence(pending)
 
 
-def _object_to_resume(wish: Wish) -> Reasons:
-    vehicle = wish.vehicle
+def _object_to_resume(pending: PendingIntent) -> Reasons:
+    vehicle = pending.vehicle
     yield vehicle.stage is Stage.PILOT and operator.PILOT_RESUMES
     on_hold = vehicle.stage is Stage.FLYING and vehicle.orders.held_s is not None
-    yield not on_hold and wish.refuse(operator.NOT_ON_HOLD)
-    yield wish.state.progress.recalled and operator.ABORTED
-    yield from _object_to_silence(wish)
+    yield not on_hold and pending.refuse(operator.NOT_ON_HOLD)
+    yield pending.state.progress.recalled and operator.ABORTED
+    yield from _object_to_silence(pending)
 
 
-def _object_to_return(wish: Wish) -> Reasons:
-    vehicle = wish.vehicle
-    comes_home = vehicle.stage is Stage.RETURNING and homing.is_coming_home(wish.context, vehicle)
+def _object_to_return(pending: PendingIntent) -> Reasons:
+    vehicle = pending.vehicle
+    comes_home = vehicle.stage is Stage.RETURNING and homing.is_coming_home(pending.context, vehicle)
     yield comes_home and operator.RETURNING
     yield vehicle.stage in _DOWN_OR_AT_REST and operator.ON_GROUND
     yield vehicle.stage is Stage.LOST and operator.LINK_LOST
 
 
-def _object_to_landing(wish: Wish) -> Reasons:
-    context, vehicle, fix = wish.context, wish.vehicle, wish.vehicle.motion.fix
-    yield (vehicle.stage not in IN_THE_AIR or not vehicle.armed) and wish.refuse(operator.NOT_FLYING)
+def _object_to_landing(pending: PendingIntent) -> Reasons:
+    context, vehicle, fix = pending.context, pending.vehicle, pending.vehicle.motion.fix
+    yield (vehicle.stage not in IN_THE_AIR or not vehicle.armed) and pending.refuse(operator.NOT_FLYING)
     yield vehicle.orders.lands and operator.LANDING
-    if fix is None or wish.now_s - fix.at_s > context.limits.link_stale_s:
+    if fix is None or pending.now_s - fix.at_s > context.limits.link_stale_s:
         yield operator.POSITION_UNKNOWN
         return
     line_m = _distance_to_line_m(context, fix.place_m)
-    yield line_m < LINE_M and wish.refuse(operator.NEAR_LINE, line_m=line_m)
-    for other in wish.state.vehicles:
+    yield line_m < LINE_M and pending.refuse(operator.NEAR_LINE, line_m=line_m)
+    for other in pending.state.vehicles:
         near = other != vehicle.name and math.dist(fix.place_m, context.vehicles[other].pad_m) < PAD_M
-        yield near and wish.refuse(operator.OTHER_PAD, other=other)
+        yield near and pending.refuse(operator.OTHER_PAD, other=other)
 
 
 def _distance_to_line_m(context: Context, place_m: tuple[float, float]) -> float:
@@ -172,19 +172,19 @@ def _distance_to_line_m(context: Context, place_m: tuple[float, float]) -> float
     return float(place_distances_m(context.setup.network.ends_m, np.array([place_m])).min(initial=math.inf))
 
 
-def _object_to_exclusion(wish: Wish) -> Reasons:
-    yield wish.vehicle.fault is not None and wish.refuse(operator.AT_FAULT)
-    yield wish.vehicle.orders.excluded and operator.OUT_OF_PLAN
+def _object_to_exclusion(pending: PendingIntent) -> Reasons:
+    yield pending.vehicle.fault is not None and pending.refuse(operator.AT_FAULT)
+    yield pending.vehicle.orders.excluded and operator.OUT_OF_PLAN
 
 
-def _object_to_inclusion(wish: Wish) -> Reasons:
-    context, state, vehicle = wish.context, wish.state, wish.vehicle
+def _object_to_inclusion(pending: PendingIntent) -> Reasons:
+    context, state, vehicle = pending.context, pending.state, pending.vehicle
     if vehicle.stage is Stage.PILOT:
-        yield from _object_to_inclusion_from_pilot(wish)
+        yield from _object_to_inclusion_from_pilot(pending)
         return
-    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and wish.refuse(operator.NOT_AT_REST)
+    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
     yield state.progress.recalled and operator.ABORTED
-    yield from _object_to_silence(wish)
+    yield from _object_to_silence(pending)
     obstacles = find_takeoff_obstacles(context, vehicle)
     yield from (obstacles.get(code) for code in (operator.TILTED[0], operator.BASE_CLOSED[0]))
     yield (vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None) and operator.CLEARED
@@ -194,17 +194,17 @@ def _object_to_inclusion(wish: Wish) -> Reasons:
     yield from obstacles.values()
 
 
-def _object_to_inclusion_from_pilot(wish: Wish) -> Reasons:
-    taken = wish.vehicle.custody.taken
+def _object_to_inclusion_from_pilot(pending: PendingIntent) -> Reasons:
+    taken = pending.vehicle.custody.taken
     yield (taken is None or taken.returned_s is None) and operator.PILOT_FLIES
-    yield wish.vehicle.fault is not None and wish.refuse(operator.GIVEN_AWAY)
-    yield wish.state.progress.recalled and operator.ABORTED
+    yield pending.vehicle.fault is not None and pending.refuse(operator.GIVEN_AWAY)
+    yield pending.state.progress.recalled and operator.ABORTED
 
 
-def _object_to_swap(wish: Wish) -> Reasons:
-    context, state, vehicle = wish.context, wish.state, wish.vehicle
+def _object_to_swap(pending: PendingIntent) -> Reasons:
+    context, state, vehicle = pending.context, pending.state, pending.vehicle
     yield vehicle.stage is Stage.PILOT and operator.WITH_PILOT
-    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and wish.refuse(operator.NOT_AT_REST)
+    yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
     yield vehicle.link.heard_s is None and operator.NEVER_HEARD
     yield state.progress.recalled and operator.ABORTED
     yield vehicle.orders.base_closed and operator.BASE_CLOSED
@@ -216,51 +216,51 @@ def _object_to_swap(wish: Wish) -> Reasons:
         else turnaround.find_unplanned_segments(context, state) - vehicle.turn.beyond
     )
     yield not open_ and operator.NO_SORTIE
-    why = turnaround.describe_hours_conflict(context, state, vehicle, wish.now_s)
-    yield why != "" and wish.refuse(operator.OUT_OF_HOURS, conflict=why)
+    why = turnaround.describe_hours_conflict(context, state, vehicle, pending.now_s)
+    yield why != "" and pending.refuse(operator.OUT_OF_HOURS, conflict=why)
 
 
-def _object_to_disarm(wish: Wish) -> Reasons:
-    yield wish.vehicle.stage is not Stage.DOWN and wish.refuse(operator.NOT_DOWN)
-    yield not wish.vehicle.armed and operator.DISARMED
-    yield from _object_to_silence(wish)
+def _object_to_disarm(pending: PendingIntent) -> Reasons:
+    yield pending.vehicle.stage is not Stage.DOWN and pending.refuse(operator.NOT_DOWN)
+    yield not pending.vehicle.armed and operator.DISARMED
+    yield from _object_to_silence(pending)
 
 
-def _object_to_any_replan(wish: Wish) -> Reasons:
+def _object_to_any_replan(pending: PendingIntent) -> Reasons:
     """Yield why no re-plan can begin now, whatever is open."""
-    yield wish.state.progress.recalled and operator.ABORTED
-    yield (wish.state.replanning.replan is not None or wish.state.replanning.ordered) and operator.REPLANNING
-    yield not survivors.build_survivors(wish.context, wish.state, wish.now_s) and operator.NO_SURVIVOR
+    yield pending.state.progress.recalled and operator.ABORTED
+    yield (pending.state.replanning.replan is not None or pending.state.replanning.ordered) and operator.REPLANNING
+    yield not survivors.build_survivors(pending.context, pending.state, pending.now_s) and operator.NO_SURVIVOR
 
 
-def _object_to_replan(wish: Wish) -> Reasons:
-    yield from _object_to_any_replan(wish)
-    context, state = wish.context, wish.state
-    freed = any(offer.tail for offer in survivors.build_survivors(context, state, wish.now_s))
+def _object_to_replan(pending: PendingIntent) -> Reasons:
+    yield from _object_to_any_replan(pending)
+    context, state = pending.context, pending.state
+    freed = any(offer.tail for offer in survivors.build_survivors(context, state, pending.now_s))
     left = state.coverage.given_up | replan_cycle.find_left_over_segments(state)
     open_ = freed or left or replan_cycle.find_orphan_segments(context, state)
     yield not open_ and operator.NOTHING_TO_REPLAN
 
 
-def _object_to_proof(wish: Wish) -> Reasons:
-    context, state, assets = wish.context, wish.state, wish.intent.assets
+def _object_to_proof(pending: PendingIntent) -> Reasons:
+    context, state, assets = pending.context, pending.state, pending.intent.assets
     if assets:
         found = asset_status.select_segments_to_reinspect(context, state, assets)
         yield None if isinstance(found, frozenset) else found
     else:
         open_ = state.coverage.list_inferred_segments() | asset_status.find_missed_segments(context, state)
         yield not open_ and operator.ALL_PROVEN
-    yield from _object_to_any_replan(wish)
+    yield from _object_to_any_replan(pending)
 
 
-def _object_to_abort(wish: Wish) -> Reasons:
-    context, state = wish.context, wish.state
+def _object_to_abort(pending: PendingIntent) -> Reasons:
+    context, state = pending.context, pending.state
     flies = any(vehicle.stage in {Stage.STARTING, Stage.FLYING} for vehicle in state.vehicles.values())
-    waits = state.crew.offer is not None or turnaround.find_awaited_vehicles(context, state, wish.now_s)
+    waits = state.crew.offer is not None or turnaround.find_awaited_vehicles(context, state, pending.now_s)
     yield not flies and not waits and operator.NOBODY_FLIES
 
 
-_OBJECTIONS: Mapping[Action, Callable[[Wish], Reasons]] = {
+_OBJECTIONS: Mapping[Action, Callable[[PendingIntent], Reasons]] = {
     Action.HOLD: _object_to_hold,
     Action.RESUME: _object_to_resume,
     Action.RETURN: _object_to_return,
