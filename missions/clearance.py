@@ -107,6 +107,10 @@ class ClearanceShortfall:
     words: str
 
 
+LOWER = "fewer vehicles, a smaller layer_m or less of the network make it lower; a higher"
+"""What brings heights down."""
+
+
 def margin_m(setup: FlightSetup) -> float:
     """Return how high every leg must at least be over the top of a line that it crosses or follows."""
     if setup.terrain is not None and setup.terrain.line_margin_m is not None:
@@ -241,18 +245,28 @@ def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
 
 def check_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
     """Return in words which missions and which own returns go higher over the ground than ``ceiling_m``."""
-    ceiling_m, return_ceiling_m = setup.inspection.ceiling_m, setup.inspection.return_ceiling_m
-    own, heights = find_max_return_height(setup), find_height_extremes(setup, paths)
-    highest = [(f"the RTL of {own.vehicle} is level,", own, return_ceiling_m or ceiling_m, "return_ceiling_m")]
-    if heights is not None:
-        highest.insert(0, (f"the mission of {heights[1].vehicle} goes", heights[1], ceiling_m, "ceiling_m"))
-    return [
-        f"{words} {one.height_m:.0f} m over the ground{f' near {one.near}' if one.near else ''}, above {most_m:g}: "
-        "fewer vehicles, a smaller layer_m or less of the network make it lower; "
-        f"a higher inspection.{key} needs a permit"
-        for words, one, most_m, key in highest
-        if one.height_m > most_m
-    ]
+    found, own = check_mission_ceiling(setup, paths), find_max_return_height(setup)
+    return_ceiling_m = setup.inspection.return_ceiling_m or setup.inspection.ceiling_m
+    if own.height_m > return_ceiling_m:
+        where = f" near {own.near}" if own.near else ""
+        found.append(
+            f"the RTL of {own.vehicle} is level, {own.height_m:.0f} m over the ground{where}, above "
+            f"{return_ceiling_m:g}: {LOWER} inspection.return_ceiling_m needs a permit"
+        )
+    return found
+
+
+def check_mission_ceiling(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[str]:
+    """Return in words which mission goes highest over the ground, if that is above ``ceiling_m``."""
+    ceiling_m, heights = setup.inspection.ceiling_m, find_height_extremes(setup, paths)
+    if heights is None or heights[1].height_m <= ceiling_m:
+        return []
+    high = heights[1]
+    text = (
+        f"the mission of {high.vehicle} goes {high.height_m:.0f} m over the ground near {high.near}, above "
+        f"{ceiling_m:g}: {LOWER} inspection.ceiling_m needs a permit"
+    )
+    return [text]
 
 
 def find_terrain_shortfall(setup: FlightSetup, points: FloatArray) -> ClearanceShortfall | None:

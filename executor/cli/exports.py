@@ -25,7 +25,7 @@ from executor.errors import LogError, SiteError
 from executor.site import site_model, site_planning
 from executor.site.site_file import read_site
 from missions import exports
-from missions.clearance import check_ceiling
+from missions.clearance import check_mission_ceiling
 from missions.fences import build_fence, build_fence_items, build_rally_items, flown_places
 from missions.files import write_whole
 from missions.geo import FloatArray
@@ -277,7 +277,7 @@ def _build_paths(
                 )
     routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
     paths = site_model.build_paths(setup, routes)
-    for line in (*find_low_places(setup, list(paths.values())), *check_ceiling(setup, paths.values())):
+    for line in (*find_low_places(setup, list(paths.values())), *check_mission_ceiling(setup, paths.values())):
         raise SiteError(f"{source}: heights: {line}")
     return setup, paths
 

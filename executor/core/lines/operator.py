@@ -79,8 +79,8 @@ MAY_INCLUDE = "{vehicle} may take off once its mission is uploaded. Is its pad c
 MAY_TAKE_CONTROL = "{vehicle} is with its pilot. Take control of it? Speak to the pilot first"
 
 # What is ordered then.
-REFUSED = CrewLine(WARNING, "{source} asks: {wish}; refused: {reason}")
-ORDERED = CrewLine(INFO, "{source} asks: {wish}; {text}")
+REFUSED = CrewLine(WARNING, "{source} asks: {asked}; refused: {reason}")
+ORDERED = CrewLine(INFO, "{source} asks: {asked}; {text}")
 HOLD = "hold commanded"
 RESUME = "resume commanded"
 RETURN = "{begins}; it stays on the ground until included; its segments are to be reassigned"

@@ -59,12 +59,12 @@ def apply_intent(context: Context, state: FleetState, intent: Intent, now_s: flo
     """Take an intent; one that was taken before changes nothing."""
     if intent.id in state.crew.intents:
         return state, ()
-    source, pending = intent.source, _describe_intent(intent)
+    source, asked = intent.source, _describe_intent(intent)
     refused = intent_refusals.find_refusal(context, state, intent, now_s)
     if refused is not None:
         code, reason = refused
         record = IntentRecord(intent, Outcome.REFUSED, reason, now_s, ended_s=now_s, code=code)
-        return _store_intent(state, record), (operator.REFUSED.say(source=source, pending=pending, reason=reason),)
+        return _store_intent(state, record), (operator.REFUSED.say(source=source, asked=asked, reason=reason),)
     if question := intent_refusals.build_confirmation_question(context, state, intent):
         record = IntentRecord(intent, Outcome.REFUSED, operator.UNCONFIRMED, now_s, ended_s=now_s, question=question)
         return _store_intent(state, replace(record, code=IntentReason.UNCONFIRMED)), ()
@@ -72,7 +72,7 @@ def apply_intent(context: Context, state: FleetState, intent: Intent, now_s: flo
     record = IntentRecord(intent, Outcome.DONE, ordered.text, now_s, ordered.waiting, now_s)
     if ordered.waiting or ordered.open:
         record = replace(record, outcome=Outcome.ACCEPTED, ended_s=None)
-    said = operator.ORDERED.with_level(ordered.level).say(source=source, pending=pending, text=ordered.text)
+    said = operator.ORDERED.with_level(ordered.level).say(source=source, asked=asked, text=ordered.text)
     return _store_intent(ordered.state, record), (said, *ordered.commands)
 
 
