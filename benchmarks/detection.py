@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks.few_lines_detector import FewLines
 from benchmarks.flightmodel import Injected, ModelledFlight, ModelledSite, fly_modelled, model_site
 from executor.adapters.interrupts import start_worker_pool
+from executor.core.fault_thresholds import Limits
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.passive_watch import DeclaredFault, PassiveWatch
 from executor.core.interface.events import Heard, Tick
-from executor.core.limits import Limits
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import Assignment
 from executor.core.state.vehicle_state import FaultKind, VehicleState

@@ -55,7 +55,7 @@ from missions.flight_model import (
     estimate,
 )
 from missions.geo import LocalFrame
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.items import Command, Frame, MissionItem, MissionKind
 from missions.layers import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights

@@ -10,7 +10,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.network import Network
 from missions.surface import (
     Relief,

@@ -15,7 +15,7 @@ from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad
 from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, build_priced_sorties

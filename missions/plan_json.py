@@ -25,7 +25,7 @@ from missions.errors import PlanFileError, SafetyError
 from missions.files import read_text, write_document
 from missions.flight_model import Base
 from missions.geo import LocalFrame
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.plan_file import (
     WINDOW_COST,
     BasePlace,

@@ -19,7 +19,7 @@ from missions.errors import SafetyError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.layers import NOWHERE, Layers, plan_layers, tracks_m
 from missions.line_heights import with_heights
 from missions.network import Network

@@ -12,7 +12,7 @@ from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import NO_FACTS, PackFacts
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
 from missions.areas import Unreachable

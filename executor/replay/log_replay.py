@@ -14,6 +14,7 @@ from executor.core.battery.account import NO_PRIOR
 from executor.core.battery.kalman import Prior
 from executor.core.battery.voltage import NO_FACTS
 from executor.core.context import Scene, VehicleSetup, power_draw_table_pct_s
+from executor.core.fault_thresholds import Limits
 from executor.core.inflight.faults import passive_watch
 from executor.core.inflight.faults.link_loss import SLEPT_S
 from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding, ObservedModeChange
@@ -32,7 +33,6 @@ from executor.core.interface.messages import (
     VehicleSetting,
 )
 from executor.core.interface.recorded_log import Record, RecordedFile, SkippedRecords
-from executor.core.limits import Limits
 from executor.core.state import legs
 from executor.core.state.vehicle_state import FaultKind, Stage, VehicleState
 from executor.core.telemetry.battery_reports import pack_facts_of

@@ -123,13 +123,10 @@ class _VehicleAnswers:
 
     def find_missing(self) -> str:
         """Return what is still not known, in words; empty when the vehicle is ready."""
-        if self.position is None or (self.position.lat_deg == 0.0 and self.position.lon_deg == 0.0):
-            return "no position"
-        if self.best_remaining_pct is None:
-            return "no battery state"
-        if self.is_unarmable:
+        found = vehicle_checks.find_missing_before_takeoff(self.position, self.best_remaining_pct)
+        if not found and self.is_unarmable:
             return vehicle_checks.describe_prearm_failure(self.reasons_s, self.status, self.clock.now_s())
-        return ""
+        return found
 
 
 async def wait_for_vehicle(

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 from executor.site.site_keys import FileName, Positive, SiteTable, Speed
 
 

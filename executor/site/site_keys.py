@@ -11,7 +11,7 @@ from executor.core.battery.voltage import Chemistry
 from executor.core.interface.connection import Connection, parse_connection
 from missions import AUTOPILOTS, SNAP_M, parse_where
 from missions.cameras import AIM_DEG, LEAST_INTERVAL_S
-from missions.inspection_settings import Inspection
+from missions.inspection_defaults import Inspection
 from missions.terrain import GROUND_MARGIN_M
 from planner import PRESETS
 from planner.risk import RESERVE_PCT

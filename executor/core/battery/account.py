@@ -21,7 +21,7 @@ from executor.core.battery.charge_counter import (
 )
 from executor.core.battery.cusum import Drift, add_usage
 from executor.core.battery.kalman import BatteryEstimate, Prior
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 
 FRESH_S = 4.0
 """Two reports of BATTERY_STATUS at PX4's own interval."""

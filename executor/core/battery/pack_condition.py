@@ -16,6 +16,8 @@ from executor.core.battery import voltage
 from executor.core.battery.voltage import AT_REST_A, NO_FACTS, Chemistry, PackFacts, SagEstimate, update_sag
 from executor.core.lines import battery
 
+LEAST_SPARE_PCT = 5.0
+"""A pack with less than this over the reserve is not worth a take-off."""
 SURE_SD_V = 0.03
 """Of a cell: a resting voltage in flight that is less sure says nothing; 10 mV are a percent, or more."""
 AT_REST_V = 0.12

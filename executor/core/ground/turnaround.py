@@ -14,7 +14,7 @@ from types import MappingProxyType
 
 from executor.core.battery import account
 from executor.core.battery.account import PercentRounding
-from executor.core.battery.pack_condition import PackState, RestReading
+from executor.core.battery.pack_condition import LEAST_SPARE_PCT, PackState, RestReading
 from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
@@ -30,7 +30,7 @@ from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
-from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PlannedSortie, PowerState
+from executor.core.state.vehicle_parts import CLEARED_S, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
 from missions import build_flight_path, estimate
 from planner import segment_of

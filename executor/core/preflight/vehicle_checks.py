@@ -383,6 +383,13 @@ def parse_prearm_reason(text: str) -> str | None:
     return None
 
 
+def find_missing_before_takeoff(position: Position | None, remaining_pct: float | None) -> str:
+    """Return what a vehicle must have said before it is asked to arm, in words; empty if nothing is missing."""
+    if position is None or (position.lat_deg == 0.0 and position.lon_deg == 0.0):
+        return "no position"
+    return "no battery state" if remaining_pct is None else ""
+
+
 def describe_prearm_failure(reasons_s: Mapping[str, float], status: SystemStatus | None, now_s: float) -> str:
     """Return why the pre-arm checks fail.
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from executor.core.battery import account
+from executor.core.battery.pack_condition import LEAST_SPARE_PCT
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.interface.commands import Survivor
@@ -13,7 +14,7 @@ from executor.core.interface.intents import IntentReason, Reason, fill_in
 from executor.core.lines import operator
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_parts import CLEARED_S, LEAST_SPARE_PCT, PLANNED_WITHIN_S, ModeCause
+from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase

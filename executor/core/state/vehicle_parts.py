@@ -405,8 +405,6 @@ class YieldState:
 
 FOLLOWED_LATE_S = 120.0
 """An order may be followed, or answered, this late: a radio keeps it, or only the answers were lost."""
-LEAST_SPARE_PCT = 5.0
-"""A battery with less than this over the reserve is not worth a take-off."""
 CLEARED_S = 120.0
 """After this the crew's word that a pad is clear is too old to take off by."""
 PLANNED_WITHIN_S = 60.0

@@ -1,5 +1,8 @@
 // How old what is shown is, by the flight's own clock: a link that is slow looks like a flight that stands still.
 /** @import { State } from "../documents.js" */
+import { age, since } from "./words.js";
+
+/** @typedef {{ text: string, old?: boolean, over?: boolean }} Trouble */
 
 export const STALE_S = 3;
 const ASK_MS = 2000;
@@ -53,6 +56,37 @@ export class Freshness {
   // How long the question for the clock is, or was, under way.
   waitS(atMs = performance.now()) {
     return this.askedMs === null ? this.tripS : Math.max(this.tripS, (atMs - this.askedMs) / 1000);
+  }
+
+  /**
+   * What is wrong with what is shown, if anything is; ages are in the flight's own time.
+   * @param {State | null} state
+   * @param {number} openedAt
+   * @returns {Trouble | null}
+   */
+  findTrouble(state, openedAt, nowMs = performance.now()) {
+    if (state === null) {
+      return nowMs - openedAt > 1000 * STALE_S ? { text: "The ground station does not answer", old: true } : null;
+    }
+    const behindS = this.ageS(nowMs);
+    if (behindS > STALE_S * this.speedup) {
+      if (state.finished) return { text: "The flight is over; this page shows its end", over: true };
+      const who = this.failed ? "The ground station does not answer" : "The link to this page is behind";
+      const shown = state.flight_s === null ? "" : ` ${since(state.flight_s)},`;
+      const now = state.flight_s === null ? "" : `; the flight is at ${since(state.flight_s + behindS)}`;
+      return { text: `${who}: this is${shown} ${age(behindS)} old${now}`, old: true };
+    }
+    if (this.waitS(nowMs) > STALE_S) {
+      return { text: `The link to this page is slow: an answer takes ${age(this.waitS(nowMs))}` };
+    }
+    const flies = state.flight_s !== null && !state.finished;
+    if (flies && state.decided_age_s !== null && state.decided_age_s > STALE_S * this.speedup) {
+      return {
+        text: `The ground station itself is behind: nothing was decided for ${age(state.decided_age_s)}`,
+        old: true,
+      };
+    }
+    return state.all_silent ? { text: "All links lost at once: check the radio first" } : null;
   }
 
   async ask() {

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from executor.core.context import Scene, VehicleSetup
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 from executor.core.lines import failsafe, link
 from executor.core.state.mission_height import ITEM_STALE_S
 from executor.core.state.vehicle_parts import PositionFix

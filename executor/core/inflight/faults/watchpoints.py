@@ -17,6 +17,7 @@ from functools import partial
 from executor.core.battery import account, cusum
 from executor.core.battery.pack_condition import PackCondition, assess_pack
 from executor.core.context import Scene, VehicleSetup
+from executor.core.fault_thresholds import Limits
 from executor.core.inflight.custody.mode_causes import (
     GEOFENCE_SENSOR,
     attribute_mode_change,
@@ -37,7 +38,6 @@ from executor.core.inflight.faults.watch_view import (
     is_in_mission_mode,
 )
 from executor.core.interface.messages import Actor
-from executor.core.limits import Limits
 from executor.core.lines import battery, failsafe, height, landing, link, position, speed
 from executor.core.state import legs
 from executor.core.state.mission_height import GROUND_ITEMS, find_mission_height, is_stopped_below_mission, item_of

@@ -7,7 +7,7 @@ import pytest
 from executor.core.battery import account
 from executor.core.battery.account import LEAST_FACTOR, BatteryState
 from executor.core.battery.kalman import Prior
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 
 RATE_PCT_S = 0.036
 ANY = Prior(2.2, 0.8)

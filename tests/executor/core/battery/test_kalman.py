@@ -11,7 +11,7 @@ from executor.core.battery import kalman
 from executor.core.battery.cusum import Drift, add_usage, is_drain
 from executor.core.battery.kalman import BatteryEstimate, Prior, Projection
 from executor.core.battery.voltage import VoltageReport, VoltageState, apply_voltage_report
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 
 RATE = 0.04
 

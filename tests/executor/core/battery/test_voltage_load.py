@@ -9,7 +9,7 @@ import pytest
 
 from executor.core.battery import voltage
 from executor.core.battery.voltage import SagEstimate, VoltageReport, VoltageState, update_sag
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 from tests.executor.core.steps import rounded
 
 LIMITS = Limits(voltage_step=0.05, voltage_step_blind=0.05, cell_low_v=3.1, cell_spread_v=0.2)

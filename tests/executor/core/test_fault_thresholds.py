@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from executor.core.limits import Limits
+from executor.core.fault_thresholds import Limits
 from tests.executor.builders import flat
 from tests.executor.core.steps import rounded
 
