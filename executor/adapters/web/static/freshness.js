@@ -2,7 +2,10 @@
 /** @import { State } from "../documents.js" */
 import { age, since } from "./words.js";
 
-/** @typedef {{ text: string, old?: boolean, over?: boolean }} Trouble */
+/**
+ * What is wrong with what is shown; whether it is old, and whether that is because the flight is over.
+ * @typedef {{ text: string, old?: boolean, over?: boolean }} Trouble
+ */
 
 export const STALE_S = 3;
 const ASK_MS = 2000;

@@ -22,7 +22,7 @@ export class Ground {
     this.images = {};
     this.layer = "plain";
     this.layers = ["plain"];
-    /** @type {Contour[]} */
+    /** @type {DrawnContour[]} */
     this.lines = [];
   }
 
@@ -184,7 +184,7 @@ const within = (value, most) => Math.min(most, Math.max(0, value));
 
 /**
  * A contour line, ready to be drawn.
- * @typedef {ReturnType<typeof contour>} Contour
+ * @typedef {ReturnType<typeof contour>} DrawnContour
  * @param {Contour} line
  */
 function contour({ height_m: height, places_m: places, bold }) {

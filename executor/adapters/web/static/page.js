@@ -7,8 +7,168 @@ import { Intents } from "./intents.js";
 import { Chart } from "./map.js";
 import { Offers } from "./offers.js";
 import { Strips } from "./strips.js";
+import { flightTime, since } from "./words.js";
 
 /** @import { PageChart, Place, State } from "../documents.js" */
+
+/** @type {Record<string, string>} */
+const MARKS = { info: "·", warning: "▲", fault: "■" };
+
+const chart = new Chart(byId("map", HTMLCanvasElement), choose, pointed, (segment) => assets.choose(segment));
+const intents = new Intents(() => state);
+const ask = (/** @type {string} */ action, /** @type {string | null} */ vehicle) => intents.ask(action, vehicle);
+const strips = new Strips(byId("vehicles"), choose, ask, (action, base) => intents.askBase(action, base));
+const briefing = new Briefing(intents);
+const offers = new Offers(ask);
+const assets = new Assets((segment) => chart.pointTo(segment), intents);
+const freshness = new Freshness();
+const openedAt = performance.now();
+/** @type {State | null} */
+let state = null;
+/** @type {string | null} */
+let chosen = null;
+let charted = "";
+let charting = false;
+let shownLines = "";
+/** @type {PageChart["window"]} */
+let planned = null;
+
+/** @param {string} name */
+function choose(name) {
+  chosen = name;
+  strips.choose(name);
+  chart.choose(name);
+}
+
+/** @param {State} next */
+function show(next) {
+  state = next;
+  freshness.shows(next);
+  write(byId("clock"), next.flight_s === null ? "before take-off" : since(next.flight_s));
+  write(byId("count"), `${next.inspected.length} of ${next.segments_total}`);
+  byId("bar").style.width = `${(100 * next.inspected.length) / Math.max(1, next.segments_total)}%`;
+  write(byId("revision"), next.replan
+    ? `${next.replan.revision} ${next.replan.solving ? "is solved …" : "goes on board …"}`
+    : `revision ${next.revision}`);
+  showWindow(next);
+  showPlanned(next);
+  briefing.show(next);
+  offers.show(next);
+  strips.show(next);
+  chart.show(next);
+  assets.show(next);
+  showLines(next);
+  intents.show(next);
+  const idle = next.finished || next.recalled || next.flight_s === null;
+  for (const button of all(byId("fleet"), "[data-action]", HTMLButtonElement)) {
+    button.disabled = idle || (button.dataset.action === "prove" && !next.inferred.length);
+  }
+  byId("legend-inferred").hidden = !next.inferred.length;
+  byId("legend-missed").hidden = !next.missed.length;
+  document.title = `${next.inspected.length}/${next.segments_total} faultline`;
+  const stamp = JSON.stringify(next.chart);
+  if (stamp !== charted && !charting) loadChart(stamp);
+  watch();
+}
+
+/** @param {State} next */
+function showWindow(next) {
+  const judged = next.vehicles.filter((one) => one.loss);
+  const outside = judged.filter((one) => !one.loss?.inside_window).map((one) => one.name);
+  const place = byId("window");
+  // What is left over now stays so in any case.
+  const left = next.uncovered.length;
+  const good = left ? `✓ the others finish all but the ${left} left over` : "✓ the others finish all";
+  const bad = `✗ not ${outside.join(", ")}${left ? `; ${left} left over in any case` : ""}`;
+  write(place, !judged.length ? (left ? `not known; ${left} left over in any case` : "not known") : outside.length ? bad : good);
+  place.className = !judged.length ? "" : outside.length || left ? "loss out" : "loss in";
+  place.title = outside.length ? "The loss of these could not be made good by the others" : "";
+}
+
+/**
+ * From when on the plan itself can do without any one vehicle, and whose loss it cannot make good before.
+ * @param {State} next
+ */
+function showPlanned(next) {
+  const place = byId("planned");
+  place.hidden = planned === null || next.revision !== 0 || next.finished;
+  if (planned === null || place.hidden) return;
+  const { earliest_s: earliest, longest_route_s: longest, window_pct: share, breaking } = planned;
+  const inside = next.flight_s !== null && next.flight_s >= earliest;
+  const whom = breaking ? `, until then not ${breaking.vehicle}` : "";
+  const since0 = earliest <= 0 ? "at any time" : inside ? `since ${since(earliest)}` : `from ${since(earliest)} on`;
+  write(place, `plan: any one ${since0}${inside ? "" : whom}`);
+  place.title = `Re-plan window of the plan: ${share.toFixed(0)} % of its longest route, which ends at ${since(longest)}`
+    + (breaking ? `; ${breaking.vehicle} lost between ${since(breaking.from_s)} and ${since(breaking.to_s)} breaks it` : "");
+}
+
+/** @param {Place | null} place */
+function pointed(place) {
+  write(byId("pointed"), place === null ? "" : chart.ground.describe(place));
+}
+
+function showLayer() {
+  const button = byId("layer");
+  button.hidden = chart.ground.layers.length < 2;
+  write(button, chart.ground.word());
+  write(byId("attribution"), chart.ground.attribution());
+}
+
+async function loadGround() {
+  try {
+    await chart.ground.load();
+  } catch {
+    setTimeout(loadGround, 3000);
+  }
+  showLayer();
+}
+
+/** @param {State} next */
+function showLines(next) {
+  const last = next.said.at(-1);
+  const key = last ? `${next.said.length} ${last.at_s} ${last.text} ${next.flight_s === null}` : "";
+  if (key === shownLines) return;
+  shownLines = key;
+  const rows = [...next.said].reverse().map((line) => {
+    const row = element("li", "", line.level);
+    const mark = element("span", MARKS[line.level]);
+    mark.title = line.level;
+    row.append(element("time", since(flightTime(next, line.at_s))), mark, element("span", line.text));
+    return row;
+  });
+  byId("lines").replaceChildren(...rows);
+}
+
+/** @param {string} stamp */
+async function loadChart(stamp) {
+  charting = true;
+  try {
+    const answer = await fetch("/chart");
+    if (answer.ok) {
+      /** @type {PageChart} */
+      const content = await answer.json();
+      strips.names = content.names;
+      planned = content.window;
+      if (state !== null) showPlanned(state);
+      chart.load(content);
+      assets.load(content);
+      charted = stamp;
+    }
+  } catch {
+    // The next state asks again.
+  } finally {
+    charting = false;
+  }
+}
+
+function listen() {
+  const source = new EventSource("/events");
+  source.onmessage = (event) => show(JSON.parse(event.data));
+  source.onerror = () => {
+    // A server that refuses ends the stream for good; one that is away is asked again by the browser itself.
+    if (source.readyState === EventSource.CLOSED) setTimeout(listen, 2000);
+  };
+}
 
 function watch() {
   const found = freshness.findTrouble(state, openedAt);
