@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import string
+from collections import defaultdict
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -65,3 +66,14 @@ def test_a_line_of_the_checklist_has_its_severity_or_another() -> None:
     line = ChecklistLine(Severity.OK, CheckCode.ENERGY, "battery {left_pct:.0f} %")
     assert line.say("uav1", left_pct=61.4) == Check(Severity.OK, "uav1", "battery 61 %", CheckCode.ENERGY)
     assert line.say("uav1", Severity.STOP, left_pct=61.4).severity is Severity.STOP
+
+
+def test_no_words_are_written_twice() -> None:
+    places: dict[str, list[str]] = defaultdict(list)
+    for path in sorted((ROOT / "executor/core/lines").glob("[a-z]*.py")):
+        for assigned in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(assigned, ast.Assign):
+                for part in ast.walk(assigned.value):
+                    if isinstance(part, ast.Constant) and isinstance(part.value, str) and " " in part.value:
+                        places[part.value].append(path.stem)
+    assert {words: where for words, where in places.items() if len(where) > 1} == {}

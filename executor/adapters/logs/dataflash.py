@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
@@ -143,7 +144,7 @@ def _find_time_index(name: str, columns: tuple[str, ...]) -> int | None:
 
 
 @dataclass(slots=True)
-class Rows:
+class Rows(ABC):
     """A log, read once."""
 
     path: Path
@@ -160,9 +161,9 @@ class Rows:
         """Whether any kind that is wanted has the autopilot's own time."""
         return any(one.time_at >= 0 for one in self.formats.values())
 
+    @abstractmethod
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
-        raise NotImplementedError
 
     def _describe_kind(self, name: str, letters: str, columns: Sequence[str], *, in_text: bool) -> RecordFormat | None:
         """Note that the log describes a kind; return how to read it, if it is wanted and can be read."""

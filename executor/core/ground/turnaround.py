@@ -24,7 +24,7 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
 from executor.core.interface.intents import Intent, IntentReason, Outcome, Reason, fill_in
-from executor.core.lines import sorties
+from executor.core.lines import operator, sorties
 from executor.core.preflight import vehicle_checks
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
@@ -351,7 +351,7 @@ def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> 
     """Return why the crew's word for a vehicle does not hold any more; None where it does."""
     turn = vehicle.turn
     if state.progress.recalled:
-        return sorties.ABORTED
+        return operator.ABORTED
     if vehicle.orders.base_closed:
         return sorties.BASE_CLOSED
     elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed

@@ -12,7 +12,7 @@ ALL_STILL_LOST = CrewLine(
     "and resumes with the first link regained",
 )
 ALL_REGAINED = CrewLine(Level.INFO, "links regained")
-LOST_REGAINED = CrewLine(Level.WARNING, "{vehicle}: link regained")
+LOST_REGAINED = NO_LONGER_STALE.with_level(Level.WARNING)
 LOST_REGAINED_COMING = CrewLine(Level.WARNING, "{vehicle}: link regained, returning or landing by itself")
 LOST_REGAINED_ALOFT = CrewLine(
     Level.WARNING, "{vehicle}: link regained; its segments were reassigned, its mission is not resumed"

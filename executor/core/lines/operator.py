@@ -2,6 +2,7 @@
 
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
+from executor.core.lines import pilot, position, replanning
 
 INFO, WARNING, _ = Level
 
@@ -10,7 +11,7 @@ OVER = IntentReason.OVER, "the flight is over"
 NOT_BEGUN = IntentReason.NOT_BEGUN, "the flight has not begun"
 BEGUN = IntentReason.BEGUN, "the flight has begun"
 NOT_ASKED = IntentReason.NOT_ASKED, "that question is not pending"
-ABORTED = IntentReason.ABORTED, "the flight was aborted"
+ABORTED = IntentReason.ABORTED, pilot.ABORTED
 VEHICLE_MISSING = IntentReason.VEHICLE_MISSING, "{action} needs a vehicle: one of {vehicles}"
 VEHICLE_UNKNOWN = IntentReason.VEHICLE_UNKNOWN, "there is no vehicle {vehicle!r}: expected one of {vehicles}"
 FOR_FLEET = IntentReason.VEHICLE_UNEXPECTED, "{action} is for the whole fleet; expected no vehicle"
@@ -21,7 +22,7 @@ BASE_SHUT = IntentReason.BASE_CLOSED, "it is closed already"
 BASE_OPEN = IntentReason.BASE_OPEN, "it is not closed"
 NEVER_HEARD = IntentReason.NEVER_HEARD, "no message was ever received from it"
 LINK_STALE = IntentReason.LINK_STALE, "no message from it for {age_s:.0f} s"
-LINK_LOST = IntentReason.LINK_LOST, "no link; RTL will be commanded as soon as the link is back"
+LINK_LOST = IntentReason.LINK_LOST, replanning.RTL_WAITS
 NOT_ON_MISSION = IntentReason.NOT_ON_MISSION, "it is not on its mission, it is {stage}"
 ON_HOLD = IntentReason.ON_HOLD, "it holds already"
 NOT_ON_HOLD = IntentReason.NOT_ON_HOLD, "it is not on hold, it is {stage}"
@@ -32,7 +33,7 @@ LANDING = IntentReason.LANDING, "it is landing already"
 RETURNING = IntentReason.RETURNING, "it is on its way home already"
 ON_GROUND = IntentReason.ON_GROUND, "it is on the ground"
 NOT_FLYING = IntentReason.NOT_FLYING, "it is not flying, it is {stage}"
-POSITION_UNKNOWN = IntentReason.POSITION_UNKNOWN, "its position is not known"
+POSITION_UNKNOWN = IntentReason.POSITION_UNKNOWN, position.UNKNOWN
 NEAR_LINE = IntentReason.NEAR_LINE, "it is {line_m:.0f} m from the line, too near to land safely; use return"
 OTHER_PAD = IntentReason.OTHER_PAD, "it would land on the pad of {other}"
 PULLED_OUT = IntentReason.OUT_OF_PLAN, "it is out of the plan; return or land it"
@@ -84,7 +85,7 @@ ORDERED = CrewLine(INFO, "{source} asks: {asked}; {text}")
 HOLD = "hold commanded"
 RESUME = "resume commanded"
 RETURN = "{begins}; it stays on the ground until included; its segments are to be reassigned"
-RETURN_BEGINS = "RTL commanded"
+RETURN_BEGINS = replanning.RTL
 LANDING_BEGINS = "landing commanded"
 RETURN_ORDERED = "return ordered"
 RETURNS = "{vehicle}: returns by the operator's order"

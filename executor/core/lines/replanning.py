@@ -7,7 +7,6 @@ INFO, WARNING, FAULT = Level
 # Why: named in the line of the re-plan that begins.
 NOT_PROVEN = "inspection not proven: {segments}"
 WITHOUT_VEHICLE = "assigned to no vehicle: {segments}"
-LINK_REGAINED = "{vehicle}: link regained"
 ANSWERS = "{vehicle}: answers again"
 NOT_GIVEN = "{vehicle}: {reason}"
 
@@ -68,7 +67,6 @@ AGAIN_FROM_PAD = CrewLine(INFO, "{vehicle}: re-inspects {segments} at inspection
 LEAVES = CrewLine(FAULT, "{parts}")
 FAULT_TRIGGER = "{vehicle}: {kind}, {why}"
 LINK_TRIGGER = "{vehicle}: {why}"
-PILOT_HAS_IT = "with its pilot, not commanded"
 DISARM = "disarm commanded"
 RTL = "RTL commanded"
 RTL_WAITS = "no link; RTL will be commanded as soon as the link is back"

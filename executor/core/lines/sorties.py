@@ -2,6 +2,7 @@
 
 from executor.core.interface.commands import CrewLine, Level
 from executor.core.interface.intents import IntentReason
+from executor.core.lines import takeoff
 
 INFO, WARNING, FAULT = Level
 
@@ -43,11 +44,10 @@ NOT_IN_HOURS = "no open segment can be inspected in the {left} that are left of 
 NO_SEGMENT = "no segment is open for it"
 TOO_LATE = "its mission was uploaded too late"
 UPLOAD_FAILED = "its upload failed ({reason})"
-ABORTED = IntentReason.ABORTED, "the flight was aborted"
 BASE_CLOSED = IntentReason.BASE_CLOSED, "its base is closed"
 ELSEWHERE = IntentReason.OVERTAKEN, "it is {stage} now"
 AWAY_MEANWHILE = "its turnaround was under way when the ground station went away"
-REBOOTED = IntentReason.NOT_READY, "its autopilot has rebooted since its checks"
+REBOOTED = IntentReason.NOT_READY, takeoff.HAS_REBOOTED
 PLACELESS = IntentReason.NOT_READY, "no position for {placeless_s:g} s: it may have rebooted since its checks"
 UNFINISHED = IntentReason.UNANSWERED, "its checks did not finish"
 EXPIRED_CLEARANCE = (

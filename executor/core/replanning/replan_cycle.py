@@ -10,7 +10,7 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Command, Say, Solve, Survivor
 from executor.core.interface.events import Gain, NewRoute, SolveEnded
-from executor.core.lines import replanning
+from executor.core.lines import link, replanning
 from executor.core.replanning import new_missions, replan_separation, survivors
 from executor.core.state.fleet_state import Coverage, FleetState, Replan, Stepped
 from executor.core.state.vehicle_state import Stage, VehicleState, suppose_lost
@@ -50,7 +50,7 @@ def replan_for_regained_link(state: FleetState, vehicle: VehicleState, now_s: fl
     if out or not left or state.progress.recalled:
         return state
     state = state.with_coverage(given_up=state.coverage.given_up - left)
-    return state.want_replan(replanning.LINK_REGAINED.format(vehicle=vehicle.name), now_s)
+    return state.want_replan(link.LOST_REGAINED.words.format(vehicle=vehicle.name), now_s)
 
 
 def begin_replan(context: Context, state: FleetState, now_s: float) -> Stepped:

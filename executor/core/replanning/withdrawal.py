@@ -20,7 +20,7 @@ from executor.core.inflight.custody.mode_causes import (
 from executor.core.inflight.homing import HomingAction, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
 from executor.core.interface.messages import Actor
-from executor.core.lines import pilot, replanning
+from executor.core.lines import custody, pilot, replanning
 from executor.core.replanning import new_missions
 from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import FleetState, Stepped
@@ -50,7 +50,7 @@ def declare_fault(context: Context, state: FleetState, vehicle: VehicleState, fa
     elif down or (vehicle.stage is Stage.STARTING and not vehicle.armed):
         stage, then = Stage.LANDED, ""
     elif is_under_foreign_control(vehicle):
-        stage, then = Stage.PILOT, replanning.PILOT_HAS_IT
+        stage, then = Stage.PILOT, custody.WITH_PILOT
     elif vehicle.stage is Stage.STARTING and not vehicle.sortie.took_off:
         stage, then, commands = Stage.RETURNING, replanning.DISARM, (Disarm(vehicle.name, force=False),)
     else:

@@ -21,7 +21,7 @@ import numpy as np
 from executor.core.context import Context, Scene
 from executor.core.imaging import asset_status
 from executor.core.inflight.homing import is_on_mission
-from executor.core.lines import resume
+from executor.core.lines import inspection, resume
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.inspection_proof import GAP_S, NOISE_M, SPEED_FACTOR, InspectionRun, PositionSample, join_run
@@ -151,7 +151,7 @@ def _close_gap(
     segment = board.tracks[before.run_visit].segment
     if segment in counted:
         return replace(vehicle, assignment=judged)
-    why = resume.NO_POSITION.format(gap_s=fix.boot_s - before.fix.boot_s)
+    why = inspection.NO_POSITION.format(gap_s=fix.boot_s - before.fix.boot_s)
     owed = known.owed if told else (before.run_visit, why)
     return replace(vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed))
 
