@@ -194,9 +194,11 @@ class MavlinkCodec:
     signed and of nobody where frames are."""
     systems: Collection[int] | None = None
     """Whose frames are read, everybody's if None; see `FrameParser`."""
+    overhears: bool = False
+    """Whether what others say to each other is read as well, as in a log: nobody is us."""
     _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None, *messages.GROUND_STATION))
     _datagrams: FrameParser = field(init=False)
-    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+    texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sent: dict[int, int] = field(default_factory=dict)
     """How many frames went to each system: each is numbered as a stream of its own."""
     _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
@@ -229,7 +231,7 @@ class MavlinkCodec:
             if isinstance(frame, mav.MAVLink_unknown) and self.systems is not None and source[0] not in self.systems:
                 yield DecodedFrame(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False)
                 continue
-            more: list[messages.Message] = [*self._texts.count_frame(source)]
+            more: list[messages.Message] = [*self.texts.count_frame(source)]
             message = self._parse_message(frame)
             if isinstance(message, messages.Heartbeat):
                 self._follow_speaker(source, message)
@@ -240,7 +242,7 @@ class MavlinkCodec:
             if frame.get_type() == "STATUSTEXT":
                 # The raw field: pymavlink's own reading loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
-                more += self._texts.add_part(source, frame.severity, raw, frame.id, frame.chunk_seq)
+                more += self.texts.add_part(source, frame.severity, raw, frame.id, frame.chunk_seq)
             speaker = self._speakers.get(source[0], AutopilotComponent())
             said = [select_component_message(speaker, source[1], one) for one in (message, *more) if one is not None]
             heard = [one for one in said if one is not None]
@@ -331,7 +333,7 @@ class MavlinkCodec:
     def _parse_message(self, frame: Frame) -> messages.Message | None:
         if frame.get_type() in _ORDERS:
             return self._parse_order(frame)
-        if not _is_for_us(frame):
+        if not self._is_for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
             name = formatting.escape_controls(frame.param_id)
@@ -352,11 +354,10 @@ class MavlinkCodec:
         # Under our own number it may be a router's echo of ours.
         source, target = (frame.get_srcSystem(), frame.get_srcComponent()), frame.target_system
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
-        return (
-            None
-            if ordered is None
-            else messages.OrderSeen(*ordered, None if source == messages.GROUND_STATION else source[0], target)
-        )
+        if ordered is None:
+            return None
+        is_ours = source == messages.GROUND_STATION and not self.overhears
+        return messages.OrderSeen(*ordered, None if is_ours else source[0], target)
 
     def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
         """Yield the order that an autopilot says it follows, if that changes a mode."""
@@ -364,7 +365,7 @@ class MavlinkCodec:
         if ack.get_srcComponent() != self._speakers.get(system, AutopilotComponent()).component or to == system:
             return  # of a gimbal, or to a computer on board
         if command is not None:
-            yield messages.OrderSeen(command, None, None if _is_for_us(ack) else to, system)
+            yield messages.OrderSeen(command, None, None if self._is_for_us(ack) else to, system)
 
     def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
         """Yield what an event of PX4 is evidence of."""
@@ -379,6 +380,11 @@ class MavlinkCodec:
         )
         if said is not None:
             yield said
+
+    def _is_for_us(self, frame: Frame) -> bool:
+        """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
+        ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
+        return self.overhears or all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
     def _is_accepted_radio(self, radio: Frame) -> bool:
         named = self.radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self.radios
@@ -395,12 +401,6 @@ def _to_field(value: object) -> object:
     if isinstance(value, list):
         return [_to_field(one) for one in value]
     return math.nan if value is None else value
-
-
-def _is_for_us(frame: Frame) -> bool:
-    """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
-    ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
-    return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
 def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard | messages.CameraHeard | None:
