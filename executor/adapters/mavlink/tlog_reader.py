@@ -17,6 +17,7 @@ import math
 import struct
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
@@ -77,7 +78,7 @@ ENOUGH_FRAMES = 80
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
 POSITION, BATTERY, SYSTEM = "GLOBAL_POSITION_INT", "BATTERY_STATUS", "SYS_STATUS"
-LOCAL_POSITION = "LOCAL_POSITION_NED"
+LOCAL_POSITION, TARGET_POSITION = "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"
 MOST_NAMED = 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
 """MAV_AUTOPILOT."""
@@ -124,7 +125,7 @@ ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
 _EVERY_USEC = {
     **dict.fromkeys(("SYS_STATUS", "GPS_RAW_INT", "GPS2_RAW", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"), SLOW_USEC),
-    **dict.fromkeys(("NAV_CONTROLLER_OUTPUT", "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"), SLOW_USEC),
+    **dict.fromkeys(("NAV_CONTROLLER_OUTPUT", LOCAL_POSITION, TARGET_POSITION), SLOW_USEC),
     **dict.fromkeys(("MISSION_CURRENT", "EXTENDED_SYS_STATE"), STEADY_USEC),
     **dict.fromkeys(("GLOBAL_POSITION_INT", "RADIO_STATUS"), POSITION_USEC),
     **dict.fromkeys(("BATTERY_STATUS", "ATTITUDE"), EVERY_USEC),
@@ -132,19 +133,30 @@ _EVERY_USEC = {
     **dict.fromkeys(("HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "MISSION_ITEM_REACHED"), 0),
     **dict.fromkeys(ORDERS | ITEMS, 0),
 }
-"""What is read, and how often one is wanted; RADIO_STATUS is also what SiK radios send."""
-SELDOM_NEWS = ORDERS | ITEMS | {
-    "GLOBAL_POSITION_INT", "STATUSTEXT", message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE",
-    "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED",
+"""How often one of them is wanted; RADIO_STATUS is also what SiK radios send."""
+NO_BEATS = ORDERS | ITEMS | {
+    "STATUSTEXT", message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS",
+    "ATTITUDE", LOCAL_POSITION, TARGET_POSITION,
 }  # fmt: skip
-"""What most often says nothing; of the others one that says nothing tells at least that time passed."""
-_READ = [kind for kind in mav.mavlink_map.values() if kind.msgname in _EVERY_USEC]
-RATES_USEC: Mapping[int, int] = {kind.id: _EVERY_USEC[kind.msgname] for kind in _READ} | {message_readers.EVENT: 0}
-"""The same by message id."""
-NAMES = {kind.id: kind.msgname for kind in _READ} | {message_readers.EVENT: message_readers.EVENT_NAME}
-_EXTRAS = {kind.id: kind.crc_extra for kind in _READ} | {message_readers.EVENT: message_readers.EVENT_EXTRA}
-"""CRC_EXTRA of each: part of its checksum."""
-_BOOT_TIMED = frozenset(kind.id for kind in _READ if kind.msgname in BOOT_TIMED)
+"""What comes once, or comes often: of who is no vehicle it does not even tell that time passes."""
+
+
+class WantedKind(NamedTuple):
+    """A message that is read."""
+
+    name: str
+    every_usec: int
+    """One that follows another sooner than this is passed over."""
+    extra: int
+    """CRC_EXTRA: part of its checksum."""
+
+
+KINDS: Mapping[int, WantedKind] = {
+    kind.id: WantedKind(kind.msgname, _EVERY_USEC[kind.msgname], kind.crc_extra)
+    for kind in mav.mavlink_map.values()
+    if kind.msgname in _EVERY_USEC
+} | {message_readers.EVENT: WantedKind(message_readers.EVENT_NAME, 0, message_readers.EVENT_EXTRA)}
+"""By message id."""
 
 
 @dataclass(slots=True)
@@ -169,12 +181,11 @@ class _MessageStream:
     """One source's messages of one kind."""
 
     source: _Source
-    number: int
-    """Their message id."""
+    kind: WantedKind | None
+    """None if they are not read."""
     system: int
     component: int
-    every_usec: int | None
-    """How often one is wanted; None if they are not read."""
+    every_usec: int
     newest_usec: int = -STAND_IN_USEC
     """When one was read last."""
     told_usec: int = -STAND_IN_USEC
@@ -270,8 +281,8 @@ class TelemetryFile(RecordedFile):
                 if not 0 <= stamp - heard.get(lane.system, 0) < GAP_USEC:
                     yield stamp, 0, None
                 heard[lane.system] = stamp
-            if lane.every_usec is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
-                yield from self._read_frame(buffer[at + STAMP : end], stamp, lane)
+            if lane.kind is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
+                yield from self._read_frame(lane.kind, buffer[at + STAMP : end], stamp, lane)
             at = end
         self._stamp = known
         self.frames += frames
@@ -309,7 +320,8 @@ class TelemetryFile(RecordedFile):
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
-                and lane.number in _BOOT_TIMED and has_valid_checksum(frame, _EXTRAS[lane.number])
+                and lane.kind is not None and lane.kind.name in BOOT_TIMED
+                and has_valid_checksum(frame, lane.kind.extra)
             ):  # fmt: skip
                 found.append((lane.source.boot, BootTime(_boot_usec(frame), stamp + self._shift)))
             at = end
@@ -319,55 +331,47 @@ class TelemetryFile(RecordedFile):
         """Return what is known of a source's messages of one kind, from now on."""
         system, component, number = key[0], key[1], int.from_bytes(key[2:], "little")
         source = self._sources.setdefault(system << 8 | component, _Source(seq))
-        every_usec = RATES_USEC.get(number)
-        if every_usec is not None and (number == mav.MAVLINK_MSG_ID_GLOBAL_POSITION_INT or self.every_record):
-            every_usec = 0
-        lane = self._lanes[key] = _MessageStream(source, number, system, component, every_usec)
+        kind = KINDS.get(number)
+        every_usec = 0 if kind is None or kind.name == POSITION or self.every_record else kind.every_usec
+        lane = self._lanes[key] = _MessageStream(source, kind, system, component, every_usec)
         return lane
 
-    def _read_frame(self, raw: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
-        """Yield what a frame says that is wanted now; if it is nothing, that time passed."""
-        lane.newest_usec = stamp
-        frames = self._parser.feed(raw)
+    def _read_frame(self, kind: WantedKind, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
+        """Yield what a frame says that is wanted now."""
+        source, lane.newest_usec = lane.source, stamp
+        frames = self._parser.feed(frame)
         if not frames:
             self._parser.close()
             self.skipped.bad_checksums += 1
             return
-        [frame] = frames
-        name, source = NAMES[lane.number], lane.source
-        if name == BATTERY:
+        if kind.name == BATTERY:
             source.battery_usec = stamp
-        elif name in BOOT_TIMED:
-            source.boot = BootTime(1000 * frame.time_boot_ms, stamp)
-        elif name == SYSTEM and not self.every_record:
+        elif kind.name in BOOT_TIMED:
+            source.boot = BootTime(_boot_usec(frame), stamp)
+        elif kind.name == SYSTEM and not self.every_record:
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
-        told = False
-        for record in self._interpret(frame, name, stamp, lane):
-            told = True
-            yield record
-        if not told and name not in SELDOM_NEWS:
+        yield from self._interpret(kind.name, frames[0], stamp, lane)
+        if not source.vehicle and kind.name not in NO_BEATS:
             yield stamp, 0, None
 
-    def _interpret(self, frame: Frame, name: str, stamp: int, lane: _MessageStream) -> Iterator[Record]:
-        """Yield what a frame says, as the codec of a link hears it but for what no link is asked for."""
-        vehicle = lane.source.vehicle
+    def _interpret(self, name: str, frame: Frame, stamp: int, lane: _MessageStream) -> Iterator[Record]:
+        """Yield what a frame says, as the codec of a link hears it, and what no link is asked for."""
+        heard: tuple[Message | None, ...] = ()
         if name in ITEMS:
             yield from self._read_mission_item(stamp, lane.system, frame)
-            return
-        if name in {LOCAL_POSITION, "POSITION_TARGET_LOCAL_NED"}:
-            heard: tuple[Message | None, ...] = (self._read_height_target(lane.system, name, frame.z),)
+        elif name in {LOCAL_POSITION, TARGET_POSITION}:
+            heard = (self._read_height_target(lane.system, name, frame.z),)
         elif name == "RC_CHANNELS_RAW":
             heard = (message_readers.read_channels(frame),)
         else:
             [decoded] = self._codec.read([frame])
             heard = (decoded.message, *decoded.more)
-        if name == POSITION:
-            yield from self._follow_position(stamp, lane, heard[0])
-            heard = heard[1:]
+            if name == POSITION and decoded.own:
+                yield from self._follow_position(stamp, lane, decoded.message)
         for message in heard:
-            if vehicle or name != "COMMAND_ACK":  # before that nobody knows who follows it
+            if lane.source.vehicle or name != "COMMAND_ACK":  # before that nobody knows who follows it
                 yield from self._tell(stamp, lane, message)
 
     def _tell(self, stamp: int, lane: _MessageStream, message: Message | None) -> Iterator[Record]:
@@ -390,7 +394,9 @@ class TelemetryFile(RecordedFile):
                 changed = self._filter_unchanged(stamp, system, message)
                 if changed is not None:
                     yield stamp, system, changed
-            case _ if source.vehicle and isinstance(message, FlightMessage):
+            case _ if (
+                source.vehicle and isinstance(message, FlightMessage) and not isinstance(message, messages.Position)
+            ):
                 yield stamp, system, message
 
     def _follow_heartbeat(self, stamp: int, lane: _MessageStream, beat: messages.Heartbeat) -> Iterator[Record]:
@@ -409,23 +415,19 @@ class TelemetryFile(RecordedFile):
 
     def _follow_position(self, stamp: int, lane: _MessageStream, place: Message | None) -> Iterator[Record]:
         """Yield a position now and then, and once that a vehicle is two: of one in seconds all may be of the same."""
-        if lane.source.vehicle:
-            if isinstance(place, messages.Position):
-                known, told = (
-                    lane.source.twins,
-                    ReportedPosition(stamp / 1e6, place.boot_s, place.lat_deg, place.lon_deg),
-                )
-                lane.source.twins = add_reported_position(known, told)
-                if lane.source.twins.are_two and not known.are_two:
-                    yield stamp, lane.system, DoubleHeard(lane.system, ())
-            if not self.every_record and 0 <= stamp - lane.told_usec < POSITION_USEC:
-                return
-            lane.told_usec = stamp
-            if isinstance(place, messages.Position):
+        source = lane.source
+        is_due = self.every_record or not 0 <= stamp - lane.told_usec < POSITION_USEC
+        self.skipped.impossible += is_due and place is None
+        if not source.vehicle:
+            return
+        lane.told_usec = stamp if is_due else lane.told_usec
+        if isinstance(place, messages.Position):
+            known, told = source.twins, ReportedPosition(stamp / 1e6, place.boot_s, place.lat_deg, place.lon_deg)
+            source.twins = add_reported_position(known, told)
+            if source.twins.are_two and not known.are_two:
+                yield stamp, lane.system, DoubleHeard(lane.system, ())
+            if is_due:
                 yield stamp, lane.system, place
-                return
-        self.skipped.impossible += place is None
-        yield stamp, 0, None
 
     def _filter_unchanged(
         self, stamp: int, system: int, message: messages.Attitude | messages.RcChannels
@@ -482,5 +484,5 @@ def _boot_usec(frame: bytes) -> int:
 def _is_known(buffer: bytes, at: int, end: int) -> bool:
     """Return whether a frame of a kind that is read here begins behind a time, whole."""
     frame = buffer[at + STAMP : end]
-    extra = _EXTRAS.get(message_id_of(frame))
-    return extra is not None and has_valid_checksum(frame, extra)
+    kind = KINDS.get(message_id_of(frame))
+    return kind is not None and has_valid_checksum(frame, kind.extra)
