@@ -71,7 +71,7 @@ STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
-BEAT_FRAMES = 15
+BEAT_FRAMES = 20
 """Not every frame is looked at: one HEARTBEAT stands for so many more, for texts whose other parts are waited for."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
