@@ -33,14 +33,6 @@ class MqttMessage:
     retain: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PendingMessage:
-    """A message that is under way, and its place in the row; None for one out of a cell."""
-
-    letter: MqttMessage
-    number: int | None
-
-
 class Outbox:
     """Messages for the broker, in the order in which they are to be sent."""
 
@@ -48,9 +40,10 @@ class Outbox:
         """Begin empty."""
         self._most_kept = most_kept
         self._cells: dict[str, MqttMessage] = {}
-        self._rows: dict[str, deque[tuple[int, MqttMessage]]] = {}
+        self._row: deque[MqttMessage] = deque()
+        self._queued: set[str] = set()
+        """Topics whose messages wait in the row."""
         self._retained: dict[str, MqttMessage] = {}
-        self._number = 0
         self._closed = False
         self._ready = asyncio.Event()
         self.dropped: dict[str, int] = {}
@@ -58,7 +51,7 @@ class Outbox:
 
     def __len__(self) -> int:
         """Return how many messages wait."""
-        return len(self._cells) + sum(len(row) for row in self._rows.values())
+        return len(self._cells) + len(self._row)
 
     def put_latest(self, letter: MqttMessage) -> None:
         """Send a message instead of the one that still waits on its topic."""
@@ -70,35 +63,28 @@ class Outbox:
 
     def enqueue(self, letter: MqttMessage) -> None:
         """Send a message after those that wait already; of too many on one topic the oldest is dropped."""
-        self._number += 1
-        row = self._rows.setdefault(letter.topic, deque())
-        row.append((self._number, letter))
+        self._queued.add(letter.topic)
+        self._row.append(letter)
         self._drop_oldest(letter.topic)
         self._ready.set()
 
-    def take_batch(self, most: int) -> list[PendingMessage]:
+    def take_batch(self, most: int) -> list[MqttMessage]:
         """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
-        for_cells = min(len(self._cells), max(most // 2, most - (len(self) - len(self._cells))))
-        taken: list[PendingMessage] = []
-        while len(taken) < most - for_cells:
-            row = min((row for row in self._rows.values() if row), key=lambda row: row[0][0], default=None)
-            if row is None:
-                break
-            number, letter = row.popleft()
-            taken.append(PendingMessage(letter, number))
-        taken.extend(PendingMessage(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
+        for_cells = min(len(self._cells), max(most // 2, most - len(self._row)))
+        taken = [self._row.popleft() for _ in range(min(len(self._row), most - for_cells))]
+        taken += [self._cells.pop(topic) for topic in list(self._cells)[:for_cells]]
         if not len(self) and not self._closed:
             self._ready.clear()
         return taken
 
-    def return_unsent(self, unsent: Iterable[PendingMessage]) -> None:
+    def return_unsent(self, unsent: Iterable[MqttMessage]) -> None:
         """Let messages wait again that could not be sent; a newer one in their cell wins."""
-        for one in reversed(list(unsent)):
-            if one.number is None:
-                self._cells.setdefault(one.letter.topic, one.letter)
+        for letter in reversed(list(unsent)):
+            if letter.topic in self._queued:
+                self._row.appendleft(letter)
+                self._drop_oldest(letter.topic)
             else:
-                self._rows.setdefault(one.letter.topic, deque()).appendleft((one.number, one.letter))
-                self._drop_oldest(one.letter.topic)
+                self._cells.setdefault(letter.topic, letter)
             self._ready.set()
 
     def resend_retained(self) -> None:
@@ -117,9 +103,9 @@ class Outbox:
         await self._ready.wait()
 
     def _drop_oldest(self, topic: str) -> None:
-        row = self._rows[topic]
-        while len(row) > self._most_kept:
-            row.popleft()
+        waiting = [letter for letter in self._row if letter.topic == topic]
+        if len(waiting) > self._most_kept:
+            self._row.remove(waiting[0])
             self.dropped[topic] = self.dropped.get(topic, 0) + 1
 
 
@@ -262,9 +248,9 @@ class MqttClient:
                 return
             await self._send(client, batch)
 
-    async def _send(self, client: aiomqtt.Client, batch: list[PendingMessage]) -> None:
+    async def _send(self, client: aiomqtt.Client, batch: list[MqttMessage]) -> None:
         unsent = dict(enumerate(batch))
-        patience_s = ANSWER_S + sum(len(taken.letter.payload) for taken in batch) / LEAST_BYTES_PER_S
+        patience_s = ANSWER_S + sum(len(letter.payload) for letter in batch) / LEAST_BYTES_PER_S
 
         async def one(number: int, letter: MqttMessage) -> None:
             await _publish(client, letter, patience_s)
@@ -272,8 +258,8 @@ class MqttClient:
 
         try:
             async with asyncio.TaskGroup() as tasks:
-                for number, taken in enumerate(batch):
-                    tasks.create_task(one(number, taken.letter), name="mqtt message")
+                for number, letter in enumerate(batch):
+                    tasks.create_task(one(number, letter), name="mqtt message")
         finally:
             self._outbox.return_unsent(unsent.values())
 
