@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S
 from executor.adapters.run_directory import RunDirectory
 from executor.images import matching
 from executor.site import site_model
@@ -123,12 +124,6 @@ def _project_leg(offsets_m: FloatArray, pitch_deg: float, yaw_deg: float) -> Flo
     return np.column_stack((SIZE_PX[0] / 2 + focal_px * across, SIZE_PX[1] / 2 - focal_px * above)).clip(-1e4, 1e4)
 
 
-SIGNING_EPOCH_UNIX_S = 1420070400
-"""2015-01-01: the times of signatures count from there."""
-TICKS_PER_S = 100_000
-"""Steps of 10 us."""
-
-
 PX4_RATE_BYTES_S = 1200.0
 """MAV_0_RATE as PX4 comes, on a telemetry radio."""
 
@@ -212,7 +207,7 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     written = None if outputs.cards is None else SimulatedCards(outputs.cards, ground.network, time.time())
     signing = None
     if key is not None:
-        began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
+        began_ticks = round((time.time() - EPOCH_UNIX_S) * TICKS_PER_S)
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(
         ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing, radio=radio

@@ -285,36 +285,14 @@ class MavlinkCodec:
             compid: its component.
             fields: by MAVLink's names; None stands for a float that is not finite.
         """
-        if name == message_readers.EVENT_NAME:
-            return self._read_event(sysid, compid, fields)
-        kind = _BY_NAME.get(name)
-        if kind is None:
-            return None
-        try:
-            frame = kind(*(_to_field(fields.get(field)) for field in kind.fieldnames))
-            packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
-        except (struct.error, TypeError, AttributeError):
-            return None  # another parser's definition of the message is another one
-        lost = (
-            name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in frame_layout.INTEGER_TYPES
-        )
-        [received] = self.read([frame])
-        message = (
-            messages.ParamRefused(formatting.escape_controls(frame.param_id), absent=False)
-            if lost
-            else received.message
-        )
-        said = (message, *received.more)
-        return packed, tuple(one for one in said if one is not None)
-
-    def _read_event(
-        self, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
-        packed = message_readers.build_event_frame(fields, sysid, compid)
+        packed = _pack_fields(name, sysid, compid, fields)
         if packed is None:
             return None
         [received] = self.read(FrameParser(in_datagrams=True).feed(packed))
-        return packed, tuple(one for one in (received.message, *received.more) if one is not None)
+        message = received.message
+        if isinstance(message, messages.ParamValue) and fields["param_value"] is None:
+            message = messages.ParamRefused(message.name, absent=False)
+        return packed, tuple(one for one in (message, *received.more) if one is not None)
 
     def write_fields(
         self, message: messages.Outgoing, sysid: int, compid: int
@@ -393,6 +371,20 @@ class MavlinkCodec:
 
 _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
+
+
+def _pack_fields(name: str, sysid: int, compid: int, fields: Mapping[str, object]) -> bytes | None:
+    """Return the frame of a message; None if it is not known, or another parser's definition of it is another one."""
+    if name == message_readers.EVENT_NAME:
+        return message_readers.build_event_frame(fields, sysid, compid)
+    kind = _BY_NAME.get(name)
+    if kind is None:
+        return None
+    try:
+        frame = kind(*(_to_field(fields.get(field)) for field in kind.fieldnames))
+        return bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
+    except (struct.error, TypeError, AttributeError):
+        return None
 
 
 def _to_field(value: object) -> object:
