@@ -62,15 +62,12 @@ class FrameParser:
     """
 
     in_datagrams: bool = False
-    """Whether nothing but frames is to be expected."""
+    """Whether nothing but frames is to be expected, and none goes on in what comes next."""
     systems: Collection[int] | None = None
     """Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the fleet's do: of
     theirs all but `OF_ANYBODY` come as unknown messages, with their header."""
     _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None))
     _buffer: bytearray = field(default_factory=bytearray)
-    _in_garbage: bool = False
-    garbage: int = 0
-    """How many runs of bytes were no frame."""
 
     def feed(self, data: bytes) -> list[Any]:
         """Take the next bytes; return the frames that are whole now."""
@@ -79,23 +76,14 @@ class FrameParser:
         while (end := self._find_frame_end(at)) <= len(self._buffer):
             frame = self._parse_frame(at, end)
             if frame is None:
-                self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
                 mark = MARK.search(self._buffer, at + 1) if wrong < MOST_WRONG else None
                 at = len(self._buffer) if mark is None else mark.start()
             else:
                 frames.append(frame)
                 at = end
-            self._in_garbage = frame is None
-        del self._buffer[:at]
+        del self._buffer[: None if self.in_datagrams else at]
         return frames
-
-    def close(self) -> int:
-        """Give up what is unfinished; return how many runs of bytes were no frame so far."""
-        self.garbage += bool(self._buffer) and not self._in_garbage
-        self._buffer.clear()
-        self._in_garbage = False
-        return self.garbage
 
     def _find_frame_end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
@@ -205,8 +193,6 @@ class MavlinkCodec:
     _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
     autopilots: dict[int, int] = field(default_factory=dict)
     """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
-    garbage: int = 0
-    """Runs of bytes in datagrams that could not be understood."""
 
     def __post_init__(self) -> None:
         """Begin knowing nobody."""
@@ -214,9 +200,7 @@ class MavlinkCodec:
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
         """Yield every frame of a datagram; no frame goes on in the next."""
-        frames = self._datagrams.feed(data)
-        self.garbage = self._datagrams.close()
-        yield from self.read(frames)
+        yield from self.read(self._datagrams.feed(data))
 
     def read(self, frames: Iterable[Any]) -> Iterator[DecodedFrame]:
         """Yield what a `FrameParser`'s frames say."""

@@ -316,8 +316,6 @@ EVENT_EXTRA = 160
 EVENT_LAYOUT = struct.Struct("<IIHBBB40s")
 """Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
-EVENT_FIELDS = (*_NUMBERS, "arguments")
-"""Of the layout, in its order."""
 REMEMBERED = 64
 """Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
 

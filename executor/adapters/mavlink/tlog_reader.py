@@ -341,7 +341,6 @@ class TelemetryFile(RecordedFile):
         source, lane.newest_usec = lane.source, stamp
         frames = self._parser.feed(frame)
         if not frames:
-            self._parser.close()
             self.skipped.bad_checksums += 1
             return
         if kind.name == BATTERY:

@@ -335,8 +335,6 @@ class LatestValue:
         self.count = 0
         self.streams: dict[EventStream, str] = {}
         """Who follows, from where; the oldest first."""
-        self.dropped = 0
-        """Clients that were let go."""
         self._news = asyncio.Condition()
         self._closed = False
 
@@ -382,10 +380,9 @@ class EventStream(StreamingResponse):
         peer, own = (scope.get(name) or ("", 0) for name in ("client", "server"))
         self._take_place(origin_of(peer[0], own[0]))
         try:
-            async with self.patience:
-                await super().__call__(scope, receive, send)
-        except TimeoutError:
-            self._newest.dropped += 1
+            with suppress(TimeoutError):
+                async with self.patience:
+                    await super().__call__(scope, receive, send)
         finally:
             self._newest.streams.pop(self, None)
 
