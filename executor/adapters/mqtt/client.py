@@ -171,7 +171,6 @@ class MqttClient:
     _was_there: bool = False
     _complained: bool = False
     _dropped_told: int = 0
-    connected: bool = False
 
     async def run(self) -> None:
         """Connect, and again whenever the connection ends, until `close`."""
@@ -185,8 +184,6 @@ class MqttClient:
                 await asyncio.create_task(self._run_session(), name="mqtt session")
             except Exception as error:  # noqa: BLE001 - the boundary between the broker and the flight
                 self._report_disconnection(_describe_error(error))
-            finally:
-                self.connected = False
             attempt = 0 if loop.time() - began_s > STEADY_S else attempt + 1
             with suppress(TimeoutError):
                 async with asyncio.timeout(WAITS_S[min(attempt, len(WAITS_S)) - 1] if attempt else 0.0):
@@ -264,7 +261,6 @@ class MqttClient:
             self._outbox.return_unsent(unsent.values())
 
     def _on_connected(self) -> None:
-        self.connected = True
         self._outbox.resend_retained()
         again = "again" if self._was_there else ""
         dropped = sum(self._outbox.dropped.values())
