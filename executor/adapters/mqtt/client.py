@@ -124,6 +124,7 @@ QOS = 1
 BATCH = 10
 """Messages under way at once: with a round trip of 0.5 s that is 20 a second."""
 INBOX = 50
+"""Messages that may wait to be taken; of more the newest are left out."""
 FLUSH_S = 3.0
 """Real seconds after the flight for what still waits."""
 
@@ -141,14 +142,6 @@ class Presence(Enum):
     """The flight has ended, or is not supervised any more."""
     BROKEN = "CONNECTIONBROKEN"
     """The broker says so itself: the connection ended without a word."""
-
-
-class _Inbox(asyncio.Queue[aiomqtt.Message]):
-    """Leaves out what comes faster than it is taken, where aiomqtt would write a line for each."""
-
-    def put_nowait(self, item: aiomqtt.Message) -> None:
-        if not self.full():
-            super().put_nowait(item)
 
 
 @dataclass(eq=False, repr=False)
@@ -207,7 +200,6 @@ class MqttClient:
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=INBOX,
-            queue_type=_Inbox,
             logger=_log,
         )
         try:
