@@ -22,7 +22,7 @@ from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
-from missions import DayPlanFile, check_day_plan, write_plan
+from missions import DayPlanFile, check_plan, write_plan
 from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
@@ -122,7 +122,7 @@ def test_a_plan_of_two_days_is_finished_on_the_second_after_a_loss_on_the_first(
     rest = select_next_day(plan, tmp_path / "one", ground, site)
     assert rest is not None
     assert rest.first_day == 2
-    assert check_day_plan(rest) == []
+    assert check_plan(rest) == []
     after = fly(rest, tmp_path / "two", read_earlier_flights(tmp_path / "one"))
     assert after.report.finished
     assert set(list_inspected_segments(after.report)) == {segment.id for segment in plan.segments} - done
