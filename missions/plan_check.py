@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from missions.plan_file import DayPlanFile, PlanContent, PlanFile, value_of
+from missions.plan_file import DayPlanFile, PlanContent, PlanFile
 from missions.plan_parts import WINDOW_COST, PlanRoute, Window
 from missions.shortest_ways import build_area_graph
 from planner import Cost, PlanError, evaluate, replan_window
@@ -87,13 +87,13 @@ def _check_days(content: DayPlanFile) -> Iterator[str]:
             (f"sortie {index} of {name}", route)
             for name in content.names for index, route in enumerate(content.routes_of(name), 1)
         ),
-        [one for own in computed.lasts_s for one in own], [one for own in computed.energies_pct for one in own],
+        computed.durations_s, computed.energies_pct,
     )  # fmt: skip
     yield from _describe_wrong_figures(
         [
             ("finish_s", content.finish_s, computed.finish_s),
             ("flight_s", content.flight_s, computed.flight_s),
-            (f"cost.value ({content.cost.name})", content.cost.value, value_of(Objective(content.cost.name), computed)),
+            (f"cost.value ({content.cost.name})", content.cost.value, computed.value_of(Objective(content.cost.name))),
         ]
     )
     yield from computed.violations

@@ -7,6 +7,7 @@ the network's ids; what the planner is asked (``plan``, ``build_instance``) is o
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -61,14 +62,11 @@ from planner import (
 from planner.model import renumber_visits
 from planner.sorties import (
     Objective,
-    Sortie,
     SortieBase,
     SortieEvaluation,
     SortieInstance,
-    SortiePlan,
     SortieVehicle,
     count_packs_needed,
-    evaluate_sorties,
 )
 
 FORMAT = "faultline-plan/2"
@@ -123,6 +121,47 @@ class PlanContent:
         """How the plan came about."""
         return SolverRecord(self.solver, self.seed, self.seconds)
 
+    @cached_property
+    def plan(self) -> Plan:
+        """The routes as the planner has them, over positions in ``segments``.
+
+        Raises:
+            planner.PlanError: a segment is in them twice.
+        """
+        vehicle, base = self.names.index, [place.name for place in self.bases].index
+        routes = (
+            Route(vehicle(one.vehicle), self.visits_of(one), base(one.base), base(one.lands), one.start_s)
+            for one in self.routes
+        )
+        return Plan(
+            tuple(sorted(routes, key=lambda route: route.vehicle)),
+            tuple(self.positions[segment] for segment in self.uncovered),
+        )
+
+    def build_routes(
+        self, plan: Plan, durations_s: Sequence[float], energies_pct: Sequence[float]
+    ) -> tuple[PlanRoute, ...]:
+        """Return a plan's routes as the file has them, with the figures of each."""
+        return tuple(
+            PlanRoute(
+                vehicle=self.names[route.vehicle],
+                visits=tuple(
+                    PlanVisit(
+                        segment=self.segments[segment_of(visit)].id, reversed=is_reversed(visit),
+                        inspected_at_m=self.inspection_height_m(route.vehicle, segment_of(visit)),
+                    )
+                    for visit in route.visits
+                ),
+                duration_s=duration_s, energy_pct=energy_pct,
+                base=self.bases[route.base].name, lands=self.bases[route.lands].name, start_s=route.start_s,
+            )
+            for route, duration_s, energy_pct in zip(plan.routes, durations_s, energies_pct, strict=True)
+        )  # fmt: skip
+
+    def inspection_height_m(self, vehicle: int, position: int) -> float | None:  # noqa: ARG002 - of days nobody says so
+        """Return how high a vehicle inspects the segment at a position, where that is known beforehand."""
+        return None
+
     def visits_of(self, route: PlanRoute) -> tuple[int, ...]:
         """Return a route's visits, over positions in ``segments``."""
         return renumber_visits(route.network_visits, self.positions)
@@ -145,16 +184,6 @@ class PlanFile(PlanContent):
     fence: PlanFence | None = None
     """What vehicles are given as fences; without it none."""
 
-    @cached_property
-    def plan(self) -> Plan:
-        """The routes as the planner has them, over positions in ``segments``.
-
-        Raises:
-            planner.PlanError: a segment is in them twice.
-        """
-        routes = tuple(Route(number, self.visits_of(route)) for number, route in enumerate(self.routes))
-        return Plan(routes, tuple(self.positions[segment] for segment in self.uncovered))
-
     @property
     def network_routes(self) -> dict[str, tuple[int, ...]]:
         """Each vehicle's visits of the network by its name."""
@@ -169,6 +198,15 @@ class PlanFile(PlanContent):
     def energies_pct(self) -> tuple[float, ...]:
         """Of the routes."""
         return tuple(route.energy_pct for route in self.routes)
+
+    def inspection_height_m(self, vehicle: int, position: int) -> float | None:
+        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
+        if self.inspection is None or self.pricing is None or not self.inspection.same_distance:
+            return None
+        height_m, pricing, name = self.inspection.height_m, self.pricing, self.names[vehicle]
+        if position not in pricing.layered.get(name, ()):
+            return height_m
+        return height_m + pricing.steps_m.get(name, 0.0) + pricing.deep_m.get(position, 0.0)
 
     def with_site_of(self, other: PlanFile) -> PlanFile:
         """Return this plan with what another one says of their site."""
@@ -287,21 +325,6 @@ class DayPlanFile(PlanContent):
             if name in own.lands
         ]  # fmt: skip
 
-    @cached_property
-    def plan(self) -> SortiePlan:
-        """The sorties as the planner has them, over positions in ``segments``."""
-        base = self.base_names.index
-        return SortiePlan(
-            tuple(
-                tuple(
-                    Sortie(base(one.base), self.visits_of(one), base(one.lands), one.start_s)
-                    for one in self.routes_of(name)
-                )
-                for name in self.names
-            ),
-            tuple(self.positions[segment] for segment in self.uncovered),
-        )
-
     @property
     def schedule_id(self) -> str:
         """What names the sorties of the whole plan: the same for its file, its copies and the rests of its days."""
@@ -316,27 +339,20 @@ class DayPlanFile(PlanContent):
         """The number of its first day among the days of the whole plan, from 1."""
         return int(self.days[0][0] // 86_400.0) + 1
 
-    def with_plan(self, plan: SortiePlan, found: SortieEvaluation, objective: Objective) -> DayPlanFile:
+    def with_plan(self, plan: Plan, found: SortieEvaluation, objective: Objective) -> DayPlanFile:
         """Return these days with another plan, what it comes to and what it was chosen by."""
-        ids, ends_s, names = [*self.positions], [end for _, end in self.days], self.base_names
-        routes = (
-            PlanRoute(
-                vehicle=own.name, duration_s=duration_s, energy_pct=energy_pct,
-                visits=tuple(
-                    PlanVisit(segment=ids[segment_of(visit)], reversed=is_reversed(visit)) for visit in one.visits
-                ),
-                base=names[one.base], lands=names[one.lands], start_s=one.start_s,
-                day=next((day for day, end_s in enumerate(ends_s, 1) if one.start_s < end_s), len(ends_s)),
-            )
-            for own, sorties, lasts_s, energies in zip(
-                self.vehicles, plan.sorties, found.lasts_s, found.energies_pct, strict=True
-            )
-            for one, duration_s, energy_pct in zip(sorties, lasts_s, energies, strict=True)
-        )  # fmt: skip
+        ends_s = [end_s for _, end_s in self.days[:-1]]
         return replace(
-            self, routes=tuple(routes), uncovered=tuple(ids[number] for number in plan.uncovered),
-            cost=DayCost(objective.value, value_of(objective, found)), finish_s=found.finish_s, flight_s=found.flight_s,
-        )  # fmt: skip
+            self,
+            routes=tuple(
+                replace(route, day=1 + bisect_right(ends_s, route.start_s))
+                for route in self.build_routes(plan, found.durations_s, found.energies_pct)
+            ),
+            uncovered=tuple(self.segments[number].id for number in plan.uncovered),
+            cost=DayCost(objective.value, found.value_of(objective)),
+            finish_s=found.finish_s,
+            flight_s=found.flight_s,
+        )
 
     def build_instance(self) -> SortieInstance:
         """Return the planning problem over positions in ``segments``.
@@ -364,14 +380,7 @@ class DayPlanFile(PlanContent):
 
     def count_packs(self) -> tuple[int, ...]:
         """Return the packs that each base needs, as ``count_packs_needed`` has it."""
-        instance = self.build_instance()
-        return count_packs_needed(instance, self.plan, evaluate_sorties(instance, self.plan))
-
-
-def value_of(objective: Objective, found: SortieEvaluation) -> float:
-    """Return what a plan of days comes to by its objective: seconds, or a number of sorties."""
-    values = {Objective.FINISH: found.finish_s, Objective.FLIGHT: found.flight_s, Objective.SWAPS: found.count}
-    return float(values[objective])
+        return count_packs_needed(self.build_instance(), self.plan.routes)
 
 
 def make_plan_file(
@@ -406,29 +415,13 @@ def make_plan_file(
     if inspection is not None and network.flat:
         # The file must say so itself: nothing else is asked when it is exported.
         inspection = replace(inspection, flat=True)
-    asked = inspection if says_distances else None
-    routes = (
-        PlanRoute(
-            vehicle=own.name, duration_s=duration_s, energy_pct=energy_pct,
-            visits=tuple(
-                PlanVisit(
-                    segment=task.segment_ids[segment_of(visit)], reversed=is_reversed(visit),
-                    inspected_at_m=_inspection_height_m(asked, task.pricing, own.name, segment_of(visit)),
-                )
-                for visit in route.visits
-            ),
-        )
-        for own, route, duration_s, energy_pct in zip(
-            task.instance.vehicles, plan.routes, evaluation.durations_s, evaluation.energies_pct, strict=True
-        )
-    )  # fmt: skip
     frame = network.frame
-    return PlanFile(
+    content = PlanFile(
         format=FORMAT,
         frame=frame,
         bases=(BasePlace(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
         vehicles=tuple(PlanVehicle(**asdict(vehicle)) for vehicle in task.instance.vehicles),
-        routes=tuple(routes),
+        routes=(),
         uncovered=tuple(task.segment_ids[number] for number in plan.uncovered),
         **asdict(solved),
         pricing=task.pricing,
@@ -440,17 +433,8 @@ def make_plan_file(
         window=window,
         inspection=inspection,
     )  # fmt: skip
-
-
-def _inspection_height_m(
-    inspection: Inspection | None, pricing: Pricing | None, vehicle: str, position: int
-) -> float | None:
-    """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
-    if inspection is None or pricing is None or not inspection.same_distance:
-        return None
-    if position not in pricing.layered.get(vehicle, ()):
-        return inspection.height_m
-    return inspection.height_m + pricing.steps_m.get(vehicle, 0.0) + pricing.deep_m.get(position, 0.0)
+    said = content if says_distances else replace(content, inspection=None)
+    return replace(content, routes=said.build_routes(plan, evaluation.durations_s, evaluation.energies_pct))
 
 
 def setup_of_plan(
