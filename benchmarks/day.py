@@ -21,7 +21,8 @@ from executor.site.site_model import load_site_model
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
-from planner import Iterations, MoveGeometry, Stopwatch, Travel, split_flights
+from planner import Iterations, Stopwatch, Travel, split_flights
+from planner.moves import MoveGeometry
 from planner.sorties import (
     DAYS_PER_CHUNK,
     SortieBase,

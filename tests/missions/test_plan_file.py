@@ -29,7 +29,8 @@ from missions import (
 )
 from missions.plan_parts import PlanCost, PlanRoute
 from missions.readers import default_network_path
-from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
+from planner import Cost, Plan, Route, SteadyWind, Travel, Vehicle
+from planner.moves import Dynamics
 from tests.missions.builders import depot_vehicle, line_east, paper_task, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)

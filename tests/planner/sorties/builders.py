@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner import Dynamics, Iterations, MoveGeometry, Plan, Travel
+from planner import Iterations, Plan, Travel
+from planner.moves import Dynamics, MoveGeometry
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle, solve_sorties
 
 TRAVEL = Travel(5.0, 2.0, 0.1, 0.12)
