@@ -36,6 +36,12 @@ def find_nearest_on_legs(
     return np.sqrt((apart**2).sum(axis=2)), share
 
 
+def distances_between_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    """Return (m, n) float64: the distances of (m, 2) places from (n, 2) others."""
+    off_m = places_m[:, np.newaxis] - others_m
+    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))
+
+
 def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     """Return (m, n) float64: the distances of (m, d) places from (n, 2, d) legs."""
     return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]

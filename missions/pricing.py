@@ -11,18 +11,18 @@ meet, on the way there and on the way home. A vehicle is priced as if it did so 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
 from missions.areas import AreaRestriction, Unreachable
-from missions.detours import DetourObstacles, price_detours
+from missions.detours import DetourObstacles
 from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, VerticalLegs, arrival_vectors_m
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.shortest_ways import Obstacle, build_obstacle
-from missions.surface import FEW_PIECES, Relief, price_uneven_ways
+from missions.surface import FEW_PIECES, Relief
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from planner import (
     ComputedMoves,
@@ -114,24 +114,31 @@ class VehicleMoves:
             others: (..., k) what else of each way it depends on.
             rises: What leads up to their layer, and down from it.
         """
-        led = straight = price((to_m - from_m)[..., np.newaxis, :], *others)
-        shape, relief = straight[0].shape, self.relief
+        straight = price((to_m - from_m)[..., np.newaxis, :], *others)
+        shape = straight[0].shape
 
-        def along(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
-            flat = (np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1]) for one in others)
-            return price(np.diff(ways_m, axis=1), *(one[which] for one in flat))
+        def flatten(one: np.ndarray) -> np.ndarray:
+            return np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1])
 
-        def over(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
-            return along(which, ways_m if relief is None else relief.follow_surface(ways_m, FEW_PIECES))
-
-        if relief is not None:
-            led = price_uneven_ways(relief, from_m, to_m, straight, along)
-        seconds, pct = price_detours(self.columns, from_m, to_m, led, over)
+        seconds, pct = (one.flatten() for one in straight)
+        for which, ways_m in self._iterate_ways(flatten(from_m), flatten(to_m)):
+            seconds[which], pct[which] = price(np.diff(ways_m, axis=1), *(flatten(one)[which] for one in others))
+        seconds, pct = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
             return seconds, pct
         ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
         seconds, pct = (one + rises.up * ups[of] + rises.down * downs[of] for of, one in enumerate((seconds, pct)))
         return np.asarray(seconds), np.asarray(pct)
+
+    def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.
+
+        Ways follow the surface where it is uneven, those that lead around something too.
+        """
+        if self.relief is not None:
+            yield from self.relief.iterate_ways(from_m, to_m)
+        for which, ways_m in self.columns.iterate_ways(from_m, to_m):
+            yield which, ways_m if self.relief is None else self.relief.follow_surface(ways_m, FEW_PIECES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,13 +16,13 @@ files keep, at a few places along each way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from missions.geo import FloatArray, IndexArray, IntArray
-from missions.geometry import find_bends
+from missions.geometry import distances_between_m, find_bends
 from missions.network import Network
 from missions.terrain import Grid, KnownGround
 
@@ -193,8 +193,7 @@ def _distances_m(places_m: FloatArray, points_m: FloatArray) -> Iterator[FloatAr
     """Yield (r, n) distances of all places, some rows at a time."""
     rows = max(1, MATRIX_ENTRIES // len(points_m))
     for first in range(0, len(places_m), rows):
-        offsets = places_m[first : first + rows, np.newaxis] - points_m
-        yield np.hypot(offsets[..., 0], offsets[..., 1])
+        yield distances_between_m(places_m[first : first + rows], points_m)
 
 
 def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -225,17 +224,32 @@ class Relief:
 
     grid: Grid
 
-    def find_uneven(self, from_m: FloatArray, to_m: FloatArray, pieces: int) -> IntArray:
-        """Return (k,) which of (n, 3) straight ways are not flown straight."""
-        found = []
-        for first in range(0, len(from_m), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            begins_m, ends_m = from_m[part], to_m[part]
-            ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
-            share = np.linspace(0.0, 1.0, pieces + 1)
-            straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
-            found.append(first + np.flatnonzero(np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M))
-        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+    def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield the ways that are not flown straight, some of as many pieces at once.
+
+        Args:
+            from_m: (n, 3) float64, where ways begin.
+            to_m: (n, 3) float64, where they end.
+
+        Yields:
+            (k,) which of them, and (k, w, 3) through which places, both ends included.
+        """
+        most = PIECES[-1] if len(from_m) <= MANY_WAYS else FEW_PIECES
+        lengths_m = np.hypot(*(to_m[:, :2] - from_m[:, :2]).T)
+        shortest_m = 0.0
+        for pieces in PIECES[: PIECES.index(most) + 1]:
+            longest_m = PIECE_M * pieces if pieces < most else math.inf
+            own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
+            for first in range(0, len(own), AT_ONCE):
+                part = own[first : first + AT_ONCE]
+                begins_m, ends_m = from_m[part], to_m[part]
+                ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
+                share = np.linspace(0.0, 1.0, pieces + 1)
+                straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
+                uneven = np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M
+                if uneven.any():
+                    yield part[uneven], ways_m[uneven]
+            shortest_m = longest_m
 
     def follow_surface(self, ways_m: FloatArray, pieces: int) -> FloatArray:
         """Return (k, (w - 1) * pieces + 1, 3) ways through (k, w, 3) places that follow the surface between them."""
@@ -260,31 +274,6 @@ def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Rel
     heights_m = surface.interpolate_m(grid.places_m.reshape(-1, 2)).reshape(tuple(counts))
     # As a plan file has it: what is read gives back the same figures.
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
-
-
-def price_uneven_ways(
-    relief: Relief, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
-    along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return seconds and energies of ways of which some follow the surface; arguments as of `detours.price_detours`."""
-    shape = straight[0].shape
-    flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
-    seconds, pct = straight[0].flatten(), straight[1].flatten()
-    most = PIECES[-1] if len(flat_from) <= MANY_WAYS else FEW_PIECES
-    lengths_m = np.hypot(*(flat_to[:, :2] - flat_from[:, :2]).T)
-    shortest_m = 0.0
-    for pieces in PIECES:
-        longest_m = PIECE_M * pieces if pieces < most else math.inf
-        own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
-        which = own[relief.find_uneven(flat_from[own], flat_to[own], pieces)]
-        for first in range(0, len(which), AT_ONCE):
-            part = which[first : first + AT_ONCE]
-            ways_m = relief.follow_surface(np.stack((flat_from[part], flat_to[part]), axis=1), pieces)
-            seconds[part], pct[part] = along(part, ways_m)
-        if pieces == most:
-            break
-        shortest_m = longest_m
-    return seconds.reshape(shape), pct.reshape(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
