@@ -25,7 +25,7 @@ import numpy as np
 
 from missions.flight_model import SAME_PLACE_M, FlightModel, estimate
 from missions.geo import BoolArray, FloatArray
-from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
+from missions.geometry import is_in_triangles, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
 from missions.routes import build_flight_path
 from missions.setup import FlightSetup
@@ -275,10 +275,9 @@ def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) 
         return met
     low_m, high_m = tracks_m.min(axis=(0, 1)) - radius_m, tracks_m.max(axis=(0, 1)) + radius_m
     beside = ((legs_m.max(axis=1) >= low_m) & (legs_m.min(axis=1) <= high_m)).all(axis=1)
-    tracks, legs = _flatten_legs(tracks_m), _flatten_legs(legs_m[beside])
-    step = max(1, AT_ONCE // len(tracks))
-    for first in range(0, len(legs), step):
-        met |= (leg_distances_m(tracks, legs[first : first + step]) < radius_m).any(axis=1)
+    legs_m, step = legs_m[beside], max(1, AT_ONCE // len(tracks_m))
+    for first in range(0, len(legs_m), step):
+        met |= (leg_distances_m(tracks_m, legs_m[first : first + step]) < radius_m).any(axis=1)
     return met
 
 
@@ -289,15 +288,7 @@ def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: Fl
     for end in (0, 1):
         met |= find_near_tracks(tracks_m, np.stack((legs_m[:, end], pads_m), axis=1), radius_m)
     corners_m = np.stack((legs_m[:, 0], legs_m[:, 1], pads_m), axis=1)
-    turns = []
-    begins_m, ends_m = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
-    wide = np.abs(begins_m[:, 0] * ends_m[:, 1] - begins_m[:, 1] * ends_m[:, 0]) > SHORTEST_M2
-    for one in range(3):
-        side_m = corners_m[:, (one + 1) % 3] - corners_m[:, one]
-        off_m = tracks_m[:, np.newaxis, 0] - corners_m[:, one]
-        turns.append(side_m[:, 0] * off_m[..., 1] - side_m[:, 1] * off_m[..., 0])
-    within = np.all([turn >= 0 for turn in turns], axis=0) | np.all([turn <= 0 for turn in turns], axis=0)
-    return np.asarray(met | (within & wide).any(axis=1))
+    return np.asarray(met | is_in_triangles(tracks_m[:, 0], corners_m).any(axis=1))
 
 
 def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
@@ -311,9 +302,7 @@ def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tu
         apart_m = wall_distances_m(bottoms_m, np.where(upright, 0.0, tops_m), other.legs_m).min()
         least = min(least, (float(apart_m), "on its mission"))
         if other.has_wall.any():
-            level = leg_distances_m(
-                _flatten_legs(bottoms_m[:, :, :2]), _flatten_legs(other.over_ground_m[other.has_wall])
-            )
+            level = leg_distances_m(bottoms_m[:, :, :2], other.over_ground_m[other.has_wall])
             least = min(least, (float(level.min()), "on the line"))
     order = setup.layers.vehicles
     lower = order.index(other.vehicle) < order.index(owner.vehicle)
@@ -368,10 +357,6 @@ def _iterate_chains(
         here_m = (last_m[0], last_m[1])
     if chain:
         yield chain, follows
-
-
-def _flatten_legs(legs_m: FloatArray) -> FloatArray:
-    return np.concatenate((legs_m, np.zeros((*legs_m.shape[:2], 1))), axis=2)
 
 
 def rearrange_routes(
