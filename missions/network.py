@@ -98,19 +98,6 @@ class Network:
         """Return a segment by what its file calls it; by its number where it has no name."""
         return self.segments[segment].label or f"segment {segment}"
 
-    def crop_to_radius(self, radius_m: float) -> Network:
-        """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot.
-
-        Segments and pylons are numbered anew from 0 in their old order; labels and pylon ids stay.
-
-        Raises:
-            NetworkError: no segment lies within the radius.
-        """
-        pylons, segments = part_within(self.pylons, self.segments, self.frame, radius_m)
-        if not segments:
-            raise NetworkError(f"{self.source}: radius_m: no segment lies within {radius_m:g} m of the depot")
-        return Network(pylons, segments, self.frame, self.source, self.flat)
-
     def _check_pylons(self) -> None:
         seen: set[str] = set()
         for index, pylon in enumerate(self.pylons):
@@ -177,7 +164,8 @@ def part_within(
 ) -> tuple[tuple[Pylon, ...], tuple[Segment, ...]]:
     """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot; it may be empty.
 
-    It may be cut out of what is too large for a network. Segments and pylons are numbered anew in their old order.
+    It may be cut out of what is too large for a network. Segments and pylons are numbered anew from 0 in their old
+    order; labels and pylon ids stay.
     """
     places_m = frame.many_to_local_m(np.array([(one.lat_deg, one.lon_deg) for one in pylons], dtype=np.float64))
     near = np.hypot(places_m[:, 0], places_m[:, 1]) < radius_m
