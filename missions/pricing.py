@@ -19,7 +19,7 @@ import numpy as np
 
 from missions.areas import AreaRestriction, Unreachable
 from missions.detours import DetourObstacles
-from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, VerticalLegs, arrival_vectors_m
+from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m, find_vertical_legs
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief
@@ -82,13 +82,13 @@ class VehicleMoves:
             last_m: Where they end.
             low: Which moves begin, and which of their visits are, below the layer.
         """
-        rises = VerticalLegs.find_between(from_m, first_m, *low, SAME_PLACE_M)
-        facing_m, down = arrival_vectors_m(rises.up, facing_m), rises.down[..., np.newaxis]
+        ups, downs = find_vertical_legs(from_m, first_m, *low)
+        facing_m, down = arrival_vectors_m(ups, facing_m), downs[..., np.newaxis]
 
         def price(legs_m: FloatArray, facing_m: FloatArray, along_m: FloatArray, down: BoolArray) -> TimesAndEnergies:
             return self.model.price_moves(facing_m, legs_m, along_m, down[..., 0])
 
-        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), rises)
+        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), ups, downs)
 
     def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
@@ -98,12 +98,11 @@ class VehicleMoves:
         def price(legs_m: FloatArray, facing_m: FloatArray) -> TimesAndEnergies:
             return self.model.price_ways_home(facing_m, legs_m, base)
 
-        facing_m, rises = arrival_vectors_m(low, facing_m), VerticalLegs(low, NEVER)
-        return self._price_ways(from_m, np.array(base.place_m), price, (facing_m,), rises)
+        return self._price_ways(from_m, np.array(base.place_m), price, (arrival_vectors_m(low, facing_m),), low, NEVER)
 
     def _price_ways(
         self, from_m: FloatArray, to_m: FloatArray, price: Callable[..., TimesAndEnergies],
-        others: Sequence[np.ndarray], rises: VerticalLegs,
+        others: Sequence[np.ndarray], ups: BoolArray, downs: BoolArray,
     ) -> TimesAndEnergies:  # fmt: skip
         """Return seconds and energies of ways as they are flown.
 
@@ -112,7 +111,8 @@ class VehicleMoves:
             to_m: (..., 3) where they end.
             price: What ways along (..., w, 3) legs take, by these and the others.
             others: (..., k) what else of each way it depends on.
-            rises: What leads up to their layer, and down from it.
+            ups: Which begin with a way up to their layer.
+            downs: Which end with one down from it.
         """
         straight = price((to_m - from_m)[..., np.newaxis, :], *others)
         shape = straight[0].shape
@@ -126,9 +126,8 @@ class VehicleMoves:
         seconds, pct = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
             return seconds, pct
-        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        seconds, pct = (one + rises.up * ups[of] + rises.down * downs[of] for of, one in enumerate((seconds, pct)))
-        return np.asarray(seconds), np.asarray(pct)
+        up, down = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
+        return np.asarray(seconds + ups * up[0] + downs * down[0]), np.asarray(pct + ups * up[1] + downs * down[1])
 
     def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.

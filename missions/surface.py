@@ -23,7 +23,7 @@ import numpy as np
 
 from missions.geo import FloatArray, IndexArray, IntArray
 from missions.geometry import distances_between_m, find_bends
-from missions.network import Network
+from missions.inspection_defaults import Inspection
 from missions.terrain import Grid, KnownGround
 
 DATA_STEP_M = 20.0
@@ -276,59 +276,47 @@ def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Rel
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfaceRequirements:
-    """What flights over the ground must hold."""
-
-    kept_m: float
-    """Over the ground."""
-    ceiling_m: float
-    """Over the ground, of the highest layer."""
-    layer_m: float
-    vehicles: int
-
-
 def fit_overland_surface(
-    known: KnownGround, wishes: SurfaceRequirements, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
-) -> tuple[SurfaceFit, FloatArray]:
+    known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, pylon_m: FloatArray,
+    ends: IndexArray,
+) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
     """Return the surface over lines and ground, and (p,) how high over the depot the lowest vehicle passes each pylon.
 
     Args:
         known: The ground.
-        wishes: What must be held.
-        network: The lines.
+        inspection: The distance between layers, and the ceiling of the highest.
+        vehicles: How many there are.
         tracks_m: (n, 2, 2) both ends of every inspection leg.
         pylon_m: (p,) heights over the depot that are asked for at the pylons.
+        ends: (n, 2) between which pylons each leg is.
     """
-    ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     errors_m = {surface.slope: error_m for surface, error_m in iterate_surfaces(tracks_m, pylon_m[ends], SLOPES_OVER)}
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     best: tuple[float, float] | None = None
     for slope in SLOPES_OVER:
         off_m = _floor_error_m(errors_m[slope], slope)
-        lifts_m = _lifts_m(known.build_floor(wishes.kept_m + off_m, slope), tracks_m, pylon_m, ends)
+        lifts_m = _lifts_m(known.build_floor(known.kept_m + off_m, slope), tracks_m, pylon_m, ends)
         lifted_m = float((lifts_m[ends].mean(axis=1) * lengths_m).sum() / lengths_m.sum())
-        over_m = lifted_m + 0.5 * wishes.vehicles * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
+        over_m = lifted_m + 0.5 * vehicles * _spacing_m(inspection.layer_m, STEEPER * slope, off_m)
         if best is None or over_m < best[0]:
             best = over_m, slope
     slope = best[1] if best is not None else SLOPES_OVER[0]
-    return _fit_slope(known, wishes, tracks_m, pylon_m, ends, slope, errors_m[slope])
+    return _fit_slope(known, inspection, vehicles, tracks_m, pylon_m, ends, slope, errors_m[slope])
 
 
 def _fit_slope(
-    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: IndexArray,
-    slope: float,
-    error_m: float,
+    known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, asked_m: FloatArray,
+    ends: IndexArray, slope: float, error_m: float,
 ) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
     for _ in range(TRIES):
         off_m = _floor_error_m(error_m, slope)
-        floor = known.build_floor(wishes.kept_m + off_m, slope)
+        floor = known.build_floor(known.kept_m + off_m, slope)
         pylon_m = asked_m + _lifts_m(floor, tracks_m, asked_m, ends)
-        stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
-        roof = known.build_roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
+        stack_m = (vehicles - 1) * _spacing_m(inspection.layer_m, STEEPER * slope, off_m)
+        roof = known.build_roof(max(known.kept_m + off_m, inspection.ceiling_m - stack_m - off_m - SLACK_M), slope)
         surface = replace(next(iterate_surfaces(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
         places = sample_tracks(tracks_m, pylon_m[ends], step_m)
         fitted_m = float(np.abs(surface.interpolate_m(places[:, :2]) - places[:, 2]).max())
@@ -337,7 +325,7 @@ def _fit_slope(
         error_m = fitted_m
     steepest = max(slope, floor.slope, roof.slope)
     off_m = max(FOLLOW_OVER_M, fitted_m) + steepest * CHECK_OVER_M
-    return SurfaceFit(surface, fitted_m, _spacing_m(wishes.layer_m, steepest, off_m)), pylon_m
+    return SurfaceFit(surface, fitted_m, _spacing_m(inspection.layer_m, steepest, off_m)), pylon_m
 
 
 def _floor_error_m(error_m: float, slope: float) -> float:

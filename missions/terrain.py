@@ -239,14 +239,6 @@ class Terrain:
         return self.margin_m + self.elevation.uncertainty_m
 
 
-@dataclass(frozen=True, slots=True)
-class GroundPoint:
-    """The height of the ground over the depot's, and where."""
-
-    up_m: float
-    place_m: tuple[float, float]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownGround:
     """The ground of the area that flights may be over, in heights over the depot's."""
@@ -257,7 +249,15 @@ class KnownGround:
     """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
     lowest: Grid
     """Nowhere above it; its negative outside."""
-    bottom: GroundPoint
+    kept_m: float
+    """How far over the ground every leg is."""
+
+    @property
+    def bottom(self) -> tuple[float, FloatArray]:
+        """The height of the lowest ground, and (2,) where it is."""
+        grid = self.lowest
+        at = np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape)
+        return float(grid.heights_m[at]), np.array(grid.low_m) + grid.step_m * np.array(at)
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
@@ -347,7 +347,7 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
         Grid(start, step_m, _reduce_blocks(np.pad(own_m, 1, constant_values=beyond_m), 1, best))
         for own_m, (best, beyond_m, _) in zip(cells_m, sides, strict=True)
     )
-    return KnownGround(corners, highest, lowest, _find_lowest_point(lowest))
+    return KnownGround(corners, highest, lowest, terrain.kept_m)
 
 
 def build_unknown_ground_error(
@@ -372,12 +372,6 @@ def _reduce_blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArr
     """Return the best of what was looked at in each block of so many steps on a side, its edges included."""
     blocks = sliding_window_view(looked_m, (looks + 1, looks + 1))[::looks, ::looks]
     return np.asarray(best.reduce(blocks, axis=(2, 3)), dtype=np.float64)
-
-
-def _find_lowest_point(grid: Grid) -> GroundPoint:
-    east, north = (int(one) for one in np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape))
-    place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
-    return GroundPoint(float(grid.heights_m[east, north]), place_m)
 
 
 def limit_slope(grid: Grid, slope: float, best: np.ufunc) -> Grid:
