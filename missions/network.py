@@ -107,11 +107,7 @@ class Network:
             if pylon.id in seen:
                 raise NetworkError(f"{place}: id: expected a name that no other pylon has")
             seen.add(pylon.id)
-            for key, value, bound in (("lat_deg", pylon.lat_deg, 90.0), ("lon_deg", pylon.lon_deg, 180.0)):
-                if not math.isfinite(value) or abs(value) > bound:
-                    swapped = key == "lat_deg" and math.isfinite(value) and abs(pylon.lon_deg) <= bound
-                    hint = "; are latitude and longitude swapped?" if swapped else ""
-                    raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
+            check_degrees(place, pylon.lat_deg, pylon.lon_deg, "; are latitude and longitude swapped?")
             for key, height_m in (("elevation_m", pylon.elevation_m), ("height_m", pylon.height_m)):
                 if height_m is not None and not math.isfinite(height_m):
                     raise NetworkError(f"{place}: {key}: expected metres as a finite number, got {height_m}")
@@ -157,6 +153,25 @@ class Network:
             if pair in pairs:
                 raise NetworkError(f"{place}: pylons: expected a pair only once, {names} already are {pairs[pair]}")
             pairs[pair] = f"segment {segment.label or segment.id}"
+
+
+def check_degrees(place: str, lat_deg: float, lon_deg: float, hint: str) -> None:
+    """Refuse a position that is nowhere on the Earth.
+
+    Args:
+        place: Whose it is, for messages.
+        lat_deg: Latitude.
+        lon_deg: Longitude.
+        hint: What to ask where the other way round would do.
+
+    Raises:
+        NetworkError: one line that names the place, the key and what was expected.
+    """
+    for key, value, bound in (("lat_deg", lat_deg, 90.0), ("lon_deg", lon_deg, 180.0)):
+        if not math.isfinite(value) or abs(value) > bound:
+            swapped = key == "lat_deg" and math.isfinite(value) and abs(lon_deg) <= bound
+            words = hint if swapped else ""
+            raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{words}")
 
 
 def part_within(
