@@ -174,6 +174,19 @@ def is_in_triangles(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
     return np.asarray(wide & ((left >= 0).all(axis=2) | (left <= 0).all(axis=2)))
 
 
+def is_enclosed(places_m: FloatArray, begins_m: FloatArray, ends_m: FloatArray) -> BoolArray:
+    """Return (m,) whether outlines enclose (m, 2) places: by how many of their (n, 2) sides a line to the east crosses.
+
+    What holes enclose is not enclosed.
+    """
+    north = places_m[:, 1:]
+    low, high = begins_m[:, 1] <= north, ends_m[:, 1] <= north
+    rise = ends_m[:, 1] - begins_m[:, 1]
+    share = (north - begins_m[:, 1]) / np.where(rise == 0, 1.0, rise)
+    east = begins_m[:, 0] + share * (ends_m[:, 0] - begins_m[:, 0])
+    return np.asarray(((low != high) & (east > places_m[:, :1])).sum(axis=1) % 2 == 1)
+
+
 def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:
     """Return the corners of the convex hull of sorted places, counter-clockwise (the monotone chain).
 

@@ -19,7 +19,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -436,46 +437,32 @@ def _reverse_visits(visits: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(visits))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class RouteTimetable:
     """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
 
-    setup: FlightSetup
-    models: Mapping[str, FlightModel]
-    ahead_s: float
-    _paths: dict[object, FlightPath] = field(default_factory=dict)
-    _ends_s: dict[int, FloatArray] = field(default_factory=dict)
-    """By the path's identity."""
+    def __init__(self, setup: FlightSetup, models: Mapping[str, FlightModel], ahead_s: float) -> None:
+        self._setup, self._models, self._ahead_s = setup, models, ahead_s
+        self._build_path, self._leg_ends_s = cache(build_flight_path), cache(self._estimate_leg_ends_s)
 
     def find_layer_visits(self, routes: Routes) -> list[Visit]:
         """Return what is inspected from layers."""
-        paths = build_first_paths(self.setup, routes, made_by=self._path_of)
+        paths = build_first_paths(self._setup, routes, made_by=self._build_path)
         ends_s = {name: self._leg_ends_s(path) for name, path in paths.items()}
         high = []
         for name, path in paths.items():
             low = find_low_segments(path, routes[name])
             for number, segment in enumerate(map(segment_of, routes[name])):
-                if segment in low or not must_leave_layer(self.setup, name, segment):
+                if segment in low or not must_leave_layer(self._setup, name, segment):
                     continue
                 # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
-                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self.ahead_s if number else 0.0
-                if number == 0 or _is_closed(self.setup, name, segment, paths, ends_s, at_s):
+                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self._ahead_s if number else 0.0
+                if number == 0 or _is_closed(self._setup, name, segment, paths, ends_s, at_s):
                     high.append((name, number))
         return high
 
-    def _path_of(
-        self, setup: FlightSetup, name: str, visits: tuple[int, ...], low: frozenset[int] = frozenset()
-    ) -> FlightPath:
-        key = (name, visits, low)
-        if key not in self._paths:
-            self._paths[key] = build_flight_path(setup, name, visits, low)
-        return self._paths[key]
-
-    def _leg_ends_s(self, path: FlightPath) -> FloatArray:
-        if id(path) not in self._ends_s:
-            legs = estimate(path, self.models[path.vehicle]).legs
-            self._ends_s[id(path)] = np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
-        return self._ends_s[id(path)]
+    def _estimate_leg_ends_s(self, path: FlightPath) -> FloatArray:
+        legs = estimate(path, self._models[path.vehicle]).legs
+        return np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
 
 
 def _find_last_waypoint(path: FlightPath, visit: int) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 
 from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
-from missions.geometry import find_nearest_on_legs, is_in_triangles
+from missions.geometry import find_nearest_on_legs, is_enclosed, is_in_triangles
 from missions.validation import Figure
 
 Place = tuple[float, float]
@@ -121,18 +121,10 @@ class _Shape:
         for first in range(0, len(which), step):
             part = which[first : first + step]
             away_m = find_nearest_on_legs(places_m[part], self.begins_m, self.ends_m - self.begins_m)[0].min(axis=1)
-            found[part] = (away_m < self.keep_m - ROUNDING_M) | self._is_enclosed(places_m[part])
+            found[part] = away_m < self.keep_m - ROUNDING_M
+            if not self.is_line:
+                found[part] |= is_enclosed(places_m[part], self.begins_m, self.ends_m)
         return np.asarray(found)
-
-    def _is_enclosed(self, places_m: FloatArray) -> BoolArray:
-        if self.is_line:
-            return np.zeros(len(places_m), dtype=np.bool_)
-        north = places_m[:, 1:]
-        low, high = self.begins_m[:, 1] <= north, self.ends_m[:, 1] <= north
-        rise = self.ends_m[:, 1] - self.begins_m[:, 1]
-        share = (north - self.begins_m[:, 1]) / np.where(rise == 0, 1.0, rise)
-        east = self.begins_m[:, 0] + share * (self.ends_m[:, 0] - self.begins_m[:, 0])
-        return np.asarray(((low != high) & (east > places_m[:, :1])).sum(axis=1) % 2 == 1)
 
     def nodes_m(self) -> Iterator[FloatArray]:
         """Yield (k, 2) places around every convex corner, between which legs keep the distance."""

@@ -68,10 +68,8 @@ def root_of(content: bytes) -> etree._Element:
     Raises:
         NetworkError: it is none, too large, or declares a document type, which no format here has and bombs need.
     """
-    try:
-        from lxml import etree
-    except ImportError:  # who uses this package alone may go without
-        raise NetworkError("XML needs lxml: pip install lxml") from None
+    from lxml import etree
+
     if len(content) > MOST_BYTES:
         raise NetworkError(f"content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
     _refuse_page(content)
