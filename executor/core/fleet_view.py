@@ -15,10 +15,11 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
+from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
-from executor.core.state.fleet_state import CheckLine, FleetState, Question
+from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
@@ -210,15 +211,6 @@ class ReplanView:
 
 
 @dataclass(frozen=True, slots=True)
-class SaidView:
-    """A decision, in one line."""
-
-    at_s: float
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class IntentView:
     """What an operator asked for, and what became of it."""
 
@@ -255,11 +247,11 @@ class FleetView:
     finished: bool
     min_separation_m: float | None
     vehicles: tuple[VehicleView, ...]
-    said: tuple[SaidView, ...]
+    said: tuple[OperatorLine, ...]
     """The last decisions, the oldest first."""
     intents: tuple[IntentView, ...]
     """The last ones, the oldest first."""
-    checks: tuple[CheckLine, ...]
+    checks: tuple[Check, ...]
     """The checklist, in the order in which a crew reads it."""
     question: Question | None
     """What the crew is asked now, before the flight."""
@@ -288,7 +280,7 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         vehicles=tuple(
             _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
         ),
-        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.crew.said[-SAID_LINES:]),
+        said=state.crew.said[-SAID_LINES:],
         intents=tuple(
             IntentView(
                 one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,

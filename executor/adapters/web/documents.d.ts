@@ -30,11 +30,11 @@ export interface FleetView {
   min_separation_m: number | null;
   vehicles: VehicleView[];
   /** The last decisions, the oldest first. */
-  said: SaidView[];
+  said: OperatorLine[];
   /** The last ones, the oldest first. */
   intents: IntentView[];
   /** The checklist, in the order in which a crew reads it. */
-  checks: CheckLine[];
+  checks: Check[];
   /** What the crew is asked now, before the flight. */
   question: Question | null;
   offer: OfferView | null;
@@ -146,10 +146,10 @@ export interface VehicleView {
   turn: TurnView | null;
 }
 
-/** A decision, in one line. */
-export interface SaidView {
+/** A line for the operator, kept for who looks later: a decision with its reason. */
+export interface OperatorLine {
   at_s: number;
-  level: string;
+  level: "info" | "warning" | "fault";
   text: string;
 }
 
@@ -166,10 +166,9 @@ export interface IntentView {
   question: string;
 }
 
-/** One line of the checklist before the flight. */
-export interface CheckLine {
-  /** ok, warning or stop. */
-  severity: string;
+/** One line of the checklist. */
+export interface Check {
+  severity: "ok" | "warning" | "stop";
   subject: string;
   text: string;
   code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";

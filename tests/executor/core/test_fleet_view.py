@@ -190,7 +190,7 @@ def test_what_its_loss_would_mean_is_shown_while_it_is_on_its_mission() -> None:
 
 
 def test_the_flight_as_a_whole() -> None:
-    lines = tuple(OperatorLine(NOW_S + 0.004, Level.INFO, f"line {number}") for number in range(70))
+    lines = tuple(OperatorLine(NOW_S, Level.INFO, f"line {number}") for number in range(70))
     view = fleet(flying(), given_up=frozenset({5, 2}), inspected=MappingProxyType({2: "uav1"}), said=lines)
     assert (view.now_s, view.flight_s, view.uncovered, view.segments_total) == (NOW_S, 100.0, (5,), 6)
     assert [one.text for one in view.said] == [f"line {number}" for number in range(10, 70)]
