@@ -120,10 +120,8 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return _record_loss_judgement(state, event, now_s), ()
         case events.IntentReceived(intent):
             return intent_handling.apply_intent(context, state, intent, now_s)
-        case events.OrderEnded():
+        case events.OrderEnded() | events.ReturnEnded():
             return intent_handling.apply_order_result(context, state, event, now_s)
-        case events.ReturnEnded():
-            return intent_handling.apply_return_result(state, event, now_s)
         case events.ReturnAllOrdered():
             return intent_handling.recall_fleet(context, state, now_s)
         case events.Reopened():

@@ -270,12 +270,7 @@ def explain_orphan_segments(context: Context, state: FleetState, alone: frozense
 
 
 def announce_solution(event: SolveEnded, names: list[str]) -> Say:
-    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
-
-    Args:
-        event: The solver's answer.
-        names: Of those who are given one.
-    """
+    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission."""
     gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
     given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
     return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)

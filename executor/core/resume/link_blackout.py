@@ -96,14 +96,9 @@ def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleS
 def catch_up_mission(
     context: Context, state: FleetState, vehicle: VehicleState, board: OnboardMission, seq: int | None
 ) -> Stepped:
-    """Take a vehicle on its mission for where it is now, with what it flew on its way there.
+    """Take a vehicle on its mission for where it is now, with what it flew on its way there since `before`.
 
-    Args:
-        context: Of the flight.
-        state: Of it.
-        vehicle: Heard again; `before` says where it was.
-        board: What it carries.
-        seq: The item that it flies to; None where its state has that.
+    It carries `board`, and flies to the item `seq`; None where its state has that.
     """
     waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
@@ -136,13 +131,9 @@ def catch_up_mission(
 def _close_gap(
     vehicle: VehicleState, board: OnboardMission, counted: Collection[int] = (), *, told: bool = False
 ) -> VehicleState:
-    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same.
+    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it is `counted` all the same.
 
-    Args:
-        vehicle: Heard again.
-        board: What it carries.
-        counted: Segments that count.
-        told: Whether it is said already why the others do not.
+    Why the others do not count may be `told` already.
     """
     known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
     judged = replace(known, before=None)
@@ -176,11 +167,7 @@ NOTHING = InferredCoverage()
 def infer_coverage(context: Context, state: VehicleState, board: OnboardMission, waypoint: int) -> InferredCoverage:
     """Return what a vehicle inspected between the last position before the silence and its newest one.
 
-    Args:
-        context: Of the flight.
-        state: The vehicle, its link regained; `before` says where it was.
-        board: The mission that it was found to carry.
-        waypoint: Of that mission, the end of the leg under way.
+    Its link is regained, it was found to carry `board`, and is on the leg to a waypoint of that.
     """
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
