@@ -429,7 +429,7 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
-    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or takeoff_offers.is_offer_open(state):
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or state.crew.offer is not None:
         return state, ()
     awaited = lower_to_inspection_height.is_clearance_awaited(context, state, now_s)
     if awaited or turnaround.find_awaited_vehicles(context, state, now_s):

@@ -21,6 +21,7 @@ from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
+from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
 from missions import Phase
@@ -41,10 +42,10 @@ class LastFixView:
     lat_deg: float
     lon_deg: float
     relative_alt_m: float
-    accuracy_m: float | None
-    age_s: float
     ground_speed_m_s: float
     """There: it has flown on."""
+    age_s: float
+    accuracy_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +56,9 @@ class PositionView:
     lon_deg: float
     relative_alt_m: float
     """Over its own home."""
-    heading_deg: float | None
     ground_speed_m_s: float
     age_s: float
+    heading_deg: float | None
     known: str = "unsaid"
     """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
     accuracy_m: float | None = None
@@ -380,46 +381,31 @@ def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
 
 def position_view(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
     """Return where a vehicle is, and how that is known; None where nobody knows."""
-    fix = vehicle.motion.fix
-    if fix is None:
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
         return None
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    east_m_s, north_m_s, _ = fix.velocity_m_s
-    speed_m_s = math.hypot(east_m_s, north_m_s)
-    heading_deg = fix.heading_deg
-    if heading_deg is None and speed_m_s > MOVING_M_S:
+    (east_m_s, north_m_s, _), heading_deg = fix.velocity_m_s, fix.heading_deg
+    if heading_deg is None and math.hypot(east_m_s, north_m_s) > MOVING_M_S:
         heading_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
-    how = accuracy_of(vehicle)
-    known, off_m = ("unsaid", None) if how is None else (how.known, None if how.known == "unsaid" else how.off_m)
-    decimals = formatting.place_decimals(off_m)
+    off_m, last_off_m = None if how.known == "unsaid" else how.off_m, vehicle.sensors.positioning.accuracy_m
+    last = vehicle.sensors.positioning.fixed if fix.reckoned else None
     return PositionView(
-        round(lat_deg, decimals),
-        round(lon_deg, decimals),
-        round(fix.alt_rel_m, 1),
+        *_list_place(context, fix, off_m, now_s),
         None if heading_deg is None else round(heading_deg, 0),
-        round(speed_m_s, 1),
-        round(max(0.0, now_s - fix.at_s), 1),
-        known,
+        how.known,
         None if off_m is None else round(off_m, 1),
-        _last_fix(context, vehicle, now_s) if fix.reckoned else None,
+        None if last is None else LastFixView(*_list_place(context, last, last_off_m, now_s), last_off_m),
     )
 
 
-def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixView | None:
-    known = vehicle.sensors.positioning
-    fixed = known.fixed
-    if fixed is None:
-        return None
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fixed.place_m)
-    decimals = formatting.place_decimals(known.accuracy_m)
-    return LastFixView(
-        round(lat_deg, decimals),
-        round(lon_deg, decimals),
-        round(fixed.alt_rel_m, 1),
-        known.accuracy_m,
-        round(max(0.0, now_s - fixed.at_s), 1),
-        round(math.hypot(*fixed.velocity_m_s[:2]), 1),
-    )
+def _list_place(
+    context: Context, fix: PositionFix, off_m: float | None, now_s: float
+) -> tuple[float, float, float, float, float]:
+    """Return latitude, longitude, height, speed over ground and age of a position, as far as they are worth showing."""
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    decimals, speed_m_s = formatting.place_decimals(off_m), math.hypot(*fix.velocity_m_s[:2])
+    place = round(lat_deg, decimals), round(lon_deg, decimals), round(fix.alt_rel_m, 1)
+    return *place, round(speed_m_s, 1), round(max(0.0, now_s - fix.at_s), 1)
 
 
 def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:

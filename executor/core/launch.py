@@ -19,6 +19,7 @@ from executor.core.inflight.homing import is_coming_home, is_on_mission
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, HandsOff, Start
 from executor.core.interface.events import StartEnded, UploadEnded
+from executor.core.interface.intents import IntentReason
 from executor.core.lines import replanning, sorties, takeoff
 from executor.core.replanning import survivors
 from executor.core.replanning.new_missions import end_replan_if_done, has_left_mission
@@ -313,7 +314,7 @@ def _continue_after_upload(
         return state, (start,)
     if sortie:
         why = sorties.TOO_LATE if event.accepted else sorties.UPLOAD_FAILED.format(reason=event.reason)
-        return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
+        return turnaround.end_turnaround(state, state.vehicles[vehicle.name], IntentReason.NOT_READY, why, now_s)
     if mission.fresh and event.accepted:
         return state, (replanning.STAYS_UNCLEARED.say(vehicle=vehicle.name),)
     if vehicle.stage is Stage.STARTING and not event.mixed:
@@ -355,7 +356,12 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
             carried = replace(vehicle.assignment.carried, told_s=now_s)
             state = state.put(vehicle.with_assignment(carried=carried))
             continue
-        return _replan_with(state, ready, now_s)
+        trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
+        given_up = state.coverage.given_up - state.list_uncovered_last()
+        state = state.put(ready).with_replanning(ordered=True).with_coverage(given_up=given_up)
+        if not state.replanning.urgent:
+            state = state.with_replanning(trigger=trigger, trigger_s=now_s)
+        return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)
     return state, ()
 
 
@@ -367,12 +373,3 @@ def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: 
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
         return False
     return beat_s is not None and beat_s > refused.at_s and now_s - refused.at_s >= AGAIN_S
-
-
-def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
-    given_up = state.coverage.given_up - state.list_uncovered_last()
-    state = state.put(vehicle).with_replanning(ordered=True).with_coverage(given_up=given_up)
-    if not state.replanning.urgent:
-        state = state.with_replanning(trigger=trigger, trigger_s=now_s)
-    return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)

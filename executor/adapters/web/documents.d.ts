@@ -241,9 +241,9 @@ export interface PositionView {
   lon_deg: number;
   /** Over its own home. */
   relative_alt_m: number;
-  heading_deg: number | null;
   ground_speed_m_s: number;
   age_s: number;
+  heading_deg: number | null;
   /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
   known: string;
   /** By so much it may be off; a reckoned one by this or more. */
@@ -366,8 +366,8 @@ export interface LastFixView {
   lat_deg: number;
   lon_deg: number;
   relative_alt_m: number;
-  accuracy_m: number | null;
-  age_s: number;
   /** There: it has flown on. */
   ground_speed_m_s: number;
+  age_s: number;
+  accuracy_m: number | null;
 }

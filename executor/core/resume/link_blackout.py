@@ -30,7 +30,6 @@ from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMissi
 from executor.core.state.vehicle_state import VehicleState, last_known_of
 from missions import Pace, Phase
 from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
-from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
 from planner import segment_of
 
@@ -186,7 +185,7 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
         return _infer_after_landing(context, state, before, fix, board)
     if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
         return InferredCoverage(why_not=why_not)
-    return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
+    return _infer_in_flight(context, before, fix, board, waypoint, state.assignment.pace)
 
 
 def _infer_in_flight(
@@ -249,7 +248,7 @@ def _infer_after_landing(
     elapsed_s = fix.boot_s - before.fix.boot_s
     if why_not := _describe_other_landing(context, state, before, fix):
         return InferredCoverage(why_not=why_not)
-    expected_s, modelled_pct = _estimate_rest(board, before.waypoint, before.fix, _pace_of(state))
+    expected_s, modelled_pct = _estimate_rest(board, before.waypoint, before.fix, state.assignment.pace)
     visits = _select_passed_visits(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
         return InferredCoverage(why_not=resume.TOO_SHORT.format(elapsed_s=elapsed_s, expected_s=expected_s))
@@ -299,11 +298,6 @@ def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...
     )
     # A stop at either end of the time has no place that tells how much of it is over.
     return max(performance.settle_s + performance.hold_s + INDEX_S, float(usual_s - fast_s))
-
-
-def _pace_of(state: VehicleState) -> Pace:
-    """Return the factors on the times of legs that were seen of it in this flight."""
-    return AS_MODELLED if state.assignment.learned is None else state.assignment.learned.pace
 
 
 def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> tuple[float, float]:

@@ -82,7 +82,7 @@ class VehicleReports:
 class PassiveWatch:
     """What is known of all vehicles, and what is not well now."""
 
-    fleet: FleetState
+    fleet: FleetState = field(default_factory=lambda: FleetState(MappingProxyType({})))
     open: Mapping[tuple[str, str], Degradation] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle and name of the warning."""
     warned_s: float = float("-inf")
@@ -101,16 +101,6 @@ class PassiveWatch:
 
 
 Stepped = tuple[PassiveWatch, tuple[Finding, ...]]
-
-
-def start_watch(names: tuple[str, ...]) -> PassiveWatch:
-    """Return the state before anything was heard."""
-    return PassiveWatch(FleetState(MappingProxyType({name: VehicleState(name) for name in names})))
-
-
-def add_watched_vehicle(state: PassiveWatch, name: str) -> PassiveWatch:
-    """Return the state with a vehicle that was not known before."""
-    return replace(state, fleet=state.fleet.put(VehicleState(name)))
 
 
 def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: float) -> Stepped:
@@ -305,7 +295,7 @@ LATE_S = 4.0
 """So long after it disarmed it may still say why."""
 
 
-def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Finding]:
+def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Degradation]:
     """Begin and end what is not well; returns what ended."""
     name = view.state.name
     now = {row.name: (row.kind, words) for row, words in warning_rules.find_warnings(view)}
