@@ -9,12 +9,7 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
 from executor.core.lines import sorties
-from executor.core.replanning import (
-    lower_to_inspection_height,
-    replan_cycle,
-    replan_separation,
-    survivors,
-)
+from executor.core.replanning import lower_to_inspection_height, replan_cycle, replan_separation, survivors
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
 from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase, build_open_task

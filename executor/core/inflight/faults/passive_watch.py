@@ -13,7 +13,11 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.context import Scene
-from executor.core.inflight.custody.mode_causes import attribute_mode_change, is_attribution_final
+from executor.core.inflight.custody.mode_causes import (
+    attribute_mode_change,
+    is_attribution_final,
+    is_set_by_person,
+)
 from executor.core.inflight.faults import link_loss, warning_rules, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView, describe_reported_failure
 from executor.core.interface.events import Heard, Tick
@@ -213,8 +217,7 @@ def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: Vehicl
     setup = scene.vehicles[vehicle.name]
     if before.mode is None or is_mission_mode(setup.dialect, before.mode):
         return vehicle
-    persons = attribute_mode_change(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
-    if not persons and not is_manual_mode(setup.dialect, before.mode):
+    if not is_set_by_person(scene, before) and not is_manual_mode(setup.dialect, before.mode):
         return vehicle
     again = is_mission_mode(setup.dialect, vehicle.mode)
     return vehicle.with_sortie(flew_mission=again and vehicle.sortie.took_off)
