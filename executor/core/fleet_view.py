@@ -36,21 +36,8 @@ WHOLE_PCT = 1.0 / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
-class LastFixView:
-    """The last place of a vehicle that is by GPS."""
-
-    lat_deg: float
-    lon_deg: float
-    relative_alt_m: float
-    ground_speed_m_s: float
-    """There: it has flown on."""
-    age_s: float
-    accuracy_m: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class PositionView:
-    """Where a vehicle is."""
+class PlaceView:
+    """A place of a vehicle, and how fast it was there."""
 
     lat_deg: float
     lon_deg: float
@@ -58,13 +45,19 @@ class PositionView:
     """Over its own home."""
     ground_speed_m_s: float
     age_s: float
-    heading_deg: float | None
-    known: str = "unsaid"
-    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
     accuracy_m: float | None = None
     """By so much it may be off; a reckoned one by this or more."""
-    last_fix: LastFixView | None = None
-    """Of one that is reckoned: where it was by GPS last. That is where to look for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionView(PlaceView):
+    """Where a vehicle is."""
+
+    heading_deg: float | None = None
+    known: str = "unsaid"
+    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
+    last_fix: PlaceView | None = None
+    """Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -391,10 +384,10 @@ def position_view(context: Context, vehicle: VehicleState, now_s: float) -> Posi
     last = vehicle.sensors.positioning.fixed if fix.reckoned else None
     return PositionView(
         *_list_place(context, fix, off_m, now_s),
+        None if off_m is None else round(off_m, 1),
         None if heading_deg is None else round(heading_deg, 0),
         how.known,
-        None if off_m is None else round(off_m, 1),
-        None if last is None else LastFixView(*_list_place(context, last, last_off_m, now_s), last_off_m),
+        None if last is None else PlaceView(*_list_place(context, last, last_off_m, now_s), last_off_m),
     )
 
 

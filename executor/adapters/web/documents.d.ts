@@ -243,13 +243,13 @@ export interface PositionView {
   relative_alt_m: number;
   ground_speed_m_s: number;
   age_s: number;
+  /** By so much it may be off; a reckoned one by this or more. */
+  accuracy_m: number | null;
   heading_deg: number | null;
   /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
   known: string;
-  /** By so much it may be off; a reckoned one by this or more. */
-  accuracy_m: number | null;
-  /** Of one that is reckoned: where it was by GPS last. That is where to look for it. */
-  last_fix: LastFixView | null;
+  /** Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it. */
+  last_fix: PlaceView | null;
 }
 
 /** A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten. */
@@ -361,13 +361,14 @@ export interface GroundHeightsPart {
   metres: (number | null)[];
 }
 
-/** The last place of a vehicle that is by GPS. */
-export interface LastFixView {
+/** A place of a vehicle, and how fast it was there. */
+export interface PlaceView {
   lat_deg: number;
   lon_deg: number;
+  /** Over its own home. */
   relative_alt_m: number;
-  /** There: it has flown on. */
   ground_speed_m_s: number;
   age_s: number;
+  /** By so much it may be off; a reckoned one by this or more. */
   accuracy_m: number | null;
 }

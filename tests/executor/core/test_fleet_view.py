@@ -91,7 +91,9 @@ def test_where_it_is_and_where_it_heads(
 ) -> None:
     fix = replace(at(up_m=20.04, age_s=1.26), velocity_m_s=velocity, heading_deg=compass)
     lat_deg, lon_deg = CONTEXT.frame.to_wgs84_deg(*fix.place_m)
-    assert shown(fix=fix).position == PositionView(round(lat_deg, 5), round(lon_deg, 5), 20.0, speed, 1.3, heading)
+    assert shown(fix=fix).position == PositionView(
+        round(lat_deg, 5), round(lon_deg, 5), 20.0, speed, 1.3, None, heading
+    )
 
 
 def test_the_battery_against_the_plan() -> None:
