@@ -149,10 +149,8 @@ class _Watch:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] += elapsed_s
             if vehicle.stage is not Stage.LOST:
-                found = passive_watch.update_degradations(
-                    WatchView(self._context, setup, vehicle, False, now_s), self._open
-                )
-                self._over += [one for one in found if isinstance(one, Degradation)]
+                view = WatchView(self._context, setup, vehicle, False, now_s)
+                self._over += passive_watch.update_degradations(view, self._open)
             self._traces[name].add(now_s, partial(sample_vehicle, self._context, vehicle, now_s))
 
     def build_vehicle_replays(

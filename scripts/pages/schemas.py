@@ -6,6 +6,7 @@ import ast
 import inspect
 import json
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from types import ModuleType
 
 from pydantic import TypeAdapter
@@ -102,10 +103,11 @@ def _text(name: str, model: type[object], words: Words) -> str:
 
 def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
     """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
-    for node in ast.parse(inspect.getsource(module)).body:
-        if not isinstance(node, ast.ClassDef):
-            continue
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
-            if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, key.id, " ".join(str(below.value.value).split())
+    classes = {node.name: node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.ClassDef)}
+    for name, node in classes.items():
+        bases = [classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes]
+        for body in (node.body, *(base.body for base in bases)):
+            for field, below in pairwise(body):
+                key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
+                if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                    yield name, key.id, " ".join(str(below.value.value).split())
