@@ -20,13 +20,12 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists
+from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, read_link_failsafe
 from executor.core.preflight.parameter_changes import (
     Answers,
     ChangeStage,
     ParameterProposal,
-    build_board_record,
     check_return_height,
     propose_return_changes,
 )
@@ -36,14 +35,7 @@ from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
 from executor.flight import open_links
 from executor.flight.open_links import AT_ONCE, follow_fleet_time, run_concurrently, run_for_each
-from executor.flight.restore_vehicles import (
-    Links,
-    open_list_record,
-    open_parameter_record,
-    read_kept_lists,
-    read_kept_parameters,
-    write_kept_lists,
-)
+from executor.flight.restore_vehicles import LISTS, PARAMETERS, BoardRecord, Links
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
 from executor.site import day_plans
@@ -287,8 +279,7 @@ async def apply_changes(
             clear of the others, or what its fence needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
-    kept = build_board_record(proposal.changes, read_kept_parameters(run) or ())
-    record = open_parameter_record(run, console, kept)
+    record = BoardRecord.open(PARAMETERS, run, console, proposal.changes)
     record.write_first("nothing was changed on board")
     checks: list[Check] = []
     unfenced: list[str] = []
@@ -340,27 +331,28 @@ def check_fences_on_board(
     Raises:
         LogError: that record cannot be read.
     """
-    kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
-
-    def ours(name: str, kind: MissionKind, items: fence_changes.Items | None) -> fence_changes.Items | None:
-        known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
-        return items if known is not None and items is not None and known.is_ours(items) else None
-
+    kept = {} if run is None else {one.key: one for one in LISTS.read(run) if one.is_open}
     told: list[Check] = []
     for name, lists in found.items():
-        known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
+        ours = {
+            kind: items
+            for kind, items in lists.items()
+            if items is not None and (known := kept.get((name, kind.name.lower()))) is not None and known.is_ours(items)
+        }
         board = boards[name]
         told += fence_changes.check_onboard_lists(
-            context, facts[name], None if board is None else board.path, lists, known
+            context, facts[name], None if board is None else board.path, lists, ours
         )
     return told
 
 
-def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, OnboardLists]:
+def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, WantedLists]:
     """Return what is put on board, by vehicle; nothing where the site wants none."""
+    fences = {name: {MissionKind.FENCE: build_fence_items(fence, context.frame)} for name, fence in first.items()}
+    rally = {name: build_rally_list(context, name) for name in first}
     return {
-        name: OnboardLists(build_fence_items(fence, context.frame), build_rally_list(context, name))
-        for name, fence in first.items()
+        name: fence if (points := rally[name]) is None else {**fence, MissionKind.RALLY: points}
+        for name, fence in fences.items()
     }
 
 
@@ -370,10 +362,10 @@ def describe_fence_changes(
     """Return what is replaced on board, for the crew to confirm."""
     told = []
     for name, lists in build_wanted_lists(context, first).items():
-        had = found.get(name, OnboardLists())
-        fence = f"fence of {len(lists.fence or ())} corners (had {len(had.fence or ()) or 'none'})"
-        rally = "" if lists.rally is None else f", its pad as rally point (had {len(had.rally or ()) or 'none'})"
-        told.append(f"{name}: {fence}{rally}")
+        had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
+        fence = f"fence of {len(lists[MissionKind.FENCE])} corners (had {had.get(MissionKind.FENCE, 'none')})"
+        rally = f", its pad as rally point (had {had.get(MissionKind.RALLY, 'none')})"
+        told.append(f"{name}: {fence}{rally if MissionKind.RALLY in lists else ''}")
     return told
 
 
@@ -397,23 +389,22 @@ async def upload_wanted_lists(
     if not lists:
         return
     planned = [
-        KeptList(name, setup.sysid, setup.dialect.name, what, old, new)
+        KeptList(name, setup.sysid, setup.dialect.name, kind.name.lower(), old, new)
         for name, wanted in lists.items()
         for setup in (context.vehicles[name],)
-        for what, old, new in (("fence", found[name].fence, wanted.fence), ("rally", found[name].rally, wanted.rally))
-        if old is not None and new is not None
+        for kind, new in wanted.items()
+        if (old := found[name][kind]) is not None
     ]
-    record = open_list_record(run, console, build_board_record(planned, read_kept_lists(run)))
+    record = BoardRecord.open(LISTS, run, console, planned)
     record.write_first("no fence was put on board")
 
     async def load(name: str) -> None:
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = "" if new.rally is None else ", and its pad as rally point"
-        console.say(
-            Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
-        )
+        rally = ", and its pad as rally point" if MissionKind.RALLY in new else ""
+        corners = len(new[MissionKind.FENCE])
+        console.say(Level.INFO, f"{name}: fence of {corners} corners on board{rally}, verified by read-back")
 
     await run_for_each(lists, load)
 
@@ -432,6 +423,6 @@ def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
         replace(one, new=items, earlier=(*one.earlier, one.new), stage=ChangeStage.PLANNED)
         if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in (*one.earlier, one.new)
         else one
-        for one in read_kept_lists(run)
+        for one in LISTS.read(run)
     ]
-    write_kept_lists(run, kept)
+    LISTS.write(run, kept)
