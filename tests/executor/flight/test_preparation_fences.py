@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.context import FenceRules
 from executor.core.interface.commands import Upload
-from executor.core.interface.messages import SendMissionCount
+from executor.core.interface.messages import MissionCount
 from executor.core.preflight.fence_changes import KeptList
 from executor.core.preflight.parameter_changes import ChangeStage
 from executor.core.state.onboard_fence import build_first_fences
@@ -123,10 +123,10 @@ async def test_who_is_armed_is_left_alone(autopilot: str, tmp_path: Path) -> Non
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     pads.vehicles["uav2"].armed = True
-    sent = len(pads.links["uav2"].of_kind(SendMissionCount))
+    sent = len(pads.links["uav2"].of_kind(MissionCount))
     open_ = {one.vehicle for one in await pads.give_back() if one.is_open}
     assert open_ == {"uav2"}
-    assert len(pads.links["uav2"].of_kind(SendMissionCount)) == sent
+    assert len(pads.links["uav2"].of_kind(MissionCount)) == sent
     pads.vehicles["uav2"].armed = False
     await pads.give_back()
     assert pads.as_before
