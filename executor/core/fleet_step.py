@@ -22,6 +22,7 @@ from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
 from executor.core.interface import events, messages
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, link, takeoff
@@ -33,7 +34,6 @@ from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import (
     KEPT_LINES,
     Briefing,
-    CheckLine,
     CrewDialogue,
     FleetState,
     LossOutlook,
@@ -61,7 +61,7 @@ from missions.fences import Fence
 
 def build_initial_state(
     boards: Mapping[str, OnboardMission | None],
-    checks: tuple[CheckLine, ...] = (),
+    checks: tuple[Check, ...] = (),
     fences: Mapping[str, Fence] = MappingProxyType({}),
     ahead: Mapping[str, tuple[PlannedSortie, ...]] = MappingProxyType({}),
 ) -> FleetState:

@@ -15,10 +15,11 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
+from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
-from executor.core.state.fleet_state import CheckLine, FleetState, Question
+from executor.core.state.fleet_state import FleetState, Question
 from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
@@ -259,7 +260,7 @@ class FleetView:
     """The last decisions, the oldest first."""
     intents: tuple[IntentView, ...]
     """The last ones, the oldest first."""
-    checks: tuple[CheckLine, ...]
+    checks: tuple[Check, ...]
     """The checklist, in the order in which a crew reads it."""
     question: Question | None
     """What the crew is asked now, before the flight."""

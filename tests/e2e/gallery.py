@@ -30,12 +30,12 @@ from executor.core.fleet_view import (
     VehicleView,
     build_fleet_view,
 )
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Gps, Wind
 from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
-from executor.core.state.fleet_state import Briefing, CheckLine, FleetState, OperatorLine, Question
+from executor.core.state.fleet_state import Briefing, FleetState, OperatorLine, Question
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
@@ -57,22 +57,25 @@ LAYOUTS = {"desk": (1440, 900), "phone": (390, 844)}
 SECOND = "uav2 is with its pilot, who would lose it to a landing where it is. Land it all the same?"
 
 CHECKS = (
-    CheckLine("ok", "heights", "over the ground of the network file", CheckCode.HEIGHTS),
-    CheckLine("ok", "disk", "41.2 GB free, the record of a flight like this takes about 6 MB", CheckCode.DISK),
-    CheckLine("ok", "separation", "any two vehicles stay at least 5 m apart", CheckCode.SEPARATION),
-    CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1", CheckCode.FIRMWARE),
-    CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %", CheckCode.ENERGY),
-    CheckLine(
-        "warning",
+    Check(Severity.OK, "heights", "over the ground of the network file", CheckCode.HEIGHTS),
+    Check(Severity.OK, "disk", "41.2 GB free, the record of a flight like this takes about 6 MB", CheckCode.DISK),
+    Check(Severity.OK, "separation", "any two vehicles stay at least 5 m apart", CheckCode.SEPARATION),
+    Check(Severity.OK, "uav1", "quadrotor, ArduPilot 4.6.1", CheckCode.FIRMWARE),
+    Check(Severity.OK, "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %", CheckCode.ENERGY),
+    Check(
+        Severity.WARNING,
         "uav2",
         "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it keeps flying until it falls",
         CheckCode.BATTERY_FAILSAFE,
     ),
-    CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
-    CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %", CheckCode.ENERGY),
+    Check(Severity.OK, "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
+    Check(Severity.OK, "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %", CheckCode.ENERGY),
 )
-STOPPED = CheckLine(
-    "stop", "uav3", "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high", CheckCode.GEOFENCE
+STOPPED = Check(
+    Severity.STOP,
+    "uav3",
+    "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high",
+    CheckCode.GEOFENCE,
 )
 
 

@@ -34,7 +34,7 @@ export interface FleetView {
   /** The last ones, the oldest first. */
   intents: IntentView[];
   /** The checklist, in the order in which a crew reads it. */
-  checks: CheckLine[];
+  checks: Check[];
   /** What the crew is asked now, before the flight. */
   question: Question | null;
   offer: OfferView | null;
@@ -166,10 +166,9 @@ export interface IntentView {
   question: string;
 }
 
-/** One line of the checklist before the flight. */
-export interface CheckLine {
-  /** ok, warning or stop. */
-  severity: string;
+/** One line of the checklist. */
+export interface Check {
+  severity: "ok" | "warning" | "stop";
   subject: string;
   text: string;
   code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";

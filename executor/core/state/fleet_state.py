@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
@@ -120,17 +120,6 @@ class OperatorLine:
 
 
 @dataclass(frozen=True, slots=True)
-class CheckLine:
-    """One line of the checklist before the flight."""
-
-    severity: str
-    """ok, warning or stop."""
-    subject: str
-    text: str
-    code: CheckCode
-
-
-@dataclass(frozen=True, slots=True)
 class Question:
     """What the crew is asked before anything goes on."""
 
@@ -159,7 +148,7 @@ class TakeoffOffer:
 class Briefing:
     """What a crew reads before the flight."""
 
-    checks: tuple[CheckLine, ...] = ()
+    checks: tuple[Check, ...] = ()
     """The checklist, in the order in which a crew reads it."""
     question: Question | None = None
     """What it is asked now."""
@@ -330,10 +319,6 @@ class FleetState:
     def want_replan(self, trigger: str, since_s: float) -> FleetState:
         """Return the state in which a re-plan begins at once, for this reason and as old as that."""
         return self.with_replanning(urgent=True, trigger=trigger, trigger_s=since_s)
-
-    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
-        """Return the state with lines for the operator added."""
-        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
 
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""
