@@ -134,13 +134,6 @@ class BatteryState:
     """Of its prior."""
 
     @property
-    def used_pct(self) -> float:
-        """Percent given since the first report."""
-        if self.first_pct is None or self.remaining_pct is None:
-            return 0.0
-        return max(0.0, self.first_pct - self.remaining_pct)
-
-    @property
     def given_pct(self) -> float:
         """Percent given in the whole flight: PX4's simulated battery is full again as soon as it disarms."""
         if self.first_pct is None or self.lowest_pct is None:
