@@ -12,9 +12,9 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.lines import checklist
 from executor.core.preflight.onboard_failsafes import (
     UNKNOWN,
-    Parameters,
     describe_action,
     fence_names,
+    read_fence_kinds,
     select_names,
 )
 from executor.core.preflight.parameter_changes import (
@@ -29,7 +29,7 @@ from executor.core.preflight.parameter_changes import (
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
-from missions import Dialect, FlightPath, MissionItem, MissionKind
+from missions import FlightPath, MissionItem, MissionKind
 from missions.fences import find_first_outside, find_list_differences, parse_outlines
 
 Items = tuple[MissionItem, ...]
@@ -105,15 +105,13 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if not names or any(one not in said for one in names):
         return []
     rule = context.vehicles[name].dialect.geofence
-    stands = any(one in said and said[one].value for one in rule.enabled_by)  # it keeps to a fence already
-    limited = stands and (rule.kinds is None or bool(int(said[rule.kinds[0]].value) & rule.kinds[1]))
+    stands = read_fence_kinds(context.vehicles[name].dialect, {one: said[one].value for one in names})
     wanted: dict[str, tuple[float, str, str]] = {}
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
-        own = int(said[kinds].value) if stands else 0
-        wanted[kinds] = (float(own | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
+        wanted[kinds] = (float(stands | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
     top = _round_up_fence_top(context, name, said)
-    limit = said[rule.height].value if limited else 0.0
+    limit = said[rule.height].value if stands & (rule.kinds[1] if rule.kinds is not None else 1) else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
@@ -181,7 +179,7 @@ def _check_onboard_fence(
     asked = checklist.IS_FENCE_ON.format(fence=what)
     if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
-    if not _is_polygon_fence_enabled(dialect, facts.parameters):
+    if not read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
         return [checklist.FENCE_OFF.say(name, fence=what)]
     pad_m = context.vehicles[name].pad_m
     places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
@@ -213,11 +211,3 @@ def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
     rule = context.vehicles[name].dialect.geofence
     least = fence_top_m(context, name)
     return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
-
-
-def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
-    """Return whether a vehicle keeps to the polygons on board."""
-    rule = dialect.geofence
-    if not any(parameters.get(one, 0.0) for one in rule.enabled_by):
-        return False
-    return rule.kinds is None or bool(int(parameters.get(rule.kinds[0], rule.polygons)) & rule.polygons)
