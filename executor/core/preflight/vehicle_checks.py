@@ -30,7 +30,7 @@ from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
-from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
+from missions import Dialect, Estimate, FlightPath, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -100,11 +100,6 @@ class VehicleFacts:
             f"{vehicle_identity.describe_vehicle_type(self.heartbeat.vehicle_type)}, "
             f"{vehicle_identity.describe_autopilot(self.heartbeat.autopilot)} {version}"
         )
-
-
-def pad_from(facts: VehicleFacts, east_m: float, north_m: float) -> Pad:
-    """Return the place where a vehicle really stands, which is where it will land."""
-    return Pad(facts.name, east_m, north_m, facts.position.alt_msl_m - facts.position.alt_rel_m)
 
 
 def check_identity(
