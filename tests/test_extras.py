@@ -15,7 +15,7 @@ import pytest
 
 from executor.adapters.extras import Extra, packages_of
 from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
-from executor.flight.restore_vehicles import write_kept_parameters
+from executor.flight.restore_vehicles import PARAMETERS
 from executor.replay.open_log import ULOG_MAGIC
 
 ROOT = Path(__file__).parents[1]
@@ -115,7 +115,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, tuple[int, st
     (folder / "flight.tlog").write_bytes(b"")
     (folder / "run").mkdir()
     changed = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 1500.0, 2700.0, 6, "cm", "", stage=ChangeStage.SET)
-    write_kept_parameters(folder / "run", [changed])
+    PARAMETERS.write(folder / "run", [changed])
     (folder / "run" / "site.toml").write_text(SITE, encoding="utf-8")
     return called(folder, [*GOES_ON, *REFUSED, NOT_FLOWN])
 

@@ -38,7 +38,7 @@ from executor.flight.flight_recorder import (
     plan_path_of,
 )
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
+from executor.flight.restore_vehicles import PARAMETERS, build_parameter_rows
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
@@ -203,7 +203,7 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     with suppress(LogError):
         return read_report(run)
     # It died between the end of the flight and its report.
-    parameters = build_parameter_rows(read_kept_parameters(run) or ())
+    parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
         left.begun.context, left.state, left.last_s, said=_read_preflight_record(run), parameters=parameters
     )
