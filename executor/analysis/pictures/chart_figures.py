@@ -18,7 +18,7 @@ from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
 
 from executor.analysis.pictures import style
-from executor.analysis.pictures.battery_figure import spread_heights
+from executor.analysis.pictures.battery_figure import LineEnd, label_lines
 from executor.site.campaigns import describe_policy
 from executor.site.plan_summary import format_day_time
 from executor.site.site_model import build_paths
@@ -110,8 +110,8 @@ def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, floa
 RISK_HEIGHT_IN = 6.6
 RISK_PLOT = (0.065, 0.11, 0.665, 0.78)
 """Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
-CURVE_LABEL_STEP = 0.085
-"""Least distance of two names of two lines each, as a share of the plot's height."""
+CURVE_LABEL_STEP = 0.066
+"""Least distance of two names of two lines each, as a share of the figure's height."""
 
 
 def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
@@ -152,7 +152,15 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
             given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
             mec=style.INK, mew=1.4, ls="", zorder=10,
         )  # fmt: skip
-    _label_curves(figure, swept[-1], given)
+    ends = [
+        LineEnd(
+            hours[-1], 100 * last.estimate,
+            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
+            f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)", style.style_of(replans).colour,
+        )
+        for replans, (last, chance) in enumerate(zip(swept[-1].finished, given.finished, strict=True))
+    ]  # fmt: skip
+    label_lines(axes, ends, CURVE_LABEL_STEP)
     axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
     axes.set_ylabel("everything inspected (% of flights)")
     axes.annotate(
@@ -160,28 +168,6 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
         textcoords="offset points", fontsize=9.5, color=style.INK, path_effects=style.make_white_edge(2.0),
     )  # fmt: skip
     return figure
-
-
-def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> None:
-    """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
-    (axes,) = figure.axes
-    ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
-    low, high = axes.get_ylim()
-    heights = spread_heights([(end - low) / (high - low) for end, _ in ends], CURVE_LABEL_STEP)
-    above = max(0.0, heights[-1] - 1.0)
-    for (end, replans), height in zip(ends, heights, strict=True):
-        chance, look = given.finished[replans], style.style_of(replans)
-        axes.annotate(
-            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
-            f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
-            xy=(1.0, end), xycoords=("axes fraction", "data"),
-            xytext=(1.035, height - above), textcoords="axes fraction",
-            fontsize=9, color=style.INK, va="center", annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,
-                "shrinkB": 4,
-            },
-        )  # fmt: skip
 
 
 def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:

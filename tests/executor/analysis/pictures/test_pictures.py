@@ -262,12 +262,12 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     found = replan_window(content.build_instance(), content.plan, effort=100)
     repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, effort=100)
     figure = draw_window_figure(content, found, repairs)
-    (axes,) = figure.axes
+    axes = figure.axes[0]
     assert {left.lost for left, _ in repairs} == {0, 1}
     solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
     assert [float(_x(line)[-1]) for line in solid] == pytest.approx(list(content.durations_s))
     assert any(line.get_linestyle() == "--" for line in axes.lines)
-    assert {text.get_text() for text in axes.texts} >= {
+    assert {text.get_text() for panel in figure.axes for text in panel.texts} >= {
         "budget, 75 %", f"window begins, {found.earliest_s:.0f} s", f"longest route, {found.longest_route_s:.0f} s",
     }  # fmt: skip
     assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
