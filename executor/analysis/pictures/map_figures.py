@@ -65,14 +65,12 @@ def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Fig
         *_build_ground_handles(pads=False),
         *map_sheet.build_area_handles(content.areas),
     ]
-    places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
+    places = np.concatenate((content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), [DEPOT_M]))
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
-    sheet = map_sheet.make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
-    sheet = map_sheet.draw_below(sheet, ground, np.concatenate(places))
-    map_sheet.draw_areas(sheet.panels[0], content.areas)
+    sheet = map_sheet.make_sheet(places, title, ["Plan"], handles)
+    sheet = map_sheet.draw_below(sheet, ground, content.areas)
     _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
-    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
@@ -86,18 +84,14 @@ def draw_flight_figure(record: flight_record.FlightRecord, ground: GroundView | 
         *_build_first_handles(),
         *_build_flown_handles(record),
         *_build_ground_handles(pads=True),
+        *map_sheet.build_area_handles(record.areas),
     ]
-    handles += map_sheet.build_area_handles(record.areas)
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
-    names = ["First plan", "As flown"]
-    sheet = map_sheet.make_sheet(shown, _compose_title(record), names, len(handles))
-    sheet = map_sheet.draw_below(sheet, ground, shown)
-    for axes in sheet.panels:
-        map_sheet.draw_areas(axes, record.areas)
+    sheet = map_sheet.make_sheet(shown, _compose_title(record), ["First plan", "As flown"], handles)
+    sheet = map_sheet.draw_below(sheet, ground, record.areas)
     _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
     _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
-    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
@@ -243,8 +237,8 @@ def _draw_callout(
     anchor_m, middle_m = placer.place_label(anchors_m, size_m)
     axes.annotate(
         words,
-        xy=anchor_m,
-        xytext=middle_m,
+        xy=(anchor_m[0], anchor_m[1]),
+        xytext=(middle_m[0], middle_m[1]),
         fontsize=FONT_PT,
         color=INK,
         ha="center",
@@ -272,12 +266,8 @@ def _label_vehicles(
 def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> map_sheet.LabelPlacer:
     """Return a placer that keeps off the segments and off (n, 2) ways."""
     step_m = 0.05 * sheet.m_per_in
-    drawn = [map_sheet.sample_line_m(map_sheet.to_place(a_m), map_sheet.to_place(b_m), step_m) for a_m, b_m in ends_m]
-    for way in ways_m:
-        drawn += [
-            map_sheet.sample_line_m(map_sheet.to_place(here), map_sheet.to_place(there), step_m)
-            for here, there in itertools.pairwise(way)
-        ]
+    lines = itertools.chain(ends_m, *(itertools.pairwise(way) for way in ways_m))
+    drawn = [map_sheet.sample_line_m(begin_m, end_m, step_m) for begin_m, end_m in lines]
     return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
 
 
@@ -357,7 +347,7 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
     if understood.has_depot:
         shown_m = np.concatenate((shown_m, np.zeros((1, 2))))
     title = f"{len(network.segments)} spans, {network.lengths_m.sum() / 1000:.1f} km, {len(network.pylons)} poles"
-    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], len(handles))
+    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], handles)
     axes = sheet.panels[0]
     shades = [colours.get(line, FAINT) for line in lines]
     axes.add_collection(LineCollection(list(network.ends_m), colors=shades, linewidths=2.0, zorder=2), autolim=False)
@@ -370,7 +360,6 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
             axes.annotate(_shorten_name(pylon.id), (east_m, north_m), xytext=(4, 4),
             textcoords="offset points", fontsize=7,
                           color=INK, path_effects=make_white_edge(2.0), zorder=5)  # fmt: skip
-    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 
