@@ -31,6 +31,7 @@ from executor.core.formatting import format_flight_time
 from executor.site.ground_view import GroundView
 from missions import NetworkImport, PlanFile
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from missions.pricing import DEPOT_M
 
 FONT_PT = 9.0
@@ -267,7 +268,7 @@ def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable
     """Return a placer that keeps off the segments and off (n, 2) ways."""
     step_m = 0.05 * sheet.m_per_in
     lines = itertools.chain(ends_m, *(itertools.pairwise(way) for way in ways_m))
-    drawn = [map_sheet.sample_line_m(begin_m, end_m, step_m) for begin_m, end_m in lines]
+    drawn = [sample_leg(np.stack(ends), step_m) for ends in lines]
     return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
 
 

@@ -29,16 +29,10 @@ COVERED = 40.0
 """What one covered point weighs, in label heights of distance."""
 
 
-def sample_line_m(begin_m: Place | FloatArray, end_m: Place | FloatArray, step_m: float) -> FloatArray:
-    """Return (n, 2) float64, points on a straight line at most a step apart, both ends included."""
-    count = max(2, math.ceil(math.dist(begin_m, end_m) / step_m) + 1)
-    return np.linspace(begin_m, end_m, count)
-
-
 class LabelPlacer:
     """Finds room for one label after the other, each with a leader to what it names; each takes the room it gets."""
 
-    def __init__(self, taken_m: FloatArray, low_m: Place, high_m: Place) -> None:
+    def __init__(self, taken_m: FloatArray, low_m: Place | FloatArray, high_m: Place | FloatArray) -> None:
         """Begin with (n, 2) points that should stay visible, and the corners of the map."""
         self._taken_m = taken_m
         self._words_m = np.zeros((0, 2))

@@ -29,10 +29,11 @@ from executor.analysis.pictures import (
 )
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.analysis.pictures.map_figures import group_connected
-from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m, sample_line_m
+from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from missions import PlanFile, Window
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from planner import find_repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
 
@@ -204,7 +205,7 @@ def test_a_scale_is_round_and_fills_at_least_two_fifths(most_m: float) -> None:
 
 
 def test_labels_find_room_off_the_lines_and_off_each_other() -> None:
-    line = sample_line_m((0.0, 0.0), (100.0, 0.0), 1.0)
+    line = sample_leg(np.array([(0.0, 0.0), (100.0, 0.0)]), 1.0)
     placer = LabelPlacer(line, (-50.0, -50.0), (150.0, 50.0))
     boxes = []
     for _ in range(6):
