@@ -95,7 +95,7 @@ def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, floa
         axes.annotate(
             str(number), xy=point, xytext=(middle[0], middle[1]), textcoords="figure points", ha="center", va="center",
             fontsize=10, color=style.INK, path_effects=style.make_white_edge(2.5), zorder=6,
-            arrowprops={"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8, "shrinkA": 6, "shrinkB": 6},
+            arrowprops={"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8, "shrinkA": 1, "shrinkB": 6},
         )  # fmt: skip
 
 
