@@ -58,7 +58,8 @@ def run_faultline(*given: str, **environment: str) -> str:
 
 def test_the_version_is_the_package_s() -> None:
     assert run_faultline("--version") == f"faultline {VERSION}\n"
-    assert re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE) == [VERSION]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [VERSION]
 
 
 @pytest.mark.parametrize("given", [("-h",), ("plan", "-h"), ("bench", "-h")], ids=" ".join)
