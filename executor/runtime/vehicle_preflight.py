@@ -37,6 +37,7 @@ from executor.protocols.parameter_dialogue import ParameterReading
 from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to, run_dialogue
+from executor.runtime.procedures import ProcedureResult
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
 
 STEADY_S = 3.0
@@ -343,26 +344,29 @@ async def load_mission(
 
 async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return fence_changes.OnboardLists(
-        await procedures.read_list(link, clock, MissionKind.FENCE),
-        await procedures.read_list(link, clock, MissionKind.RALLY),
-    )
+    return {kind: await procedures.read_list(link, clock, kind) for kind in fence_changes.LIST_WORDS}
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.OnboardLists) -> None:
-    """Put a fence and rally points on board; None of either leaves what is there.
+async def upload_list(
+    link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
+) -> ProcedureResult:
+    """Put a fence, or rally points, on board and read them back."""
+    if kind is MissionKind.FENCE:
+        return await procedures.upload_and_verify_fence(link, clock, dialect, items)
+    return await procedures.upload_and_verify(link, clock, dialect, items, kind=kind)
+
+
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.WantedLists) -> None:
+    """Put a fence and rally points on board.
 
     Raises:
         VehicleRefused: what is on board is not what was sent.
     """
-    if wanted.fence is not None:
-        done = await procedures.upload_and_verify_fence(link, clock, dialect, wanted.fence)
+    for kind, items in wanted.items():
+        done = await upload_list(link, clock, dialect, kind, items)
         if not done.accepted:
-            raise VehicleRefused(f"{name}: the fence is not on board: {done.reason}")
-    if wanted.rally is not None:
-        done = await procedures.upload_and_verify(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
-        if not done.accepted:
-            raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")
+            what = "the fence is" if kind is MissionKind.FENCE else "the rally points are"
+            raise VehicleRefused(f"{name}: {what} not on board: {done.reason}")
 
 
 async def examine_vehicle(

@@ -416,7 +416,7 @@ _READERS: dict[str, Any] = {
     "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
     "MISSION_ACK": _make_mission_reader(messages.MissionAck, attrgetter("type")),
     "MISSION_COUNT": _make_mission_reader(messages.MissionCount, attrgetter("count")),
-    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemReceived, message_readers.read_mission_item),
+    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemInt, message_readers.read_mission_item),
     "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
     ),
@@ -431,18 +431,18 @@ def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: 
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
-        case messages.SendMissionCount(count, kind):
+        case messages.MissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
-        case messages.SendMissionItem(item, kind):
+        case messages.MissionItemInt(item, kind):
             return mav.MAVLink_mission_item_int_message(
                 sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
                 item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, kind,
             )  # fmt: skip
-        case messages.SendMissionRequestList(kind):
+        case messages.MissionRequestList(kind):
             return mav.MAVLink_mission_request_list_message(sysid, compid, kind)
-        case messages.SendMissionRequest(seq, kind):
+        case messages.MissionRequest(seq, kind):
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
-        case messages.SendMissionAck(result, kind):
+        case messages.MissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
         case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
-from executor.core.interface.messages import SendMissionCount
+from executor.core.interface.messages import MissionCount
 from tests.executor.adapters.mavlink.test_codec import Vehicle
 from tests.fakes.disk import room_for
 
@@ -22,7 +22,7 @@ def test_pymavlink_reads_both_directions_with_their_times(tmp_path: Path) -> Non
     log = TelemetryLog(tmp_path / "uav1.tlog", lambda: next(stamps))
     vehicle = Vehicle()
     log.write(vehicle.pack(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3)))
-    log.write(MavlinkCodec().encode(SendMissionCount(4), 7, 1))
+    log.write(MavlinkCodec().encode(MissionCount(4), 7, 1))
     log.write(vehicle.pack(mav.MAVLink_mission_request_message(255, 190, 0)))
     log.close()
 
