@@ -29,10 +29,8 @@ from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface import messages
 from executor.core.interface.messages import DoubleHeard, FlightMessage, HeightTarget, ListedItem, Message, Traffic
 from executor.core.interface.recorded_log import (
-    RcChangeFilter,
     Record,
     RecordedFile,
-    TiltFilter,
     is_wanted_setting,
 )
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -211,8 +209,8 @@ class TelemetryFile(RecordedFile):
     """What the recorder's clock was set by since the first record, taken back."""
     _began: int = 0
     _sets: int = 0
-    _rc: dict[int, RcChangeFilter] = field(default_factory=dict)
-    _tilts: dict[int, TiltFilter] = field(default_factory=dict)
+    _channels: dict[int, int] = field(default_factory=dict)
+    """How many each system tells at most: ArduPilot sends the first eight once more."""
     _downs_m: dict[int, float] = field(default_factory=dict)
     """How far below where its filter began each system is."""
 
@@ -379,10 +377,10 @@ class TelemetryFile(RecordedFile):
                 yield from self._follow_heartbeat(stamp, lane, message)
             case messages.ParamValue(name, value) if source.vehicle and is_wanted_setting(name):
                 yield stamp, system, messages.VehicleSetting(name, value)
-            case messages.Attitude() | messages.RcChannels() if source.vehicle:
-                changed = self._filter_unchanged(stamp, system, message)
-                if changed is not None:
-                    yield stamp, system, changed
+            case messages.RcChannels(values) if source.vehicle:
+                most = self._channels[system] = max(len(values), self._channels.get(system, 0))
+                if len(values) == most:
+                    yield stamp, system, message
             case _ if (
                 source.vehicle and isinstance(message, FlightMessage) and not isinstance(message, messages.Position)
             ):
@@ -417,17 +415,6 @@ class TelemetryFile(RecordedFile):
                 yield stamp, lane.system, DoubleHeard(lane.system, ())
             if is_due:
                 yield stamp, lane.system, place
-
-    def _filter_unchanged(
-        self, stamp: int, system: int, message: messages.Attitude | messages.RcChannels
-    ) -> FlightMessage | None:
-        """Return an attitude or channels, unless they are as they were."""
-        if isinstance(message, messages.Attitude):
-            return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
-        watch = self._rc.setdefault(system, RcChangeFilter())
-        if len(message.values_us) < len(watch.told):
-            return None  # ArduPilot sends the first eight channels once more
-        return watch.filter_channels(stamp, message.values_us)
 
     def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
         """Yield an item of a vehicle's mission, on its way to it or from it.
