@@ -31,7 +31,6 @@ from missions.plan_parts import (
     WINDOW_COST,
     BasePlace,
     DayCost,
-    DayLoss,
     DayVehicle,
     PlanCost,
     PlanFence,
@@ -61,6 +60,7 @@ from planner import (
 )
 from planner.model import renumber_visits
 from planner.sorties import (
+    LossWindow,
     Objective,
     SortieBase,
     SortieEvaluation,
@@ -293,7 +293,7 @@ class DayPlanFile(PlanContent):
     """The time in the air of all sorties."""
     pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
     """From which times and energies follow."""
-    windows: tuple[DayLoss, ...] = ()
+    windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost, where that was looked at."""
     part_of: Text | None = None
     """Names the plan that this is what was left of one day of."""

@@ -25,7 +25,6 @@ from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief, price_uneven_ways
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from planner import (
-    ComputedMoves,
     Instance,
     Moves,
     MoveTables,
@@ -230,7 +229,7 @@ class Pricing:
 
 
 @dataclass(frozen=True, slots=True)
-class PricedMoves(ComputedMoves):
+class PricedMoves(Moves):
     """Moves of the vehicles' own flight models."""
 
     first_m: FloatArray

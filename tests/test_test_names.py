@@ -181,8 +181,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/readers/test_network_build.py": ("missions/readers/raw_network.py",),
     "tests/missions/test_encode_cameras.py": ("missions/cameras.py",),
     "tests/missions/test_plan_file.py": (
+        "missions/plan_check.py",
         "missions/plan_json.py",
         "missions/plan_json_v1.py",
+        "missions/plan_parts.py",
     ),
     "tests/missions/test_setup.py": ("missions/waypoints.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),

@@ -28,6 +28,7 @@ from missions import (
 )
 from missions import shortest_ways as ways
 from planner import moves
+from planner.sorties import sortie_losses
 
 FILES: dict[str, type[object]] = {
     "dayplan": plan_file.DayPlanFile,
@@ -60,6 +61,7 @@ PLAN = (
     plan_file,
     plan_parts,
     pricing,
+    sortie_losses,
     terrain,
     ways,
 )
@@ -108,4 +110,10 @@ def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
         for field, below in zip(node.body, node.body[1:], strict=False):
             key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
             if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, key.id, " ".join(str(below.value.value).split())
+                yield node.name, _find_alias(field) or key.id, " ".join(str(below.value.value).split())
+
+
+def _find_alias(field: ast.stmt) -> str | None:
+    """Return what documents call a field, where that is not its own name."""
+    words = (word for call in ast.walk(field) if isinstance(call, ast.Call) for word in call.keywords)
+    return next((str(ast.literal_eval(word.value)) for word in words if word.arg == "alias"), None)

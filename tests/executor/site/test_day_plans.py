@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,8 +25,9 @@ from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_parts import find_base_pads
 from executor.site.site_planning import PlanRequest
-from missions import DayPlanFile, PlanFileError, check_plan
+from missions import DayPlanFile, PlanFileError, check_plan, read_day_plan, write_plan
 from planner import segment_of
+from planner.sorties import LossWindow
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import FRAME, line_east
 
@@ -129,6 +131,12 @@ def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     said = refused(replace(found, source="day.json"), ground)
     assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
+
+
+def test_until_when_each_vehicle_must_not_be_lost_is_kept(day: DayPlanFile, tmp_path: Path) -> None:
+    kept = replace(day, windows=(LossWindow("uav1", 0.0, None), LossWindow("uav2", 31_000.0, 1)))
+    write_plan(tmp_path / "day.json", kept)
+    assert read_day_plan(tmp_path / "day.json") == kept
 
 
 def refused(day: DayPlanFile, ground: SiteModel) -> str:
