@@ -6,11 +6,12 @@ import ast
 import inspect
 import json
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from types import ModuleType
 
 from pydantic import TypeAdapter
 
-from executor.adapters.mqtt import broker, publisher
+from executor.adapters.mqtt import intent_intake, publisher
 from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
@@ -45,7 +46,7 @@ MESSAGES: dict[str, type[object]] = {
     "event": publisher.EventMessage,
     "fault": publisher.FaultMessage,
     "fleet-state": publisher.FleetStateMessage,
-    "intent": broker.IntentMessage,
+    "intent": intent_intake.IntentMessage,
     "plan": publisher.PlanMessage,
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,
@@ -104,13 +105,14 @@ def _text(name: str, model: type[object], words: Words) -> str:
 
 def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
     """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
-    for node in ast.parse(inspect.getsource(module)).body:
-        if not isinstance(node, ast.ClassDef):
-            continue
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
-            if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, _find_alias(field) or key.id, " ".join(str(below.value.value).split())
+    classes = {node.name: node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.ClassDef)}
+    for name, node in classes.items():
+        bases = [classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes]
+        for body in (*(base.body for base in bases), node.body):
+            for field, below in pairwise(body):
+                key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
+                if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                    yield name, _find_alias(field) or key.id, " ".join(str(below.value.value).split())
 
 
 def _find_alias(field: ast.stmt) -> str | None:
