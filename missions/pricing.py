@@ -34,7 +34,6 @@ from planner import (
     Visits,
 )
 from planner.model import TABLES_UP_TO, renumber_visits
-from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TimesAndEnergies = tuple[FloatArray, FloatArray]
 AROUND_UP_TO = 1000
@@ -350,54 +349,6 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
         end_m=flown.last_m,
         landing_m=DEPOT_M,
         answer_s=pricing.answer_s,
-    )  # fmt: skip
-
-
-def build_priced_sorties(
-    pricing: Pricing,
-    vehicles: Sequence[SortieVehicle],
-    pads: Sequence[Sequence[Base]],
-    bases: Sequence[SortieBase],
-    days: Sequence[tuple[float, float]],
-    transfer_s: FloatArray,
-    *,
-    stagger_s: float = 0.0,
-) -> SortieInstance:
-    """Return the planning problem of days of sorties over all segments of a pricing; moves are priced when asked for.
-
-    Args:
-        pricing: Of at least these vehicles.
-        vehicles: The fleet; their profiles are set here.
-        pads: For each vehicle its pad at each base.
-        bases: Packs and times.
-        days: When may be flown at all.
-        transfer_s: Between bases, on the ground.
-        stagger_s: The least time between two take-offs from a base.
-
-    Raises:
-        planner.InstanceError: what does not fit.
-    """
-    flown, profiles = price_fleet(pricing, (own.name for own in vehicles))
-    segments = len(pricing.tracks_m)
-    out = np.zeros((2, len(vehicles), len(bases), 2 * segments))
-    home = np.zeros((2, len(vehicles), 2 * segments, len(bases)))
-    able = np.ones((len(vehicles), segments), dtype=np.bool_)
-    for row, (own, profile) in enumerate(zip(vehicles, profiles, strict=True)):
-        factors = np.array([1.0, own.consumption])[:, np.newaxis]
-        able[row, list(pricing.barred.get(own.name, ()))] = False
-        for place, pad in enumerate(pads[row]):
-            out[:, row, place] = factors * flown.price_out(profile, pad)
-            home[:, row, :, place] = factors * flown.price_home(profile, pad)
-    return SortieInstance(
-        moves=flown,
-        bases=tuple(bases),
-        vehicles=tuple(replace(own, profile=profile) for own, profile in zip(vehicles, profiles, strict=True)),
-        days=tuple(days),
-        out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
-        transfer_s=transfer_s,
-        able=able,
-        wanted=np.ones(segments, dtype=np.bool_),
-        stagger_s=stagger_s,
     )  # fmt: skip
 
 
