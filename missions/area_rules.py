@@ -99,10 +99,10 @@ def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     if not len(places_m):
         return None
     up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
-    return float(_over_limit_m(setup, area, np.column_stack((places_m, up_m))).max())
+    return float(_excess_over_limit_m(setup, area, np.column_stack((places_m, up_m))).max())
 
 
-def _over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
+def _excess_over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
     """Return (m,) how far (m, 3) places are above the limit of an area that they are in; negative: below."""
     over_m = np.full(len(places_m), -math.inf)
     if area.max_agl_m is not None:
@@ -308,7 +308,7 @@ def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatA
     within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _is_enclosed(area, at_m[:, :2])
     short_m = np.where(within, area.keep_m + away_m, area.keep_m - away_m)
     if area.kind is AreaKind.HEIGHT_LIMIT:
-        short_m = np.where(short_m > ROUNDING_M, _over_limit_m(setup, area, at_m), -math.inf)
+        short_m = np.where(short_m > ROUNDING_M, _excess_over_limit_m(setup, area, at_m), -math.inf)
     far[near] = short_m
     return far
 
