@@ -26,7 +26,7 @@ from missions.readers.archives import (
     read_first_bytes,
     read_limited,
 )
-from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
+from missions.readers.network_build import MendingLimits, UnplacedNetwork, build_unplaced_network
 from missions.readers.raw_network import (
     Comparison,
     NearFilter,
@@ -37,24 +37,7 @@ from missions.readers.raw_network import (
     RemarkTopic,
     Span,
     explain_empty_file,
-    parse_where,
 )
-
-__all__ = [
-    "SNAP_M",
-    "Comparison",
-    "MendingLimits",
-    "NetworkImport",
-    "Remark",
-    "RemarkTopic",
-    "Selection",
-    "build_network_document",
-    "default_network_path",
-    "import_network",
-    "parse_where",
-    "read_network",
-    "read_station_points",
-]
 
 BESIDE_SHP = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qpj")
 OTHERS = (".shp", ".kml", ".kmz", ".geojson", ".geojsonl", ".gpkg", ".gpx", ".osm", ".csv", ".xlsx", ".xls", ".zip")
