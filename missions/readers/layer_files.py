@@ -317,15 +317,14 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
             if record is None or shape is None:
                 continue  # it is marked as deleted
             place, kind = f"layer {layer!r} feature {number + 1}", _kind_of(shape.shapeType)
-            if kind is GeometryKind.OTHER:  # no shape has the type 0
-                yield Feature(place, kind, (), record.as_dict(), other=OTHER if shape.shapeType else EMPTY)
-                continue
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
                          zip(shape.points, heights, strict=False)]  # fmt: skip
             starts = getattr(shape, "parts", [0]) if kind is GeometryKind.LINE else [0]
             parts = [positions[a:b] for a, b in itertools.pairwise([*starts, len(positions)])]
-            yield Feature(place, kind, parts, record.as_dict())
+            yield Feature(
+                place, kind, parts, record.as_dict(), other=OTHER if shape.shapeType else EMPTY
+            )  # 0: no shape
     except (
         shapefile.ShapefileException, struct.error, ValueError, IndexError, TypeError, OSError, AssertionError
     ) as reason:  # fmt: skip
