@@ -322,9 +322,8 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
                          zip(shape.points, heights, strict=False)]  # fmt: skip
             starts = getattr(shape, "parts", [0]) if kind is GeometryKind.LINE else [0]
             parts = [positions[a:b] for a, b in itertools.pairwise([*starts, len(positions)])]
-            yield Feature(
-                place, kind, parts, record.as_dict(), other=OTHER if shape.shapeType else EMPTY
-            )  # 0: no shape
+            other = EMPTY if shape.shapeType == shapefile.NULL else OTHER
+            yield Feature(place, kind, parts, record.as_dict(), other=other)
     except (
         shapefile.ShapefileException, struct.error, ValueError, IndexError, TypeError, OSError, AssertionError
     ) as reason:  # fmt: skip
