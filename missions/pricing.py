@@ -33,11 +33,8 @@ from planner import (
     Route,
     Vehicle,
     Visits,
-    is_reversed,
-    segment_of,
-    visit_of,
 )
-from planner.model import TABLES_UP_TO
+from planner.model import TABLES_UP_TO, renumber_visits
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TimesAndEnergies = tuple[FloatArray, FloatArray]
@@ -419,7 +416,7 @@ class Task:
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the instance's visits as the network's."""
-        return tuple(visit_of(self.segment_ids[segment_of(visit)], is_reversed(visit)) for visit in visits)
+        return renumber_visits(visits, self.segment_ids)
 
     def from_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the network's visits as the instance's.
@@ -428,7 +425,7 @@ class Task:
             KeyError: a visit's segment is no part of the problem.
         """
         reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
-        return tuple(visit_of(reduced[segment_of(visit)], is_reversed(visit)) for visit in visits)
+        return renumber_visits(visits, reduced)
 
     def plan_to_network(self, plan: Plan) -> Plan:
         """Return a plan of the instance with the network's segments."""
