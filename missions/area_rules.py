@@ -18,7 +18,7 @@ import numpy as np
 from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
 from missions.clearance import measure_over_ground
 from missions.errors import SafetyError
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
 from missions.setup import FlightSetup
 from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
@@ -171,19 +171,17 @@ def _build_bare_graph(area: Area, least_m: float) -> VisibilityGraph:
     return build_visibility_graph((replace(build_obstacle(area), keep_m=max(least_m, area.width_m / 2)),))
 
 
-def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:
-    """Return which (n, 2) places no way leads to from the pads.
+def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> BoolArray:
+    """Return (n,) which (n, 2) places no way leads to from the pads.
 
     Raises:
         SafetyError: no way leads from one pad to another.
     """
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in setup.pads])
-    between_m = areas.distances_m(pads_m[0], pads_m)
-    for pad, away_m in zip(setup.pads, between_m, strict=True):
-        if np.isinf(away_m):
-            raise SafetyError(f"pad of {pad.vehicle}: expected a way from the pad of {setup.pads[0].vehicle}, "
-                              "got none around the areas")  # fmt: skip
-    return [bool(cut) for cut in np.isinf(areas.distances_m(pads_m[0], places_m))]
+    for number in np.flatnonzero(areas.is_cut_off(pads_m[0], pads_m)).tolist():
+        first, pad = setup.pads[0].vehicle, setup.pads[number].vehicle
+        raise SafetyError(f"pad of {pad}: expected a way from the pad of {first}, got none around the areas")
+    return areas.is_cut_off(pads_m[0], places_m)
 
 
 @dataclass(frozen=True, slots=True)
