@@ -118,11 +118,11 @@ class VehicleMoves:
         seconds, pct = (one.flatten() for one in straight)
         for which, ways_m in self._iterate_ways(flatten(from_m), flatten(to_m)):
             seconds[which], pct[which] = price(np.diff(ways_m, axis=1), *(flatten(one)[which] for one in others))
-        seconds, pct = seconds.reshape(shape), pct.reshape(shape)
+        priced = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
-            return seconds, pct
+            return priced
         up, down = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        return np.asarray(seconds + ups * up[0] + downs * down[0]), np.asarray(pct + ups * up[1] + downs * down[1])
+        return priced[0] + ups * up[0] + downs * down[0], priced[1] + ups * up[1] + downs * down[1]
 
     def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.

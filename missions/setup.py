@@ -119,14 +119,6 @@ class FlightSetup:
         climb_m = up_m + self.layers.offset_m(vehicle) - self.frame.up_m(pad.alt_m)
         return Base((pad.east_m, pad.north_m, up_m), climb_m)
 
-    def lowest_layer_up_m(self, vehicle: str, alt_rel_m: float) -> float:
-        """Return a vehicle's height over its own home as flights are priced: in the lowest layer.
-
-        Raises:
-            SafetyError: the fleet has no vehicle of this name.
-        """
-        return self.up_m(vehicle, alt_rel_m) - self.layers.offset_m(vehicle)
-
     def up_m(self, vehicle: str, alt_rel_m: float) -> float:
         """Return a vehicle's height over the depot's ground.
 

@@ -156,7 +156,7 @@ def _check_landings(ground: SiteModel, vehicles: Sequence[DayVehicle], bases: Se
             for area in ground.setup.areas_at(own.name, pads[name].place_m[:2]):
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
-            if np.isinf(build_visibility_graph(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
+            if build_visibility_graph(areas).is_cut_off(begin_m, end_m[np.newaxis])[0]:
                 raise SiteError(f"base {name}: expected a way from the pad of {own.name}, got none around the areas")
 
 

@@ -97,7 +97,8 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
         (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
         facing_m = (east_m - before_m[0], north_m - before_m[1])
     low = kept > 0 and board.path.waypoints[kept - 1].below_m > 0
-    up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
+    # Flights are priced in the lowest layer.
+    up_m = setup.up_m(state.name, alt_rel_m) - (0.0 if low else setup.layers.offset_m(state.name))
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
 
 
