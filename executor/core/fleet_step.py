@@ -27,7 +27,7 @@ from executor.core.interface.commands import AskStreams, Command, Finish, HandsO
 from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, link, takeoff
 from executor.core.operator import intent_handling
-from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
+from executor.core.replanning import lower_to_inspection_height, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import legs, vehicle_position
@@ -115,7 +115,7 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
         case events.Examined():
             return turnaround.apply_examination(context, state, event, now_s)
         case events.MissionsWanted():
-            return new_missions.apply_missions_wanted(context, state, event, now_s)
+            return replan_cycle.apply_missions_wanted(context, state, event, now_s)
         case events.LossJudged():
             return _record_loss_judgement(state, event, now_s), ()
         case events.IntentReceived(intent):

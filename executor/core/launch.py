@@ -22,8 +22,7 @@ from executor.core.interface.events import StartEnded, UploadEnded
 from executor.core.interface.intents import IntentReason
 from executor.core.lines import replanning, sorties, takeoff
 from executor.core.replanning import survivors
-from executor.core.replanning.new_missions import end_replan_if_done, has_left_mission
-from executor.core.replanning.replan_cycle import format_segments
+from executor.core.replanning.replan_cycle import end_replan_if_done, format_segments, has_left_mission
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
