@@ -270,7 +270,7 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         all_silent=state.listening.silent_since_s is not None,
         recalled=state.progress.recalled,
         finished=state.progress.finished,
-        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
+        min_separation_m=None if state.progress.separation_m is None else round(state.progress.separation_m, 2),
         vehicles=tuple(
             _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
         ),

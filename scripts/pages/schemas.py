@@ -8,9 +8,8 @@ import json
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from types import ModuleType
-from typing import Any
 
-from pydantic import BaseModel
+from pydantic import TypeAdapter
 
 from executor.adapters.mqtt import broker, publisher
 from executor.analysis import documents
@@ -24,22 +23,22 @@ from missions import (
     geo,
     inspection_defaults,
     plan_file,
-    plan_json,
+    plan_parts,
     pricing,
     terrain,
 )
 from missions import shortest_ways as ways
 from planner import moves
 
-FILES: dict[str, type[BaseModel]] = {
-    "dayplan": plan_json.DayPlanDocument,
+FILES: dict[str, type[object]] = {
+    "dayplan": plan_file.DayPlanFile,
     "learned": learned_files.LearnedDocument,
-    "plan": plan_json.PlanDocument,
+    "plan": plan_file.PlanFile,
     "report": documents.FlightReport,
     "site": site_file.Site,
     "vehicles": documents.AskedVehicles,
 }
-MESSAGES: dict[str, type[BaseModel]] = {
+MESSAGES: dict[str, type[object]] = {
     "acknowledgement": publisher.AcknowledgementMessage,
     "assets": publisher.AssetsMessage,
     "connection": publisher.ConnectionMessage,
@@ -60,7 +59,7 @@ PLAN = (
     inspection_defaults,
     moves,
     plan_file,
-    plan_json,
+    plan_parts,
     pricing,
     terrain,
     ways,
@@ -88,9 +87,9 @@ def schemas() -> dict[str, str]:
     return {f"{place}.schema.json": text for place, text in (files | sent).items()}
 
 
-def _text(name: str, model: type[BaseModel], words: Words) -> str:
+def _text(name: str, model: type[object], words: Words) -> str:
     sent = issubclass(model, publisher.MqttPayload)
-    content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
+    content = TypeAdapter(model).json_schema(mode="serialization" if sent else "validation")
     for part in (content, *content.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():
             if (part["title"], key) in words:

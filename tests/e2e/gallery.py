@@ -34,7 +34,7 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Gps, Wind
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.fleet_state import Briefing, FleetState, OperatorLine, Question
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
@@ -340,10 +340,7 @@ def pictures(ready: Fleet) -> Scene:
             7: (("rgb", 0.0), ("rgb", 3.0)),
         },
         "unseen": {1: AwaitedPictures("uav1", now_s - 2.0)},
-        "not_seen": (
-            MissingPictures("uav3", 7, now_s - 60.0, "rgb has no picture from viewpoint 2, 3"),
-            MissingPictures("uav2", 5, now_s - 30.0, "rgb does not show 0 to 100 m of 100 m"),
-        ),
+        "not_seen": {7: "uav3", 5: "uav2"},
         "given_up": frozenset({5}),
     }
     text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
@@ -362,7 +359,7 @@ def pictures(ready: Fleet) -> Scene:
 def many_assets(ready: Fleet) -> Scene:
     """A line of a thousand spans, of which some are missed."""
     story = flown(long_line())
-    missed = tuple(MissingPictures("uav1", segment, 1.0, "nothing") for segment in range(100, 1000, 97))
+    missed = dict.fromkeys(range(100, 1000, 97), "uav1")
     seen = dict.fromkeys(range(6, 95), "uav2")
     state = with_facts(_fitted(story.state), inspected=seen, not_seen=missed)
     words = {"#tally": f"{len(seen)} of 1000 seen", "#tally-missed": f"{len(missed)} missed"}

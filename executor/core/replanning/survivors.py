@@ -31,7 +31,7 @@ BESIDE_M = 5.0
 def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
     """Return the segments that a vehicle cannot see: it has no camera that does what they, or a day, ask for."""
     by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
-    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken_camera_names()) | by_day
+    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
 
 
 def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[IntentReason, Reason]:

@@ -10,7 +10,7 @@ from executor.core.interface.codes import Check
 from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.inspection_proof import SegmentPass
 from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
@@ -90,15 +90,6 @@ class ReplanRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ClosestApproach:
-    """The nearest that two flying vehicles came to each other."""
-
-    least_m: float
-    between: tuple[str, str]
-    at_s: float
-
-
-@dataclass(frozen=True, slots=True)
 class GroundStationAbsence:
     """A time in which the ground station was not there: stopped, or restarted."""
 
@@ -171,7 +162,8 @@ class FlightProgress:
     recalled: bool = False
     """The flight was aborted."""
     finished: bool = False
-    separation: ClosestApproach | None = None
+    separation_m: float | None = None
+    """The nearest that two flying vehicles came to each other."""
 
     @property
     def is_under_way(self) -> bool:
@@ -208,8 +200,8 @@ class Coverage:
     """The same of segments that count, taken from nearer: they take the others' place once they show all of it."""
     unseen: Mapping[int, AwaitedPictures] = field(default_factory=lambda: MappingProxyType({}))
     """Segments that were flown, and whose pictures are waited for."""
-    not_seen: tuple[MissingPictures, ...] = ()
-    """Segments that were flown but not seen, in the order of time; some were seen later."""
+    not_seen: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Segment to the vehicle that flew it last without seeing it; some were seen later."""
 
     def is_nearer_than_counted(self, segment: int, at_m: float | None) -> bool:
         """Return whether a segment that counts was inspected from farther away than this."""

@@ -16,7 +16,7 @@ from executor.core.fleet_view import (
 )
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, IntentRecord
-from executor.core.state.fleet_state import ClosestApproach, OperatorLine, TakeoffOffer
+from executor.core.state.fleet_state import OperatorLine, TakeoffOffer
 from executor.core.state.vehicle_state import VehicleState
 from tests.executor.core.steps import (
     Changes,
@@ -81,7 +81,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             silent_since_s=5.0,
             recalled=True,
             finished=True,
-            separation=ClosestApproach(5.126, ("uav1", "uav2"), 5.0),
+            separation_m=5.126,
             offer=OPEN,
         ),
         {
