@@ -20,7 +20,7 @@ from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
-from executor.core.replanning import new_missions, replan_cycle
+from executor.core.replanning import replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
@@ -381,7 +381,7 @@ class Flight:
         supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_receive_mission(self, vehicle: str, mixed: bool) -> bool:
-        return new_missions.may_retry_upload(self.context, self.state.vehicles[vehicle], mixed=mixed)
+        return replan_cycle.may_retry_upload(self.context, self.state.vehicles[vehicle], mixed=mixed)
 
     def _may_change_fence(self, vehicle: str, mixed: bool) -> bool:
         """Return whether a fence may be changed: never while a person has the vehicle, or may have."""

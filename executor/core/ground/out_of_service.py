@@ -13,7 +13,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import Command, HandsOff, SendHome
 from executor.core.interface.messages import StatusText
 from executor.core.lines import sorties
-from executor.core.replanning import new_missions, replan_cycle
+from executor.core.replanning import replan_cycle
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_position import is_kill_switch_text
@@ -60,7 +60,7 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
     plan = state.replanning.replan
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
         return state, ()
-    return new_missions.release_vehicle(state, plan, vehicle.name, why, now_s)
+    return replan_cycle.release_vehicle(state, plan, vehicle.name, why, now_s)
 
 
 def open_base(context: Context, state: FleetState, base: str) -> FleetState:

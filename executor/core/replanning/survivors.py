@@ -214,12 +214,7 @@ def find_remaining_hours(
 ) -> tuple[float, float | None]:
     """Return how long a vehicle may fly, and when it may again.
 
-    Args:
-        context: Of the flight.
-        state: Of the flight.
-        name: Of the vehicle.
-        now_s: The time.
-        ahead_s: Hours that begin so soon count as begun: a clearance may be so old at the take-off.
+    Hours that begin within `ahead_s` count as begun: a clearance may be so old at the take-off.
 
     Returns:
         The seconds until its hours end, infinite where nobody set any, and 0 outside them; and the seconds after the

@@ -226,7 +226,7 @@ def _describe_deviation(
         return resume.WENT_BACK
     if state.telemetry.mode_since_s > before.fix.at_s:
         return resume.MODE_CHANGED
-    away_m = locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], fix.place_m)[1]
+    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
     return _describe_interference(state, before.fix.at_s) or (
         resume.OFF_TRACK.format(away_m=away_m) if away_m > context.corridor_m else ""
     )
@@ -307,3 +307,8 @@ def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace:
     factors[0] *= remaining_leg_share(board, waypoint, fix)
     paced = list(zip(factors, legs, strict=True))
     return sum(factor * leg.duration_s for factor, leg in paced), sum(factor * leg.energy_pct for factor, leg in paced)
+
+
+def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
+    """Return how far beside the leg to a waypoint a place lies."""
+    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]
