@@ -20,11 +20,12 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
+from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
     Answers,
     ChangeStage,
+    KeptList,
     ParameterProposal,
     check_return_height,
     propose_return_changes,

@@ -20,10 +20,11 @@ from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
-from executor.core.preflight.fence_changes import Items, KeptList
 from executor.core.preflight.parameter_changes import (
     Change,
     ChangeStage,
+    Items,
+    KeptList,
     KeptParameter,
     ValueOrigin,
     build_board_record,
@@ -229,7 +230,7 @@ class RecordFile(Generic[Change]):
     path_in: Callable[[Path], Path]
     parse: Callable[[Path], tuple[Change, ...]]
     build_document: Callable[[Iterable[Change]], Document]
-    read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, Mapping[str, Any]]]
+    read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, dict[str, Any]]]
     """What is on board now, by name, as far as the vehicle says it."""
     put_back: Callable[[Link, Clock, Change], Coroutine[None, None, str]]
     """Puts on board what was there before; returns why that is not there then, where it is known at once."""
@@ -252,7 +253,7 @@ class RecordFile(Generic[Change]):
         self.build_document(kept).write(self.path_in(run))
 
 
-async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> Mapping[str, float]:
+async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> dict[str, float]:
     return {name: one.value for name, one in (await read_parameters(link, clock, wanted)).present.items()}
 
 
@@ -261,7 +262,7 @@ async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -
     return ""  # what is read in the next round tells
 
 
-async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> Mapping[str, Items]:
+async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> dict[str, Items]:
     lists = {name: await procedures.read_list(link, clock, one.kind) for name, one in wanted.items()}
     return {name: items for name, items in lists.items() if items is not None}
 

@@ -17,6 +17,7 @@ from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
 from executor.core.preflight.parameter_changes import (
+    LIST_WORDS,
     Answers,
     KeptParameter,
     ParameterProposal,
@@ -344,7 +345,7 @@ async def load_mission(
 
 async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return {kind: await procedures.read_list(link, clock, kind) for kind in fence_changes.LIST_WORDS}
+    return {kind: await procedures.read_list(link, clock, kind) for kind in LIST_WORDS}
 
 
 async def upload_list(
