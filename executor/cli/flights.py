@@ -377,8 +377,7 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
     save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = read_run_start(run)
-        routes = site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan)
-        save_figure(draw_profile_figure(begun.context.setup, routes), RunDirectory(run).profile)
+        save_figure(draw_profile_figure(begun.context.setup, begun.plan.network_routes), RunDirectory(run).profile)
 
 
 def _read_kept_ground(run: Path) -> GroundView | None:

@@ -100,11 +100,8 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     if not launched:
         return request
     known = found.checkpoint
-    set_s = (
-        eventlog.total_clock_step_s(path)
-        if known is None
-        else known.set_s + eventlog.total_clock_step_s(path, known.place)
-    )
+    set_s = 0.0 if known is None else known.legacy.set_s
+    set_s += eventlog.total_clock_step_s(path, None if known is None else known.place)
     last_s = eventlog.read_last_event_s(path) or 0.0
     return ResumePlan(request, eventlog.read_head(path), found, last_s, set_s)
 
@@ -128,8 +125,8 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
     planned: list[Planned] = []
     if checkpoint is not None:
         state, place, last_s = checkpoint.state, checkpoint.place, checkpoint.place.at_s
-        solves = {} if checkpoint.solve is None else {checkpoint.solve.revision: checkpoint.solve}
-        planned = list(checkpoint.unkept)
+        planned, solve = list(checkpoint.legacy.unkept), checkpoint.legacy.solve
+        solves = {} if solve is None else {solve.revision: solve}
     replayed = 0
     latest: tuple[Command, ...] = ()
     for last_s, event in eventlog.read_events(path, notes.append, place):

@@ -282,7 +282,7 @@ def build_context_and_boards(
     context = site_model.build_context(ground, setup, task, own, performances)
     if day is not None:
         context = replace(context, day=day_plans.build_day_rules(day))
-    routes = site_model.name_routes(ground, task, plan.plan)
+    routes = plan.network_routes
     paths = site_model.build_paths(context.setup, routes, context.vehicles)
     return context, {
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 
 from executor.core.context import Context
@@ -451,6 +451,8 @@ STREAMS_REAL_S = 3.0
 class _Answer:
     """What one vehicle says of itself; filled in while it speaks."""
 
+    anybody: asyncio.Event
+    """Set once any vehicle is heard."""
     heard: asyncio.Event = field(default_factory=asyncio.Event)
     seq: int | None = None
     items: tuple[MissionItem, ...] | None = None
@@ -459,6 +461,7 @@ class _Answer:
         match message:
             case messages.Heartbeat():
                 self.heard.set()
+                self.anybody.set()
             case messages.MissionCurrent(seq):
                 self.seq = seq
 
@@ -478,10 +481,19 @@ async def reconnect_vehicles(
     Raises:
         ConnectionFailed: nobody answers.
     """
-    answers = {name: _Answer() for name in links}
-    stops = [link.listen(answers[name].update) for name, link in links.items()]
-    try:
-        await _wait_for_first_answer(answers, patience_real_s)
+    anybody = asyncio.Event()
+    answers = {name: _Answer(anybody) for name in links}
+    with ExitStack() as stack:
+        for name, link in links.items():
+            stack.enter_context(listen_to(link, answers[name].update))
+        try:
+            async with asyncio.timeout(patience_real_s):
+                await anybody.wait()
+        except TimeoutError:
+            raise ConnectionFailed(
+                f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer "
+                "that they send to?"
+            ) from None
         moving = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
         expected = [name for name, one in state().vehicles.items() if _is_pending(state(), one) or one.stage in moving]
         with suppress(TimeoutError):
@@ -494,15 +506,12 @@ async def reconnect_vehicles(
                     patience_s = _patience_real_s(state(), state().vehicles[name])
                     asks = _query_vehicle(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
                     tasks.create_task(asks, name=name)
-        found = [
-            compare_onboard_mission(context, state(), name, answer.items, answer.seq)
-            if answer.heard.is_set()
-            else Found(name, heard=False, seq=None, items=None, matches=())
-            for name, answer in answers.items()
-        ]
-    finally:
-        for stop in stops:
-            stop()
+    found = [
+        compare_onboard_mission(context, state(), name, answer.items, answer.seq)
+        if answer.heard.is_set()
+        else Found(name, heard=False, seq=None, items=None, matches=())
+        for name, answer in answers.items()
+    ]
     return Resumed(tuple(found))
 
 
@@ -520,20 +529,6 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
         return 0.0
     return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
-
-
-async def _wait_for_first_answer(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
-    waits = [asyncio.ensure_future(answer.heard.wait()) for answer in answers.values()]
-    try:
-        done, _ = await asyncio.wait(waits, timeout=patience_real_s, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for one in waits:
-            one.cancel()
-    if not done:
-        raise ConnectionFailed(
-            f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer that "
-            "they send to?"
-        )
 
 
 async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:

@@ -23,9 +23,9 @@ from executor.adapters.web import WebServer, WebSettings
 from executor.core.context import Context
 from executor.core.fleet_view import (
     FleetView,
-    LastFixView,
     LossView,
     OfferView,
+    PlaceView,
     TakenView,
     VehicleView,
     build_fleet_view,
@@ -210,7 +210,7 @@ def reckoned(ready: Fleet) -> Scene:
     def touch(vehicle: VehicleView) -> VehicleView:
         now = vehicle.position
         assert now is not None
-        last = LastFixView(now.lat_deg, now.lon_deg, now.relative_alt_m, 2.5, 104.0, 12.0)
+        last = PlaceView(now.lat_deg, now.lon_deg, now.relative_alt_m, 12.0, 104.0, 2.5)
         return replace(vehicle, gps_fix=0, position=replace(now, known="reckoned", accuracy_m=1250.0, last_fix=last))
 
     words = {

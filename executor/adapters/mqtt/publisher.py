@@ -22,7 +22,7 @@ from executor.core.interface.events import Event, IntentReceived, Tick
 from executor.core.interface.intents import IntentReason, IntentRecord
 from executor.core.state.fleet_state import FleetState, Question
 from executor.core.state.vehicle_state import FaultCode
-from missions.plan_json import PlanDocument
+from missions import PlanFile
 from missions.validation import document_of
 
 VERSION = "1.6.0"
@@ -146,7 +146,7 @@ class PlanMessage(MqttPayload):
     """The plan in force; retained."""
 
     revision: int
-    plan: Annotated[dict[str, Any], document_of(PlanDocument)]
+    plan: Annotated[dict[str, Any], document_of(PlanFile)]
     """As a plan file has it (faultline-plan/2)."""
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -213,12 +214,8 @@ def _find_first_conflict(
     ahead = _predict_path(context, vehicle, board, now_s + LOOK_S) if others else None
     if ahead is None:
         return None
-    found: tuple[Climb, float] | None = None
-    for climb in others:
-        away_m = _conflict_distance_m(ahead, climb, context.setup.inspection.layer_m)
-        if away_m is not None and (found is None or away_m < found[1]):
-            found = climb, away_m
-    return found
+    away_m = ((climb, _conflict_distance_m(ahead, climb, context.setup.inspection.layer_m)) for climb in others)
+    return min(((climb, far_m) for climb, far_m in away_m if far_m is not None), key=itemgetter(1), default=None)
 
 
 def _conflict_distance_m(ahead: PathAhead, climb: Climb, spacing_m: float) -> float | None:

@@ -19,7 +19,6 @@ from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
-from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
 
 ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
@@ -203,10 +202,9 @@ def _build_offer(
         tail = tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
     blind = find_barred_segments(context, state)
     most = remaining - setup.reserve_pct - spent_pct
-    learned = state.assignment.learned
     return Survivor(
         state.name, start_m, max(0.0, budget), account.consumption_factor(state.power.battery), airborne, tail, kept,
-        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace, barred=tuple(sorted(blind)),
+        max(0.0, most), pace=state.assignment.pace, barred=tuple(sorted(blind)),
     )  # fmt: skip
 
 

@@ -103,7 +103,7 @@ class GroundStationAbsence:
 
 @dataclass(frozen=True, slots=True)
 class OperatorLine:
-    """A line for the operator, kept for who looks later."""
+    """A line for the operator, kept for who looks later: a decision with its reason."""
 
     at_s: float
     level: Level

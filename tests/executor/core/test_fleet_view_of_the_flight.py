@@ -13,7 +13,6 @@ from executor.core.fleet_view import (
     IntentView,
     OfferView,
     ReplanView,
-    SaidView,
 )
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, IntentRecord
@@ -117,7 +116,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the last lines",
         lambda: [(len(found), found[0]) for count in (60, 61) for found in (page(said=lines(count))["said"],)],
-        [(60, SaidView(at_s=0.0, level="info", text="0")), (60, SaidView(at_s=1.0, level="info", text="1"))],
+        [(60, OperatorLine(0.0, Level.INFO, "0")), (60, OperatorLine(1.0, Level.INFO, "1"))],
     ),
     (
         "the last wishes",

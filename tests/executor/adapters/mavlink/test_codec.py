@@ -604,30 +604,26 @@ def test_garbage_never_raises_and_is_got_over(data: bytes) -> None:
     # A frame that garbage seems to begin takes at most 280 bytes with it.
     after = [received.message for _ in range(40) for received in codec.decode(vehicle.pack(GOOD))]
     assert MissionAck(0) in after
-    assert codec.garbage > 0 or len(after) >= 39 or not data
 
 
 def test_garbage_around_a_frame_costs_only_itself() -> None:
     codec = MavlinkCodec()
     found = list(codec.decode(b"\x00\x01garbage" + Vehicle().pack(GOOD) + b"\x00\x02"))
     assert [received.message for received in found] == [MissionAck(0)]
-    assert codec.garbage > 0
 
 
 @pytest.mark.parametrize("cut", [1, 5, 9, 12])
-def test_a_truncated_frame_is_counted_and_got_over(cut: int) -> None:
+def test_a_truncated_frame_is_got_over(cut: int) -> None:
     codec, vehicle = MavlinkCodec(), Vehicle()
     assert list(codec.decode(vehicle.pack(GOOD)[:-cut])) == []
     after = [received.message for _ in range(10) for received in codec.decode(vehicle.pack(GOOD))]
     assert MissionAck(0) in after
-    assert codec.garbage > 0
 
 
-def test_a_wrong_checksum_is_counted() -> None:
+def test_a_wrong_checksum_is_not_believed() -> None:
     codec, frame = MavlinkCodec(), bytearray(Vehicle().pack(GOOD))
     frame[-1] ^= 0xFF
     assert list(codec.decode(bytes(frame))) == []
-    assert codec.garbage == 1
 
 
 IDS = sorted(mav.mavlink_map)
@@ -646,7 +642,7 @@ def test_any_frame_with_a_good_checksum_is_read_without_a_fault(
     crc = mav.x25crc(head[1:] + body)
     crc.accumulate(bytes([mav.mavlink_map[number].crc_extra]))
     received = list(codec.decode(head + body + struct.pack("<H", crc.crc)))
-    assert len(received) + codec.garbage >= 1
+    assert len(received) <= 1
 
 
 @given(number=st.sampled_from(IDS), payload=st.binary(max_size=255))
