@@ -24,7 +24,6 @@ from executor.core.preflight.parameter_changes import (
     Present,
     list_newer_return_parameters,
     list_return_parameters,
-    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.resume.reconciliation import compare_onboard_mission
@@ -257,14 +256,11 @@ async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> N
             return
 
 
-async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
-    """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
-    return await read_parameters(
-        link,
-        clock,
-        (*list_return_parameters(dialect), *beside),
-        lambda present: list_newer_return_parameters(dialect, present),
-    )
+async def read_present(context: Context, name: str, link: Link, clock: Clock) -> Answers:
+    """Return what a vehicle has of the parameters that a flight may change on it."""
+    dialect = context.vehicles[name].dialect
+    names = (*list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
+    return await read_parameters(link, clock, names, lambda present: list_newer_return_parameters(dialect, present))
 
 
 async def read_parameters(
@@ -392,10 +388,11 @@ async def examine_vehicle(
     left_s = within_s - (clock.now_s() - began_s)
     try:
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None)
-        proposal = await _build_proposal(context, name, link, clock)
+        # Nothing has to be set where it is as the flight has set it.
+        proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):
             await set_changes(link, clock, lacks)
-            proposal = await _build_proposal(context, name, link, clock)
+            proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
     if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
@@ -411,13 +408,6 @@ async def examine_vehicle(
         changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
-
-
-async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
-    """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = fence_changes.list_fence_parameters(context, name)
-    present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return fence_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:

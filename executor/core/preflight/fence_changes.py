@@ -19,6 +19,7 @@ from executor.core.preflight.onboard_failsafes import (
 )
 from executor.core.preflight.parameter_changes import (
     REAL32,
+    Answers,
     Items,
     KeptParameter,
     ParameterProposal,
@@ -26,6 +27,7 @@ from executor.core.preflight.parameter_changes import (
     format_number,
     list_change_checks,
     plan_change,
+    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
@@ -49,8 +51,14 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
     return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
 
 
-def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
-    """Return what a flight changes on board with what its fences need."""
+def propose_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
+    """Return what a flight changes on board so that everybody comes home clear of the others and keeps to its fence.
+
+    Args:
+        context: Of the flight.
+        answered: What came of asking each vehicle.
+    """
+    proposal = propose_return_changes(context, answered)
     changes, checks = list(proposal.changes), list(proposal.checks)
     for name, said in proposal.present.items():
         made = plan_fence_changes(context, name, said)
