@@ -6,7 +6,7 @@ import asyncio
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal
 
@@ -156,17 +156,26 @@ SETTLE_S = 1.0
 class RestingVehicle:
     """A vehicle that was waited for until it answers and is not armed; its heartbeats are followed."""
 
-    problem: str = ""
-    """What is in the way, in words; empty if nothing is."""
+    dialect: Dialect
     heartbeat: Heartbeat | None = None
     """The last one."""
-    came: asyncio.Event = field(default_factory=asyncio.Event)
 
     def update(self, message: Message) -> None:
         """Take over a heartbeat."""
         if isinstance(message, Heartbeat):
             self.heartbeat = message
-            self.came.set()
+
+    @property
+    def problem(self) -> str:
+        """What is in the way, in words; empty if nothing is."""
+        if self.heartbeat is None:
+            return "does not answer"
+        if self.heartbeat.armed:
+            return "is armed"
+        number = self.heartbeat.autopilot
+        if number == self.dialect.number:
+            return ""
+        return f"is another vehicle now: its autopilot is {number}, expected {self.dialect.name}"
 
     @property
     def is_at_rest(self) -> bool:
@@ -175,9 +184,7 @@ class RestingVehicle:
 
 
 @asynccontextmanager
-async def wait_for_rest(
-    link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S
-) -> AsyncIterator[RestingVehicle]:
+async def wait_for_rest(link: Link, clock: Clock, autopilot: str, heard_s: float) -> AsyncIterator[RestingVehicle]:
     """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
 
     Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
@@ -192,32 +199,16 @@ async def wait_for_rest(
         autopilot: Which it has to be, by its name in site files.
         heard_s: How long it is waited for, in its time.
     """
-    dialect, vehicle = dialect_for(autopilot), RestingVehicle()
+    vehicle = RestingVehicle(dialect_for(autopilot))
     with listen_to(link, vehicle.update):
         began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
         while not vehicle.is_at_rest:
             patience_s = max(heard_s if vehicle.heartbeat is None else ARMED_S, least_s)
             if clock.now_s() >= began_s + patience_s:
                 break
-            link.send(SendParamRequest(list_return_parameters(dialect)[0]))
-            vehicle.came.clear()
-            try:
-                async with asyncio.timeout(CALL_S / clock.speedup):
-                    await vehicle.came.wait()
-            except TimeoutError:
-                continue
-        vehicle.problem = _find_restore_problem(vehicle, dialect)
+            link.send(SendParamRequest(list_return_parameters(vehicle.dialect)[0]))
+            await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), CALL_S)
         yield vehicle
-
-
-def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
-    if vehicle.heartbeat is None:
-        return "does not answer"
-    if vehicle.heartbeat.armed:
-        return "is armed"
-    if vehicle.heartbeat.autopilot != dialect.number:
-        return f"is another vehicle now: its autopilot is {vehicle.heartbeat.autopilot}, expected {dialect.name}"
-    return ""
 
 
 Links = Mapping[str, OpenLink]

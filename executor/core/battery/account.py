@@ -319,11 +319,6 @@ def rebase_account(
     return replace(anew, charge=charge, stood=state.stood)
 
 
-def apply_capacity_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
-    """Take what its parameter says of the capacity."""
-    return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
-
-
 def derive_prior(state: BatteryState, prior: Prior) -> Prior:
     """Return what is believed of the vehicle: what it was seen to use, where its percentage can be trusted."""
     known = state.estimate

@@ -245,7 +245,7 @@ def _apply_link_report(
             window_s = context.limits.loss_window_s
             return state.with_link(quality=link_quality.add_traffic(known, message, now_s, window_s))
         case messages.Radio():
-            return state.with_link(quality=link_quality.apply_radio_report(known, message, now_s))
+            return state.with_link(quality=replace(known, radio=message, radio_s=now_s))
 
 
 def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:
