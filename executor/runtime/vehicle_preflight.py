@@ -246,14 +246,8 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
 async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
     """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
     await procedures.send_order(link, clock, CommandDialogue(vehicle_commands.send_banner(), "banner"))
-    until_s = clock.now_s() + BANNER_TIMEOUT_S
-    while heard.version is None and clock.now_s() < until_s:
-        heard.changed.clear()
-        try:
-            async with asyncio.timeout((until_s - clock.now_s()) / clock.speedup):
-                await heard.changed.wait()
-        except TimeoutError:
-            return
+    if heard.version is None:
+        await procedures.wait_for(link, clock, lambda _: heard.version is not None, BANNER_TIMEOUT_S)
 
 
 async def read_present(context: Context, name: str, link: Link, clock: Clock) -> Answers:
