@@ -420,7 +420,7 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
         return old, None, None
     run = old.run if old.run_visit == visit else None
     step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
-    if step.done:
+    if step.flown is not None:
         return replace(old, run=step.run, run_visit=visit), track.segment, step.flown
     if step.broken:
         broken = (*old.runs_broken, (track.segment, step.broken))
