@@ -315,7 +315,7 @@ def inspection_time_s(
         for index, direction in enumerate(directions):
             step = advance_run(runs[index], direction, sample, corridor_m=corridor_m, speed_m_s=speed_m_s)
             runs[index] = step.run
-            if step.done:
+            if step.flown is not None:
                 return arrived_s
     return None
 

@@ -24,8 +24,7 @@ from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.core.formatting import command_line, format_count
 from executor.core.interface.codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.fence_changes import KeptList
-from executor.core.preflight.parameter_changes import KeptParameter
+from executor.core.preflight.parameter_changes import KeptList, KeptParameter
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left

@@ -20,14 +20,13 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
+from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
-    Answers,
     ChangeStage,
+    KeptList,
     ParameterProposal,
     check_return_height,
-    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list
@@ -212,13 +211,9 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
-
-    async def read(name: str) -> Answers:
-        beside = fence_changes.list_fence_parameters(context, name)
-        return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
-
-    return fence_changes.add_fence_changes(
-        context, propose_return_changes(context, await run_for_each(context.vehicles, read))
+    return fence_changes.propose_changes(
+        context,
+        await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock)),
     )
 
 

@@ -353,7 +353,9 @@ async def supervise(
                 if isinstance(begins, LaunchPreparation):
                     await interrupts.run_unless_interrupted(_prepare_launch(request, console, seat, flight, begins))
                 with _freeze_garbage_collector():
-                    async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver)):
+                    async with supervised.run_beside(
+                        "judging losses", partial(keep_judging, flight, seat.solver.judge)
+                    ):
                         await flight.run(reopened, request.site.flight.connect_timeout_s)
                         await keeper.settle()
     finally:

@@ -450,7 +450,7 @@ async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
         if name not in replan_cycle.select_vehicles_to_judge(flight.state):
             return False
         problem = replan_cycle.build_loss_problem(flight.context, flight.state, name, flight.now_s())
-        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
+        uncovered = problem if isinstance(problem, tuple) else await judge(problem, flight.context.pricing)
         if uncovered is None or revision != flight.state.replanning.revision:
             return False
         flight.apply(LossJudged(name, revision, uncovered))

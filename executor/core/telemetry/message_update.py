@@ -245,7 +245,7 @@ def _apply_link_report(
             window_s = context.limits.loss_window_s
             return state.with_link(quality=link_quality.add_traffic(known, message, now_s, window_s))
         case messages.Radio():
-            return state.with_link(quality=link_quality.apply_radio_report(known, message, now_s))
+            return state.with_link(quality=replace(known, radio=message, radio_s=now_s))
 
 
 def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:
@@ -420,7 +420,7 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
         return old, None, None
     run = old.run if old.run_visit == visit else None
     step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
-    if step.done:
+    if step.flown is not None:
         return replace(old, run=step.run, run_visit=visit), track.segment, step.flown
     if step.broken:
         broken = (*old.runs_broken, (track.segment, step.broken))
