@@ -300,10 +300,8 @@ class Checkpointer:
             await asyncio.to_thread(write_checkpoint, self._files[self._next], checkpoint)
             self._next = 1 - self._next
             self._report("checkpoints are written again", failing=False)
-        except OSError as error:
-            self._report(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
         except Exception as error:  # noqa: BLE001 - an internal error here must not cost anything but time
-            text = f"{type(error).__name__}: {error!s:.200}"
+            text = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error!s:.200}"
             self._report(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
             self._writing = None

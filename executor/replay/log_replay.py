@@ -197,8 +197,8 @@ class _Followed:
     flown_s: float = 0.0
     beat_s: float | None = None
     """A heartbeat without news since the last tick."""
-    batteries: dict[int, tuple[float, Battery]] = field(default_factory=dict)
-    status: tuple[float, SystemStatus] | None = None
+    reports: dict[int | None, tuple[float, Battery | SystemStatus]] = field(default_factory=dict)
+    """The last of each battery, and of SYS_STATUS, that said something new."""
     mixed_s: float = math.inf
     """Since when two vehicles answer by its name."""
 
@@ -340,10 +340,8 @@ class _Player:
             case MissionCurrent(seq, total, number):
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
                 return same and known.telemetry.item == (seq, total)
-            case Battery():
-                return _is_battery_repetition(self._followed[known.name], message, now_s)
-            case SystemStatus():
-                return _is_status_repetition(self._followed[known.name], message, now_s)
+            case Battery() | SystemStatus():
+                return _is_report_repetition(self._followed[known.name], message, now_s)
             case _:
                 return False
 
@@ -437,29 +435,19 @@ def build_impaired_periods(
     )
 
 
-def _is_battery_repetition(followed: _Followed, message: Battery, now_s: float) -> bool:
-    at_s, known = followed.batteries.get(message.battery, (-math.inf, message))
-    if (
-        now_s - at_s < REPEATS_S
-        and message.remaining_pct == known.remaining_pct
-        and _is_within(message.voltage_v, known.voltage_v, SAME)
-        and _is_within(message.current_a, known.current_a, ALIKE)
-        and (message.charge_state, message.faults) == (known.charge_state, known.faults)
-        and not message.cells_v
-    ):
+def _is_report_repetition(followed: _Followed, message: Battery | SystemStatus, now_s: float) -> bool:
+    key = message.battery if isinstance(message, Battery) else None
+    at_s, known = followed.reports.get(key, (-math.inf, message))
+    same = message.remaining_pct == known.remaining_pct and _is_within(message.voltage_v, known.voltage_v, SAME)
+    match message, known:
+        case Battery(), Battery():
+            same = same and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+            same = same and not message.cells_v and _is_within(message.current_a, known.current_a, ALIKE)
+        case SystemStatus(), SystemStatus():
+            same = same and (message.unhealthy, message.prearm_ok) == (known.unhealthy, known.prearm_ok)
+    if same and now_s - at_s < REPEATS_S:
         return True
-    followed.batteries[message.battery] = (now_s, message)
-    return False
-
-
-def _is_status_repetition(followed: _Followed, message: SystemStatus, now_s: float) -> bool:
-    at_s, known = followed.status or (-math.inf, message)
-    same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
-        known.remaining_pct, known.unhealthy, known.prearm_ok,
-    )  # fmt: skip
-    if same and _is_within(message.voltage_v, known.voltage_v, SAME) and now_s - at_s < REPEATS_S:
-        return True
-    followed.status = (now_s, message)
+    followed.reports[key] = (now_s, message)
     return False
 
 
