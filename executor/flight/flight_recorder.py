@@ -475,8 +475,8 @@ def _build_plan_file(request: FlightRequest, pricing: Pricing, planned: Planned)
     solved = SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
-    )  # fmt: skip
-    content = replace(content.with_site_of(request.plan), says_distances=not ground.inspection.same_distance)
+        says_distances=False,
+    ).with_site_of(request.plan)  # fmt: skip
     with suppress(OSError):
         write_plan(plan_path_of(request.run, planned), content)
     return content

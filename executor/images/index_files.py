@@ -124,7 +124,7 @@ def _describe_viewpoint(picture: Picture) -> str:
 def build_asset_rows(context: Context, state: FleetState) -> Iterator[AssetRow]:
     """Yield what every span of this flight asked for, and what became of it."""
     looks = context.setup.looks
-    network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
+    network, past = context.setup.network, state.coverage.not_seen
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
         lacks = describe_unseen_parts(context, state, segment)

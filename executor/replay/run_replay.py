@@ -145,10 +145,8 @@ class _Watch:
         for name, vehicle in state.vehicles.items():
             self._followed[name].observe(self._context, vehicle, now_s, since_s)
             if vehicle.stage is not Stage.LOST:
-                found = passive_watch.update_degradations(
-                    WatchView(self._context, self._context.vehicles[name], vehicle, False, now_s), self._open
-                )
-                self._found += found
+                view = WatchView(self._context, self._context.vehicles[name], vehicle, False, now_s)
+                self._found += passive_watch.update_degradations(view, self._open)
 
     def build_vehicle_replays(
         self, state: FleetState, began_unix_s: float, ended_s: float

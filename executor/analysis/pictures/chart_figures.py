@@ -175,14 +175,11 @@ NARROW_S = 600.0
 
 def draw_gantt_figure(content: DayPlanFile) -> Figure:
     """Return the days of a plan, those on which somebody flies."""
-    flown = [
-        number for number, (begin, end) in enumerate(content.days)
-        if any(begin <= one.start_s < end for own in content.plan.sorties for one in own)
-    ]  # fmt: skip
+    flown = [day for day in range(len(content.days)) if content.routes_on(day)]
     shown = flown[:MOST_DAYS] or [0]
     panel_in = ROW_IN * (len(content.vehicles) + 1)
     total_in = HEAD_IN + len(shown) * (panel_in + GAP_IN) + FOOT_IN
-    count, hours = content.evaluation.count, content.evaluation.flight_s / HOUR_S
+    count, hours = len(content.routes), content.flight_s / HOUR_S
     more = f", the first {MOST_DAYS} of {len(flown)} days" if len(flown) > MOST_DAYS else ""
     title = f"{count} sorties, {hours:.1f} h in the air, {len(flown)} days{more}"
     figure = style.make_figure(total_in, title)
@@ -198,20 +195,18 @@ def draw_gantt_figure(content: DayPlanFile) -> Figure:
 
 def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
     begin, end = content.days[day]
-    for row, own in enumerate(content.plan.sorties):
+    for row, vehicle in enumerate(content.vehicles):
         closed, at = [], begin
-        for opens, closes in content.vehicles[row].windows:
+        for opens, closes in vehicle.hours:
             if begin <= opens < end:
                 closed.append((at, opens - at))
                 at = closes
         closed.append((at, end - at))
         axes.broken_barh([(start, long) for start, long in closed if long > 0], (row - 0.5, 1.0), color="#eeeeee", lw=0)
-        for number, one in enumerate(own):
-            if begin <= one.start_s < end:
-                lasts_s = content.evaluation.lasts_s[row][number]
-                axes.broken_barh(
-                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=style.PAPER, lw=0.8
-                )
+        for one in content.routes_on(day):
+            if one.vehicle == vehicle.name:
+                lasts_s, colour = one.duration_s, _colour_of(content.base_names.index(one.base))
+                axes.broken_barh([(one.start_s, lasts_s)], (row - 0.36, 0.72), color=colour, ec=style.PAPER, lw=0.8)
                 if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
                     words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
                     axes.text(

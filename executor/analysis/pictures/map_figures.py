@@ -98,7 +98,7 @@ def _describe_choice(content: PlanFile) -> str:
     """Return what the plan was chosen by, and what that came to."""
     if content.window is not None:
         return f"any one may be lost from {content.window.earliest_s:.0f} s on"
-    return f"{content.cost_name} {content.cost_value:.2f}"
+    return f"{content.cost.name} {content.cost.value:.2f}"
 
 
 def _compose_title(record: flight_record.FlightRecord) -> str:

@@ -280,7 +280,9 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
 def trade(longest_route_s: float, earliest_s: float, energy_pct: float) -> PlanFile:
     """Return a plan with these figures."""
     window = Window(0.0, earliest_s, longest_route_s, None)
-    return replace(first_plan_file(), durations_s=(longest_route_s,), energies_pct=(energy_pct,), window=window)
+    plan = first_plan_file()
+    route = replace(plan.routes[0], duration_s=longest_route_s, energy_pct=energy_pct)
+    return replace(plan, routes=(route,), window=window)
 
 
 def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:
