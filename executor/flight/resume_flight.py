@@ -30,6 +30,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import run_flight, run_start
 from executor.flight.flight_recorder import (
+    FlightSession,
     FoundCheckpoint,
     InheritedRecord,
     Planned,
@@ -290,10 +291,10 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
-                seat = run_flight.FlightSession(
-                    left.begun.context, left.state, links, clock, log, solver, said, left.legacy
+                seat = FlightSession(
+                    request, console, left.begun.context, left.state, links, clock, log, solver, said, left.legacy
                 )
-                return await run_flight.supervise(request, console, seat, reopened)
+                return await run_flight.supervise(seat, reopened)
             finally:
                 await starting
 
