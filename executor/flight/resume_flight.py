@@ -280,7 +280,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
                 if line not in told:
                     console.say(Level.INFO, line)
             log = eventlog.EventLog(
-                RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines
+                RunDirectory(run).events, told=partial(console.say, Level.WARNING), lines=left.lines
             )
             for command in left.undone:
                 _note_undone_command(log, command, left.last_s)

@@ -191,7 +191,7 @@ def load_optional_parts(request: FlightRequest) -> None:
 def make_solver_process(request: FlightRequest, console: Console) -> SolverProcess:
     """Return the solver of a flight, not started yet."""
     setup = SolverSetup(request.site.flight.solve_s, request.plan.solved.seed)
-    return SolverProcess(setup, make_warning_sink(console))
+    return SolverProcess(setup, partial(console.say, Level.WARNING))
 
 
 async def _check_and_supervise(
@@ -227,7 +227,7 @@ async def _check_and_supervise(
         RunDirectory(run).events,
         began_unix_s=clock.began_unix_s,
         speedup=clock.speedup,
-        told=make_warning_sink(console),
+        told=partial(console.say, Level.WARNING),
     )
     said = partial(build_vehicle_answers, context, facts, found, request.earlier)
     seat = FlightSession(request, console, context, state, links, clock, log, solver, said)
@@ -394,8 +394,3 @@ def _freeze_garbage_collector() -> Iterator[None]:
         yield
     finally:
         gc.unfreeze()
-
-
-def make_warning_sink(console: Console) -> Callable[[str], None]:
-    """Return how a log tells the operator of its troubles."""
-    return lambda text: console.say(Level.WARNING, text)
