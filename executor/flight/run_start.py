@@ -61,9 +61,6 @@ class Console(MessageSink, Protocol):
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
 
-    def confirm(self, question: str) -> bool:
-        """Ask while nobody has to be listened to."""
-
     async def ask(self, question: str) -> bool:
         """Ask beside everything else that goes on."""
 

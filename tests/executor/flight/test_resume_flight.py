@@ -298,9 +298,6 @@ class Watchful:
     def show_checks(self, found: Sequence[Check]) -> None:
         """Nothing is checked here."""
 
-    def confirm(self, question: str) -> bool:
-        return True
-
     async def ask(self, question: str) -> bool:
         return True
 
