@@ -216,7 +216,7 @@ def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.Fl
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
+async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> FlightReport:
     """Fly a flight that was never launched.
 
     Raises:
@@ -243,7 +243,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> run_flight.FlightResult:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightReport:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -275,7 +275,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             report = finish_report(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
-                return run_flight.FlightResult(report, left.begun.context, left=False)
+                return report
             for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)

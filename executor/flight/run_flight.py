@@ -149,17 +149,7 @@ class Interrupts:
         self._console.say(Level.WARNING, text)
 
 
-@dataclass(frozen=True, slots=True)
-class FlightResult:
-    """What is left after a flight."""
-
-    report: FlightReport
-    context: Context
-    left: bool
-    """Whether the operator left while the vehicles flew on."""
-
-
-async def run_flight(request: FlightRequest, console: Console) -> FlightResult:
+async def run_flight(request: FlightRequest, console: Console) -> FlightReport:
     """Connect, check, upload, fly and report.
 
     Raises:
@@ -200,7 +190,7 @@ async def _check_and_supervise(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
-) -> FlightResult:
+) -> FlightReport:
     run = request.run
     facts = await preparation.interview_vehicles(request, links, clock, console)
     context, boards, found = preparation.build_context_and_checklist(request, facts)
@@ -231,7 +221,7 @@ async def _check_and_supervise(
     )
     said = partial(build_vehicle_answers, context, facts, found, request.earlier)
     seat = FlightSession(request, console, context, state, links, clock, log, solver, said)
-    flown: FlightResult | None = None
+    flown: FlightReport | None = None
     try:
         flown = await supervise(seat, LaunchPreparation(proposal, boards, found, fences, lists))
     except PreflightFailed:
@@ -303,7 +293,7 @@ async def _ask_crew(flight: Flight, console: Console, action: Action, text: str,
     return any(answer.result() for answer in done)
 
 
-async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -> FlightResult:
+async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -> FlightReport:
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
@@ -347,7 +337,7 @@ async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -
     )
     for line in write_results(request.run, request.ground, context, flight.state, report, clock.began_unix_s):
         console.say(Level.WARNING, line)
-    return FlightResult(report, context, interrupts.left)
+    return report
 
 
 def write_results(

@@ -169,7 +169,7 @@ async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -
     build_learned_document({"uav1": known}, "2026-01-02").write(RunDirectory(run).learned_before)
     finished(run)
     assert not RunDirectory(run).learned.exists()
-    assert (await resume_flight.resume_flight(run, Watchful())).report.finished
+    assert (await resume_flight.resume_flight(run, Watchful())).finished
     kept = read_learned(RunDirectory(run).learned)
     before = left(run)
     assert kept.vehicles == learn_from_flight(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
