@@ -127,7 +127,6 @@ class PlanRevision:
     """When it was there; 0 for the first plan."""
     routes: tuple[PlannedRoute, ...]
     """Of the vehicles that had something to fly."""
-    uncovered: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +177,7 @@ def build_launch_revision(content: PlanFile) -> PlanRevision:
     """Return the plan that a flight begins with."""
     instance = content.build_instance()
     routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return PlanRevision(0, 0.0, tuple(routes), content.uncovered)
+    return PlanRevision(0, 0.0, tuple(routes))
 
 
 def build_planned_route(
@@ -510,4 +509,4 @@ def _build_replan_revision(
             began_s = take_off_time_s(vehicle.track, uploaded_s)
         used_pct = draw_at_pct(vehicle, began_s)
         routes.append(build_planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return PlanRevision(number, decided_s, tuple(routes), content.uncovered)
+    return PlanRevision(number, decided_s, tuple(routes))
