@@ -6,7 +6,7 @@ between. That air is a wall. Nobody below that layer may cross it, on a mission 
 from each other; who flies above it is a layer away as ever. So nothing here depends on when anybody flies: a vehicle
 may be late, silent or lost.
 
-Where the layers follow hills, returns are stacked above all layers (`safety.Layers.return_up_m`) and cross no wall.
+Where the layers follow hills, returns are stacked above all layers (`Layers.return_up_m`) and cross no wall.
 
 Where vehicles share pylons it depends on who flies what, in which order and direction, who need stay in its layer:
 routes of which the sum or the longest is about the same differ much in who comes when. So they are rearranged. Where

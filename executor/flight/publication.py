@@ -88,8 +88,8 @@ class Publication:
         if self._settings is None or self._publisher is None:
             yield
             return
-        from executor.adapters.mqtt.broker import IntentIntake
         from executor.adapters.mqtt.client import FLUSH_S, MqttClient
+        from executor.adapters.mqtt.intent_intake import IntentIntake
 
         settings, loop = self._settings, asyncio.get_running_loop()
         intake = IntentIntake(

@@ -14,7 +14,8 @@ from typing import Any, Protocol
 import tomli_w
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
+from executor.adapters.mqtt.intent_intake import IntakeRules
+from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today
 from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
 from executor.analysis.report import InjectedFault

@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pydantic import TypeAdapter
 
-from executor.adapters.mqtt import broker, publisher
+from executor.adapters.mqtt import intent_intake, publisher
 from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
@@ -45,7 +45,7 @@ MESSAGES: dict[str, type[object]] = {
     "event": publisher.EventMessage,
     "fault": publisher.FaultMessage,
     "fleet-state": publisher.FleetStateMessage,
-    "intent": broker.IntentMessage,
+    "intent": intent_intake.IntentMessage,
     "plan": publisher.PlanMessage,
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,

@@ -17,7 +17,7 @@ from enum import Enum
 
 import aiomqtt
 
-from executor.adapters.mqtt.broker import BrokerAddress
+from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 
 MOST_KEPT = 500

@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from executor.adapters.mqtt.broker import IntakeReason, MqttTopics, RefusedMessage
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
+from executor.adapters.mqtt.intent_intake import IntakeReason, RefusedMessage
+from executor.adapters.mqtt.topics import MqttTopics
 from executor.core.fleet_view import FleetView, OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetState, AssetView
 from executor.core.interface.codes import Check, Ending

@@ -1,6 +1,6 @@
 """All that can happen.
 
-Each event is logged before it is applied; the log fed to `fleet.step` again gives the same commands.
+Each event is logged before it is applied; the log fed to `fleet_step.step` again gives the same commands.
 """
 
 from __future__ import annotations

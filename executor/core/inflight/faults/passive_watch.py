@@ -1,7 +1,7 @@
 """Watching without acting: the watchpoints of the live flight over vehicles that somebody else flies.
 
 ``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
-functions that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
+functions that `step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
 until it disarms, whatever was declared of it: a battery that fails hides no crash. One whose link is regained is
 watched again. Who changed a mode is told with the mode.
 """

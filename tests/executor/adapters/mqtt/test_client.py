@@ -12,8 +12,8 @@ import aiomqtt
 import pytest
 
 from executor.adapters.mqtt import client as connection
-from executor.adapters.mqtt.broker import BrokerAddress
 from executor.adapters.mqtt.client import MqttClient, MqttMessage, Outbox, Presence
+from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
