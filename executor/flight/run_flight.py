@@ -38,10 +38,9 @@ from executor.errors import PreflightFailed
 from executor.flight import preparation
 from executor.flight.flight_recorder import FlightRecorder, FlightSession, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.publication import Publication, serve_page
+from executor.flight.publication import Publication, check_web, serve_page
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
-from executor.flight.web_token import check_web
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_plans
