@@ -181,18 +181,18 @@ def build_site_model(
     inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    (areas, left_out), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
     setup = missions.plan_flight_setup(
-        network, names, inspection, stated=stated, areas=found.areas, terrain=terrain,
+        network, names, inspection, stated=stated, areas=areas, terrain=terrain,
         bases=find_base_pads(site, network),
     )  # fmt: skip
     pylons, higher = build_pylon_tasks(setup, wished)
     setup = replace(setup, looks=build_looks(site, network, pylons))
-    if found.areas or alternates:
-        setup = apply_areas(setup, found.areas, alternates)
+    if areas or alternates:
+        setup = apply_areas(setup, areas, alternates)
     # One line for all viewpoints that are flown higher than asked.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
-    remarks = (*worth_a_look, *found.remarks, *raised)
+    remarks = (*worth_a_look, *left_out, *raised)
     return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
@@ -49,23 +49,14 @@ _RANGES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class SiteAreas:
-    """What the site's tables say."""
-
-    areas: tuple[Area, ...]
-    remarks: tuple[str, ...]
-    """What was left out or simplified, in words."""
-
-
-def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
-    """Return the areas of a site that are near to its lines.
+def load_areas(site: Site, base: Path, network: Network) -> tuple[tuple[Area, ...], tuple[str, ...]]:
+    """Return the areas of a site that are near to its lines, and in words what was left out or simplified.
 
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
     """
     if not site.area:
-        return SiteAreas((), ())
+        return (), ()
     stands_m = [network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in site.place]
     known = np.concatenate((network.positions_m, np.array([(0.0, 0.0), *stands_m])))
     (west, south), (east, north) = known.min(axis=0) - NEAR_M, known.max(axis=0) + NEAR_M
@@ -93,7 +84,7 @@ def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
             f"areas: {_count_corners(near, 0.0)} corners are simplified to {_count_corners(near, tolerance_m)}; "
             f"flights keep {tolerance_m:g} m more from them"
         )
-    return SiteAreas(tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks))
+    return tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks)
 
 
 def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
