@@ -18,6 +18,7 @@ from executor.core.imaging import asset_status
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
+from executor.core.state.bases import landing_base_of, place_vehicles
 from executor.core.state.fleet_state import CheckLine, FleetState, Question
 from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_position import accuracy_of
@@ -268,6 +269,7 @@ class FleetView:
 
 def build_fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
+    context = place_vehicles(context, state.vehicles.values())
     plan = state.replanning.replan
     by = Counter(state.coverage.inspected.values())
     return FleetView(
@@ -352,7 +354,7 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
     on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
-    base, closed = "" if context.day is None else context.day.bases.get(vehicle.name, ""), vehicle.orders.base_closed
+    base, closed = landing_base_of(context, vehicle), vehicle.orders.base_closed
     under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
     sortie = len(turn.sorties) + (not under_way)
     if turn.asked_s is not None:

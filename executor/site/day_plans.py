@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from missions import (
     Base,
     BasePlace,
     DayPlanFile,
+    FlightSetup,
+    Pad,
     PlanFile,
     PlanFileError,
     Pricing,
@@ -38,7 +41,9 @@ from missions import (
     build_priced_instance,
     check_day_plan,
 )
+from missions.flight_model import UNKNOWN
 from missions.geo import FloatArray
+from missions.pricing import price_fleet
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from missions.validation import Pair
@@ -82,9 +87,11 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         )
         for name in ground.names
     )  # fmt: skip
+    everywhere = [pad for own in ground.day_pads.values() for pad in own.values()]
     vehicles = tuple(_build_sortie_vehicles(ground, table, tables, days))
     _check_landings(ground, vehicles, pads)
-    pricing = build_pricing(ground, speeds_m_s=_collect_speeds_m_s(ground))
+    setup = replace(ground.setup, day_pads=tuple(everywhere))
+    pricing = build_pricing(ground, setup, speeds_m_s=_collect_speeds_m_s(ground))
     return DayPlanFile(
         frame=ground.network.frame,
         segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
@@ -164,7 +171,9 @@ def _check_landings(ground: SiteModel, vehicles: Sequence[SortieVehicle], pads: 
 
 
 def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
-    layers = ground.setup.layers
+    layers, own = ground.setup.layers, ground.day_pads.get(vehicle, {}).get(place.name)
+    if own is not None:
+        place, at_m = replace(place, alt_m=own.alt_m), (own.east_m, own.north_m)
     up_m = layers.surface.height_m(*at_m)
     climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
     if climb_m < LOWEST_FLIGHT_M:
@@ -242,6 +251,7 @@ def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFil
         PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
     """
     _check_day_plan(content, ground)
+    content = replace(content, pricing=_price_first_landings(content))
     ids, fleet = tuple(segment.id for segment in content.segments), {own.name: own for own in content.vehicles}
     vehicles = [Vehicle(name, (0.0, 0.0), fleet[name].budget_pct, fleet[name].consumption) for name in ground.names]
     task = Task(build_priced_instance(content.pricing, vehicles), ids, content.pricing, content.unreachable)
@@ -266,6 +276,10 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
         names: Of the vehicles that still fly; the sorties of the others are left over too.
     """
     opens_s, closes_s = content.days[number]
+    stands = [
+        next((one.lands for one in own[::-1] if one.start_s < opens_s), vehicle.base)
+        for own, vehicle in zip(content.plan.sorties, content.vehicles, strict=True)
+    ]
     kept = [place for place, segment in enumerate(content.segments) if segment.id not in inspected]
     rows = [row for row, own in enumerate(content.vehicles) if own.name in names]
     position = {old: new for new, old in enumerate(kept)}
@@ -277,12 +291,18 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
     shortened = [
         [shorten(one) for one in content.plan.sorties[row] if opens_s <= one.start_s < closes_s] for row in rows
     ]
-    sorties = tuple(tuple(one for one in own if one.visits) for own in shortened)
+    sorties = tuple(
+        tuple(_select_reached(content, stands[row], (one for one in own if one.visits)))
+        for row, own in zip(rows, shortened, strict=True)
+    )
     flown = {segment_of(visit) for own in sorties for one in own for visit in one.visits}
     vehicles = tuple(
-        replace(own, ready_s=opens_s, windows=tuple(one for one in own.windows if opens_s <= one[0] < closes_s))
-        for own in (content.vehicles[row] for row in rows)
-    )
+        replace(
+            own, base=stands[row], ready_s=opens_s,
+            windows=tuple(one for one in own.windows if opens_s <= one[0] < closes_s),
+        )
+        for row, own in ((row, content.vehicles[row]) for row in rows)
+    )  # fmt: skip
     part = replace(
         content,
         segments=tuple(content.segments[place] for place in kept),
@@ -297,13 +317,50 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
     return replace(part, evaluation=evaluate_sorties(part.build_instance(), part.plan))
 
 
+def _select_reached(content: DayPlanFile, stands: int, sorties: Iterable[Sortie]) -> Iterator[Sortie]:
+    """Yield the sorties that begin where their vehicle can be: what led elsewhere may be inspected, and not flown."""
+    for one in sorties:
+        if math.isfinite(content.transfer_s[stands, one.base]):
+            stands = one.lands
+            yield one
+
+
 def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
     """Return every vehicle's sorties of the first day, with the network's visits."""
     ids, begins_s = [segment.id for segment in content.segments], _first_take_off_s(content)
-    return {
-        name: tuple(PlannedSortie(_renumber_visits(ids, one.visits), one.start_s - begins_s) for one in own)
-        for name, own in _select_first_day(content).items()
-    }
+    days = _select_first_day(content)
+    moving = {name for name, own in days.items() if _changes_base(content, name, own)}
+
+    def build(name: str, one: Sortie) -> PlannedSortie:
+        visits, start_s = _renumber_visits(ids, one.visits), one.start_s - begins_s
+        ends = (content.bases[one.base].name, content.bases[one.lands].name) if name in moving else ("", "")
+        return PlannedSortie(visits, start_s, *ends)
+
+    return {name: tuple(build(name, one) for one in own) for name, own in days.items()}
+
+
+def find_day_pads(content: DayPlanFile, ground: SiteModel, setup: FlightSetup) -> dict[str, dict[str, Pad]]:
+    """Return the pads of those whose sorties do not all begin and end at one base, by their name and the base's."""
+    found = {}
+    for name, own in _select_first_day(content).items():
+        if _changes_base(content, name, own):
+            home = content.bases[_row(content, name).base].name
+            used = dict.fromkeys(content.bases[base].name for one in own for base in (one.base, one.lands))
+            known = {**ground.day_pads.get(name, {}), home: setup.pad_of(name)}
+            found[name] = {base: known[base] for base in (home, *used)}
+    return found
+
+
+def add_day_pads(setup: FlightSetup, pads: Mapping[str, Mapping[str, Pad]]) -> FlightSetup:
+    """Return the heights and pads of a flight with those that its vehicles have besides at other bases."""
+    besides = (pad for own in pads.values() for pad in own.values())
+    return replace(setup, day_pads=tuple(pad for pad in besides if pad not in setup.pads))
+
+
+def find_first_landings(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]]) -> dict[str, Pad]:
+    """Return where those land on their first sortie, by name, who do not land where they take off."""
+    firsts = {name: own[0] for name, own in _select_first_day(content).items() if own and name in pads}
+    return {name: pads[name][content.bases[one.lands].name] for name, one in firsts.items() if one.base != one.lands}
 
 
 def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]:
@@ -320,8 +377,13 @@ def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]
     return rounds
 
 
-def build_day_rules(content: DayPlanFile) -> DayRules:
-    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
+def build_day_rules(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]] = MappingProxyType({})) -> DayRules:
+    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off.
+
+    Args:
+        content: The plan.
+        pads: As `find_day_pads` has them.
+    """
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
         stagger_s=content.stagger_s,
@@ -335,6 +397,7 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
             for name, own in content.pricing.barred.items()
         },
         packs={base.name: PackRules(base.packs, base.recharge_s) for base in content.bases if base.packs is not None},
+        pads=pads,
     )
 
 
@@ -362,17 +425,8 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
         raise PlanFileError(f"{source}: {line}; `faultline check` says more")
     check_same_segments(content, ground, source)
     for name, sorties in _select_first_day(content).items():
-        row = names.index(name)
-        home = content.vehicles[row].base
-        for number, one in enumerate(sorties, 1):
-            if (one.base, one.lands) != (home, home):
-                place = content.bases[home].name
-                raise PlanFileError(
-                    f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
-                    'stands: plan with [day] lands = "own"'
-                )
-        if math.dist(content.pads[row][home].place_m[:2], ground.setup.base_of(name).place_m[:2]) > AT_DEPOT_M:
-            raise PlanFileError(f"{source}: the site has changed: the pad of {name} is elsewhere: plan again")
+        for line in _check_bases(content, ground, names.index(name), sorties):
+            raise PlanFileError(f"{source}: {line}")
         for key, called in _SPEEDS.items():
             said_m_s, flown_m_s = getattr(content.pricing.models[name], key), getattr(ground.inspection, called)
             if abs(said_m_s - flown_m_s) > SAME_M_S:
@@ -380,6 +434,77 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
                     f"{source}: {name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
                     f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
                 )
+
+
+def _row(content: DayPlanFile, name: str) -> SortieVehicle:
+    return next(own for own in content.vehicles if own.name == name)
+
+
+def _changes_base(content: DayPlanFile, name: str, sorties: Iterable[Sortie]) -> bool:
+    home = _row(content, name).base
+    return any((one.base, one.lands) != (home, home) for one in sorties)
+
+
+def _check_bases(content: DayPlanFile, ground: SiteModel, row: int, sorties: Sequence[Sortie]) -> Iterator[str]:
+    """Yield why a vehicle's sorties of a day cannot be flown from base to base."""
+    own, places = content.vehicles[row], [base.name for base in content.bases]
+    used = {own.base, *(base for one in sorties for base in (one.base, one.lands))}
+    tables = base_tables(ground.site, ground.network.frame)
+    if places[own.base] != next(base.name for base in tables if own.name in base.vehicles):
+        yield f"{own.name}: expected at base {places[own.base]}, where it begins the day: name it there in [[base]]"
+        return
+    for base in sorted(used):
+        other = ground.day_pads.get(own.name, {}).get(places[base])
+        at_m = None if other is None else (other.east_m, other.north_m)
+        at_m = ground.setup.base_of(own.name).place_m[:2] if base == own.base else at_m
+        if at_m is None or math.dist(content.pads[row][base].place_m[:2], at_m) > AT_DEPOT_M:
+            yield f"the site has changed: the pad of {own.name} is elsewhere: plan again"
+    for number, one in enumerate(sorties, 1):
+        if one.base == one.lands:
+            continue
+        place = f"sortie {number} of {own.name} ends at base {places[one.lands]}"
+        if ground.inspection.same_distance:
+            yield (
+                f"{place}: expected the base where it begins, as who comes down to the line is kept clear of returns "
+                'to one pad alone: plan with [day] lands = "own", or without inspection.same_distance'
+            )
+        if ground.site.fence is not None and ground.site.fence.gives_rally:
+            continue
+        needs_pct = _compute_return_pct(content, row, one)
+        if needs_pct > own.budget_pct:
+            yield (
+                f"{place}: its own return ends where it took off, and takes {needs_pct:.0f} % in all, its "
+                f'budget is {own.budget_pct:.0f} %: expected [fence] with enabled = true and rally = "pad", which '
+                "lets it return to the nearer of its pads"
+            )
+
+
+def _compute_return_pct(content: DayPlanFile, row: int, sortie: Sortie) -> float:
+    """Return the most that a sortie takes with a return to where it took off, from a segment's end or its landing."""
+    instance, own = content.build_instance(), content.vehicles[row]
+    fleet = price_fleet(content.pricing, [own.name])
+    used_pct, before, most_pct = float(instance.out_pct[row, sortie.base, sortie.visits[0]]), None, 0.0
+    for visit in sortie.visits:
+        if before is not None:
+            used_pct += own.consumption * float(
+                instance.moves.pct(instance.vehicles[row].profile, [before], [visit])[0]
+            )
+        most_pct = max(most_pct, used_pct + float(instance.home_pct[row, visit, sortie.base]))
+        before = visit
+    home, pad = content.pads[row][sortie.base], content.pads[row][sortie.lands]
+    back_pct = fleet.fliers[0].price_ways_home(np.array([pad.place_m]), UNKNOWN, home)[1]
+    lands_pct = used_pct + float(instance.home_pct[row, sortie.visits[-1], sortie.lands])
+    return max(most_pct, lands_pct + own.consumption * float(back_pct[0]))
+
+
+def _price_first_landings(content: DayPlanFile) -> Pricing:
+    """Return the prices of the first sorties, each from where it begins to where it ends."""
+    bases, starts = dict(content.pricing.bases), dict[str, Base]()
+    for row, own in enumerate(content.vehicles):
+        first = next(iter(_select_first_day(content)[own.name]), None)
+        if first is not None and first.lands != first.base:
+            bases[own.name], starts[own.name] = content.pads[row][first.lands], content.pads[row][first.base]
+    return replace(content.pricing, bases=bases, starts=starts)
 
 
 def _select_first_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:

@@ -196,7 +196,9 @@ def _include(pending: PendingIntent) -> _IntentResult:
 
 
 def _swap(pending: PendingIntent) -> _IntentResult:
-    state, told = turnaround.begin_turnaround(pending.state, pending.vehicle, pending.intent, pending.now_s)
+    state, told = turnaround.begin_turnaround(
+        pending.context, pending.state, pending.vehicle, pending.intent, pending.now_s
+    )
     installed = operator.PACK_INSTALLED if pending.intent.pack else operator.ANY_PACK_INSTALLED
     text = installed.format(pack=pending.intent.pack)
     before, after = (

@@ -163,7 +163,7 @@ def _object_to_landing(pending: PendingIntent) -> Reasons:
     line_m = _distance_to_line_m(context, fix.place_m)
     yield line_m < LINE_M and pending.refuse(operator.NEAR_LINE, line_m=line_m)
     for other in pending.state.vehicles:
-        near = other != vehicle.name and math.dist(fix.place_m, context.vehicles[other].pad_m) < PAD_M
+        near = other != vehicle.name and context.vehicles[other].pad_distance_m(fix.place_m) < PAD_M
         yield near and pending.refuse(operator.OTHER_PAD, other=other)
 
 
