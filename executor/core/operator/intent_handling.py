@@ -24,7 +24,7 @@ from executor.core.replanning import replan_cycle, withdrawal
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import ON_GROUND
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.fleet_state import CountedPacks, FleetState, Stepped
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
 from executor.core.state.vehicle_position import describe_down_place
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
@@ -227,6 +227,13 @@ def _open(pending: PendingIntent) -> _IntentResult:
     return _IntentResult(state, operator.BASE_IS_OPENED)
 
 
+def _count(pending: PendingIntent) -> _IntentResult:
+    base, charged = pending.intent.base, pending.intent.charged or 0
+    counted = {**pending.state.crew.counted_packs, base: CountedPacks(charged, pending.now_s)}
+    state = pending.state.with_crew(counted_packs=MappingProxyType(counted))
+    return _IntentResult(state, operator.PACKS_COUNTED.format(packs=format_count(charged, "charged pack"), base=base))
+
+
 def _disarm(pending: PendingIntent) -> _IntentResult:
     name = pending.vehicle.name
     told = (Disarm(name, force=True),)
@@ -314,6 +321,7 @@ _ORDERS: Mapping[Action, _Order] = {
     Action.PROVE: _Order(_prove),
     Action.CLOSE: _Order(_close),
     Action.OPEN: _Order(_open),
+    Action.COUNT: _Order(_count),
     Action.ABORT: _Order(_abort, "all vehicles return"),
     Action.DISARM: _Order(_disarm, "its motors are off", "disarmed"),
     Action.PREPARE: _Order(_answer),
