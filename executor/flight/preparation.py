@@ -26,6 +26,7 @@ from executor.core.preflight.parameter_changes import (
     Answers,
     ChangeStage,
     ParameterProposal,
+    add_other_homes,
     build_board_record,
     check_return_height,
     propose_return_changes,
@@ -253,9 +254,8 @@ async def read_changes(context: Context, links: Links, clock: Clock) -> Paramete
         beside = fence_changes.list_fence_parameters(context, name)
         return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
 
-    return fence_changes.add_fence_changes(
-        context, propose_return_changes(context, await run_for_each(context.vehicles, read))
-    )
+    proposal = propose_return_changes(context, await run_for_each(context.vehicles, read))
+    return fence_changes.add_fence_changes(context, add_other_homes(context, proposal))
 
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:

@@ -152,6 +152,7 @@ FENCE_KINDS = "keeps to a height and to the fence on board"
 FENCE_TOP = "its fence ends above all that it flies"
 FENCE_ACTION = "what it does at a breach, by the site file"
 FENCE_ENABLED = "keeps to its fence"
+AT_OTHER_PAD = "; {value} at another of its pads"
 RALLY_EVERYWHERE = "its return may end at each of its pads, however far"
 NO_FENCE = ChecklistLine(STOP, CheckCode.GEOFENCE, "cannot be given a fence: {names} does not answer")
 FENCE_IDLE = ChecklistLine(WARNING, CheckCode.GEOFENCE, "{does} when it breaches its fence ({setting})")
