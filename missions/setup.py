@@ -58,8 +58,8 @@ class FlightSetup:
     looks: CameraTasks = NO_LOOKS
     """What is to be seen, and who has the cameras for it."""
     day_pads: tuple[Pad, ...] = ()
-    """Where vehicles take off and land on a day besides, at other bases: each has a pad of its own there, so that no
-    two are ever given the same one."""
+    """All pads of the vehicles that land at several bases on a day: each has one of its own at each, so that no two are
+    ever given the same one."""
     landings: Mapping[str, Pad] = field(default_factory=dict)
     """By the vehicle's name: where it lands if that is not where it takes off."""
 

@@ -352,9 +352,8 @@ def find_day_pads(content: DayPlanFile, ground: SiteModel, setup: FlightSetup) -
 
 
 def add_day_pads(setup: FlightSetup, pads: Mapping[str, Mapping[str, Pad]]) -> FlightSetup:
-    """Return the heights and pads of a flight with those that its vehicles have besides at other bases."""
-    besides = (pad for own in pads.values() for pad in own.values())
-    return replace(setup, day_pads=tuple(pad for pad in besides if pad not in setup.pads))
+    """Return the heights and pads of a flight with all pads of those who land at several bases."""
+    return replace(setup, day_pads=tuple(pad for own in pads.values() for pad in own.values()))
 
 
 def find_first_landings(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]]) -> dict[str, Pad]:

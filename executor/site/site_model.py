@@ -328,7 +328,7 @@ def build_pricing(
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
-    pads_m = tuple((pad.east_m, pad.north_m) for pad in (*setup.pads, *setup.day_pads))
+    pads_m = tuple(dict.fromkeys((pad.east_m, pad.north_m) for pad in (*setup.pads, *setup.day_pads)))
     slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
     pylons, slow_m_s = setup.looks.pylons.items(), min(model.inspection_speed_m_s for model in models.values())
     longer = {segment: extra_time_s(look, slowest, slow_m_s) for segment, look in pylons}
@@ -444,8 +444,10 @@ def build_context(
             reserve_pct=table.reserve_pct,
             link_timeout_s=link_timeout_s(site, dialect, failsafe),
             pad_m=(pad.east_m, pad.north_m),
-            day_pads_m=tuple((one.east_m, one.north_m) for one in setup.list_pads_of(table.name)[1:]),
-            rallies=len(setup.list_pads_of(table.name)) > 1 and site.fence is not None and site.fence.gives_rally,
+            day_pads_m=(
+                pads_m := tuple((one.east_m, one.north_m) for one in setup.day_pads if one.vehicle == table.name)
+            ),
+            rallies=bool(pads_m) and site.fence is not None and site.fence.gives_rally,
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
             returns=failsafe is not None and failsafe.returns,
             holds_s=failsafe.holds_s if failsafe is not None else 0.0,

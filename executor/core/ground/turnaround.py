@@ -421,6 +421,8 @@ def _assign_next_sortie(
     vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
     planned, stands = vehicle.turn.ahead[0], base_of(context, vehicle)
     in_place = planned.base in {"", stands} and not (planned.lands and is_base_closed(context, state, planned.lands))
+    lands = planned.lands if visits and in_place and planned.lands != stands else ""
+    vehicle = vehicle.with_turn(lands_at=lands)
     whole = bool(visits) and visits == planned.visits and not pool and in_place
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
@@ -435,9 +437,7 @@ def _assign_next_sortie(
         revision, tuple(sorted(own)), (offer,), trigger, tuple(sorted(pool - own)), vehicle.name,
         visits if as_planned else (),
     )  # fmt: skip
-    lands = planned.lands if as_planned and planned.lands != stands else ""
-    state = state.put(vehicle.with_turn(lands=lands))
-    state = state.with_replanning(revision=revision, replan=Replan(solve, now_s))
+    state = state.put(vehicle).with_replanning(revision=revision, replan=Replan(solve, now_s))
     line, count = sorties.AS_PLANNED if as_planned else sorties.REPLANNED, format_count(len(visits), "segment")
     to = sorties.TO_BASE.format(base=lands) if lands else ""
     return state, (*said, line.say(trigger=trigger, segments=count, to=to), solve)
@@ -484,7 +484,8 @@ def _list_open_sorties(
 def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
     """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
     lands = find_planned_landing(context, vehicle, visits)
-    setup = place_vehicles(context, (vehicle.with_turn(lands=lands),)).setup
+    on_its_way = vehicle.with_turn(lands_at=lands, asked_s=vehicle.turn.asked_s or 0.0)
+    setup = place_vehicles(context, (on_its_way,)).setup
     found = estimate(build_flight_path(setup, vehicle.name, visits), context.pricing.models[vehicle.name])
     return found.duration_s, found.energy_pct
 
@@ -495,7 +496,7 @@ def _next_sortie_number(vehicle: VehicleState) -> int:
 
 def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
     """End the crew's word without a start: it has to be given again."""
-    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, lands="").with_orders(cleared_s=None))
+    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, lands_at="").with_orders(cleared_s=None))
     state = _close_intent(state, vehicle, Outcome.FAILED, (code, why), now_s)
     return state, (sorties.NOT_CLEARED.say(vehicle=vehicle.name, why=why),)
 

@@ -72,4 +72,4 @@ TAKES_OVER = CrewLine(INFO, "{vehicle}: takes over the last sortie of {giver}, {
 SORTIE = "{vehicle}: sortie {number}"
 AS_PLANNED = CrewLine(INFO, "{trigger}: {segments}, as planned{to}")
 TO_BASE = "; it lands at base {base}"
-REPLANNED = CrewLine(INFO, "{trigger}: re-planned for its budget")
+REPLANNED = CrewLine(INFO, "{trigger}: re-planned for its budget{to}")

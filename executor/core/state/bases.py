@@ -24,13 +24,13 @@ def base_of(context: Context, vehicle: VehicleState) -> str:
 def landing_base_of(context: Context, vehicle: VehicleState) -> str:
     """Return the base where a vehicle's mission ends; who has none to fly stays where it stands."""
     idle = vehicle.stage in {Stage.GROUND, Stage.LANDED} and vehicle.turn.asked_s is None
-    return (not idle and vehicle.turn.lands) or base_of(context, vehicle)
+    return (not idle and vehicle.turn.lands_at) or base_of(context, vehicle)
 
 
 def find_planned_landing(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> str:
-    """Return the base where a sortie would end: as planned if it begins as planned, else where the vehicle stands."""
-    base = base_of(context, vehicle)
-    planned = (one.lands for one in vehicle.turn.ahead if one.visits == visits and one.base in {"", base})
+    """Return the base where a sortie, or what is left of it, ends; where the vehicle stands if it began elsewhere."""
+    base, wanted = base_of(context, vehicle), set(visits)
+    planned = (one.lands for one in vehicle.turn.ahead if wanted <= set(one.visits) and one.base in {"", base})
     return next(planned, "") or base
 
 
@@ -44,7 +44,7 @@ def settle_at_base(context: Context, vehicle: VehicleState) -> VehicleState:
         away_m = {name: math.dist(fix.place_m, (pad.east_m, pad.north_m)) for name, pad in own.items()}
         nearest = min(away_m, key=away_m.__getitem__)
         base = nearest if away_m[nearest] <= context.limits.off_pad_m else was
-    return vehicle.with_turn(base=base, lands="", moved=vehicle.turn.moved or base != was)
+    return vehicle.with_turn(base=base, lands_at="", moved=vehicle.turn.moved or base != was)
 
 
 def place_vehicles(context: Context, vehicles: Iterable[VehicleState]) -> Context:
@@ -55,7 +55,7 @@ def place_vehicles(context: Context, vehicles: Iterable[VehicleState]) -> Contex
     moved = tuple(
         (day.pads[one.name][base_of(context, one)], day.pads[one.name][landing_base_of(context, one)])
         for one in vehicles
-        if one.name in day.pads and (one.turn.base or one.turn.lands)
+        if one.name in day.pads and (one.turn.base or one.turn.lands_at)
     )
     if not moved:
         return context

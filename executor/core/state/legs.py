@@ -276,7 +276,7 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
     own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
     rest_v = None if rest is None else rest.voltage_v
     sortie = FlownSortie(len(before) + 1, turn.label, now_s, vehicle.power.battery.remaining_pct, rest_v, own)
-    sortie = replace(sortie, base=turn.base, lands=turn.lands)
+    sortie = replace(sortie, base=turn.base, lands=turn.lands_at)
     return vehicle.with_turn(sorties=(*before, sortie))
 
 

@@ -529,7 +529,7 @@ class Turnaround:
     """Its sorties, the one under way last."""
     base: str = ""
     """Where it stands, or took off; empty for its own of the day."""
-    lands: str = ""
+    lands_at: str = ""
     """The base where the mission that it carries, or is given, ends; empty for the one where it takes off."""
     moved: bool = False
     """Whether it stands at another base than when its parameters were looked at."""
