@@ -372,9 +372,14 @@ def describe_fence_changes(
     for name, lists in build_wanted_lists(context, first).items():
         had = found.get(name, OnboardLists())
         fence = f"fence of {len(lists.fence or ())} corners (had {len(had.fence or ()) or 'none'})"
-        rally = "" if lists.rally is None else f", its pad as rally point (had {len(had.rally or ()) or 'none'})"
+        rally = "" if lists.rally is None else f", {_name_rally(lists)} (had {len(had.rally or ()) or 'none'})"
         told.append(f"{name}: {fence}{rally}")
     return told
+
+
+def _name_rally(lists: OnboardLists) -> str:
+    points = len(lists.rally or ())
+    return "its pad as rally point" if points == 1 else f"its {points} pads as rally points"
 
 
 async def upload_wanted_lists(
@@ -410,7 +415,7 @@ async def upload_wanted_lists(
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = "" if new.rally is None else ", and its pad as rally point"
+        rally = "" if new.rally is None else f", and {_name_rally(new)}"
         console.say(
             Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
         )

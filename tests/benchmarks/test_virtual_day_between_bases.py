@@ -43,6 +43,9 @@ BEGINS_S = 8 * 3600.0
 WEST, EAST = 0, 1
 PACKS, RECHARGE_S = 3, 900.0
 NEAR_M = 1.0
+THERE_AND_BACK = (
+    ((WEST, (0, 1), EAST), (EAST, (7, 6), WEST)), ((WEST, (2, 3), EAST), (EAST, (5, 4), EAST)),
+)  # fmt: skip
 
 
 def ground_of(folder: Path, autopilot: str, **tables: object) -> SiteModel:
@@ -161,9 +164,7 @@ def test_vehicles_fly_to_the_other_base_and_back_across_an_absence(tmp_path: Pat
     ground, heard = ground_of(tmp_path, autopilot), Heard()
     places = [pad_m(ground, name, base) for name in ground.names for base in (WEST, EAST)]
     assert min(math.dist(*pair) for pair in itertools.combinations(places, 2)) >= PAD_SPACING_M
-    day = day_of(
-        ground, ((WEST, (0, 1), EAST), (EAST, (7, 6), WEST)), ((WEST, (2, 3), EAST), (EAST, (5, 4), EAST)),
-    )  # fmt: skip
+    day = day_of(ground, *THERE_AND_BACK)
     flight = fly(ground, day, heard, away_s=(100.0, 420.0))
     said = [line.text for _, line in flight.said]
     assert flight.ended, said
@@ -198,12 +199,12 @@ def test_who_is_brought_back_lands_on_the_nearer_of_its_pads(
     tmp_path: Path, autopilot: str, at_s: float, where: int
 ) -> None:
     ground, heard = ground_of(tmp_path, autopilot), Heard()
-    day = day_of(ground, ((WEST, (0, 1), EAST), (EAST, (7, 6), WEST)), ())
+    day = day_of(ground, *THERE_AND_BACK)
     flight = fly(ground, day, heard, make=partial(Ordered, at_s, "uav1"))
     said = [line.text for _, line in flight.said]
-    assert stood_at(ground, "uav1", heard)[: 2 if where == EAST else 1] == [WEST, EAST][: 2 if where == EAST else 1]
     first = next(row for row in flight.report.sorties if row.vehicle == "uav1")
     assert (first.base, first.lands) == ("west", ("west", "east")[where]), said
+    assert stood_at(ground, "uav1", heard)[-1] == where
     assert not flight.report.faults
     assert not [line for line in said if "internal error" in line or "away from its pad" in line]
 
