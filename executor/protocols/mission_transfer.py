@@ -85,7 +85,7 @@ class UploadDialogue(DialogueMachine):
     def begin(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Announce the number of items."""
         state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
-        return state, (messages.SendMissionCount(len(self.items), self.kind),)
+        return state, (messages.MissionCount(len(self.items), self.kind),)
 
     def _take(self, message: messages.Message, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         """Answer requests; end on an acknowledgement that is final."""
@@ -103,19 +103,19 @@ class UploadDialogue(DialogueMachine):
             if self.counts_sent >= COUNT_TRIES:
                 return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
             state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
-            return state, (messages.SendMissionCount(len(self.items), self.kind),)
+            return state, (messages.MissionCount(len(self.items), self.kind),)
         if now_s - self.heard_s >= self.silence_s:
             if self.refusal is not None:
                 return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
         state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
         if self.furthest == len(self.items) - 1:
-            return state, (messages.SendMissionItem(self.items[-1], self.kind),)
+            return state, (messages.MissionItemInt(self.items[-1], self.kind),)
         return state, ()
 
     def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
-        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
         trip = self._update_round_trip(now_s) if seq == self.answered + 1 else self.round_trip
@@ -128,7 +128,7 @@ class UploadDialogue(DialogueMachine):
             return state, ()
         first_s = self.first_s if seq == self.answered else now_s
         state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
-        return state, (messages.SendMissionItem(self.items[seq], self.kind),)
+        return state, (messages.MissionItemInt(self.items[seq], self.kind),)
 
     def _update_round_trip(self, now_s: float) -> RoundTrip:
         """Return what is known of the link once the next item is asked for.
@@ -205,7 +205,7 @@ class DownloadDialogue(DialogueMachine):
         match message:
             case messages.MissionCount(count, kind) if kind is self.kind and self.count is None:
                 return self._request_next(now_s, count, ())
-            case messages.MissionItemReceived(item, kind) if kind is self.kind and self._is_next(item):
+            case messages.MissionItemInt(item, kind) if kind is self.kind and self._is_next(item):
                 return self._request_next(now_s, self.count, (*self.items, item))
             case messages.MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
@@ -227,7 +227,7 @@ class DownloadDialogue(DialogueMachine):
         return _request_open_items(state, now_s)
 
     def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
-        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
     @property
     def _open(self) -> str:
@@ -249,7 +249,7 @@ class DownloadDialogue(DialogueMachine):
         )
         if len(items) == count:
             done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
-            return done, (messages.SendMissionAck(0, self.kind),)
+            return done, (messages.MissionAck(0, self.kind),)
         return _request_open_items(state, now_s)
 
 
@@ -258,5 +258,5 @@ def _request_open_items(state: D, now_s: float) -> tuple[D, tuple[messages.Outgo
     deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
     state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)
     if state.count is None:
-        return state, (messages.SendMissionRequestList(state.kind),)
-    return state, (messages.SendMissionRequest(len(state.items), state.kind),)
+        return state, (messages.MissionRequestList(state.kind),)
+    return state, (messages.MissionRequest(len(state.items), state.kind),)

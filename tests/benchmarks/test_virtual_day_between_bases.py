@@ -28,10 +28,10 @@ from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, sorties_ahead_of
 from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, check_day_plan
+from missions import DayPlanFile, check_plan
 from missions.pads import PAD_SPACING_M
-from planner import visit_of
-from planner.sorties import Sortie, SortiePlan, evaluate_sorties
+from planner import Plan, Route, visit_of
+from planner.sorties import Objective, evaluate_sorties
 from simulator.config import AutopilotKind, SimVehicle
 from simulator.fleet import SimulatedVehicle
 from tests.missions.builders import FRAME
@@ -80,18 +80,17 @@ def ground_of(folder: Path, autopilot: str, **tables: object) -> SiteModel:
 def day_of(ground: SiteModel, *own: tuple[tuple[int, tuple[int, ...], int], ...]) -> DayPlanFile:
     """Return a day of sorties as (base, segments, landing base) of each vehicle, a quarter of an hour apart."""
     problem = build_day_problem(ground)
-    sorties = tuple(
-        tuple(
-            Sortie(base, tuple(visit_of(segment, reverse=base == EAST) for segment in segments), lands,
-                   BEGINS_S + 60.0 * row + 900.0 * number)
-            for number, (base, segments, lands) in enumerate(rows)
-        )
+    routes = tuple(
+        Route(row, tuple(visit_of(segment, reverse=base == EAST) for segment in segments), base, lands,
+              BEGINS_S + 60.0 * row + 900.0 * number)
         for row, rows in enumerate(own)
+        for number, (base, segments, lands) in enumerate(rows)
     )  # fmt: skip
     flown = {segment for rows in own for _, segments, _ in rows for segment in segments}
-    plan = SortiePlan(sorties, tuple(one for one in range(8) if one not in flown))
-    day = replace(problem, plan=plan, evaluation=evaluate_sorties(problem.build_instance(), plan), source="day.json")
-    assert check_day_plan(day) == []
+    plan = Plan(routes, tuple(one for one in range(8) if one not in flown))
+    found = evaluate_sorties(problem.build_instance(), plan)
+    day = replace(problem.with_plan(plan, found, Objective.FINISH), source="day.json")
+    assert check_plan(day) == []
     return day
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,9 @@ import tomli_w
 from executor.site import site_model
 from executor.site.day_plans import build_day_problem
 from executor.site.site_file import check_site
-from missions import DayPlanFile, Pad, check_day_plan, write_plan
-from planner import visit_of
-from planner.sorties import Sortie, SortiePlan, evaluate_sorties
+from missions import DayPlanFile, Pad, check_plan, write_plan
+from planner import Plan, Route, visit_of
+from planner.sorties import Objective, evaluate_sorties
 from tests.e2e.flights import log_lines
 from tests.e2e.judge import wrongly_counted
 from tests.e2e.tlog import messages
@@ -61,13 +61,13 @@ def plan_between(ground: site_model.SiteModel) -> DayPlanFile:
     problem = build_day_problem(ground)
     parts = [[visit_of(segment, reverse=False) for segment in part] for part in ((0, 1), (2, 3), (4, 5), (6,))]
     north, south = 0, 1
-    sorties = (
-        (Sortie(north, tuple(parts[0]), south, BEGINS_S), Sortie(south, tuple(parts[1]), north, BEGINS_S + TURNED_S)),
-        (Sortie(south, tuple(parts[2]), north, BEGINS_S), Sortie(north, tuple(parts[3]), south, BEGINS_S + TURNED_S)),
-    )
-    plan = SortiePlan(sorties)
-    day = replace(problem, plan=plan, evaluation=evaluate_sorties(problem.build_instance(), plan))
-    assert check_day_plan(day) == []
+    routes = (
+        Route(0, tuple(parts[0]), north, south, BEGINS_S), Route(0, tuple(parts[1]), south, north, BEGINS_S + TURNED_S),
+        Route(1, tuple(parts[2]), south, north, BEGINS_S), Route(1, tuple(parts[3]), north, south, BEGINS_S + TURNED_S),
+    )  # fmt: skip
+    plan = Plan(routes)
+    day = problem.with_plan(plan, evaluate_sorties(problem.build_instance(), plan), Objective.FINISH)
+    assert check_plan(day) == []
     return day
 
 

@@ -6,6 +6,7 @@ Each event is logged before it is applied; the log fed to `fleet.step` again giv
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.intents import Action, Intent
@@ -66,6 +67,7 @@ class StartEnded:
 class ReturnEnded:
     """The order to come home was acknowledged, or not."""
 
+    action: ClassVar[Action] = Action.RETURN
     vehicle: str
     accepted: bool
     reason: str

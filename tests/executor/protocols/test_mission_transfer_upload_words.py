@@ -12,7 +12,6 @@ from executor.core.interface.messages import (
     MissionAck,
     MissionCount,
     MissionRequest,
-    SendMissionAck,
 )
 from executor.protocols import mission_transfer
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
@@ -157,7 +156,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             [
                 ("count 3", 101.5),
-                (SendMissionAck(result=15), math.inf),
+                (MissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),
@@ -166,7 +165,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 ("count 3", 101.5),
                 ("item 0", 102.25),
-                (SendMissionAck(result=15), math.inf),
+                (MissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),

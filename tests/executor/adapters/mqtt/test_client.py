@@ -237,4 +237,4 @@ async def test_a_broker_that_talks_nonsense(said: bytes, monkeypatch: pytest.Mon
             for _ in range(3):
                 await calls.get()
         assert "mqtt: " in here.said[0]
-    assert [taken.letter.payload for taken in here.outbox.take_batch(9)] == [b"kept"]
+    assert [taken.payload for taken in here.outbox.take_batch(9)] == [b"kept"]

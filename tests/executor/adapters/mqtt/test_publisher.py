@@ -50,7 +50,7 @@ class Desk:
         return self.written()
 
     def written(self) -> list[MqttMessage]:
-        return [taken.letter for taken in self.outbox.take_batch(10_000)]
+        return self.outbox.take_batch(10_000)
 
 
 def content(letter: MqttMessage) -> dict[str, Any]:
