@@ -389,7 +389,12 @@ FIGURE = {"mean": 9.0, "sd": 1.0, "samples": 4}
 LEVEL = {"speed_m_s": 5.0, "current_a": FIGURE}
 RADIO = {"system": 51, "component": 68}
 QUIET = (("day.quiet", [{"begin": "08:00", "end": "08:30"}]),)
-ROAD = (*BASES, ("day.lands", "any"), ("day.road", [{"between": ["a", "b"], "minutes": 5}]))
+ROAD = (
+    *BASES,
+    ("fence", {"enabled": True}),
+    ("day.lands", "any"),
+    ("day.road", [{"between": ["a", "b"], "minutes": 5}]),
+)
 ELSEWHERE = at(60, -30)
 FAR = at(-90, -20)
 
