@@ -43,16 +43,19 @@ def count_packs(context: Context, state: FleetState, name: str, now_s: float) ->
     if day is None or rules is None or launched_s is None:
         return None
     vehicles, counted = find_vehicles_at_base(context, state, base), state.crew.counted_packs.get(base)
-    pool, counted_s = [launched_s] * rules.count, math.inf if counted is None else counted.at_s
-    for (at_s, _), back_s in sorted(_list_pack_moves(context, state, base, rules.recharge_s)):
-        if counted is not None and at_s > counted_s:
-            pool, counted_s = _apply_count(pool, counted), math.inf
+    pool, owed = [launched_s] * rules.count, counted
+    taken = set[str]() if counted is None else set(counted.in_vehicles)
+    for (at_s, _, name), back_s in sorted(_list_pack_moves(context, state, base, rules.recharge_s)):
+        if owed is not None and at_s > owed.at_s:
+            pool, owed = _apply_count(pool, owed), None
+        if back_s is None and owed is None and name in taken:
+            taken.remove(name)  # it had its pack before the crew counted
+            continue
         if back_s is not None:
             pool.append(back_s)
         elif pool:  # with none charged the crew charges faster, or has one more than the plan
             pool.remove(min(pool))
-    if counted is not None and counted_s < math.inf:
-        pool = _apply_count(pool, counted)
+    pool = pool if owed is None else _apply_count(pool, owed)
     charged, last_s = sum(ready_s <= now_s for ready_s in pool), launched_s + day.ends_s
     next_s = min((ready_s for ready_s in pool if ready_s > now_s), default=math.inf)
     used = any(vehicle.stage in _AWAY or vehicle.turn.asked_s is not None for vehicle in vehicles)
@@ -68,21 +71,21 @@ def _apply_count(pool: list[float], counted: CountedPacks) -> list[float]:
 
 def _list_pack_moves(
     context: Context, state: FleetState, base: str, recharge_s: float | None
-) -> list[tuple[tuple[float, bool], float | None]]:
-    """Return when packs leave the charged ones, and with the time when it can fly again when they are back."""
-    moves: list[tuple[tuple[float, bool], float | None]] = []
+) -> list[tuple[tuple[float, bool, str], float | None]]:
+    """Return when whose packs leave the charged ones, and with the time when it can fly again when they are back."""
+    moves: list[tuple[tuple[float, bool, str], float | None]] = []
     for vehicle in state.vehicles.values():
         turn, unflown = vehicle.turn, False
         own = "" if context.day is None else context.day.bases.get(vehicle.name, "")
         for sortie in turn.sorties:
             begins = sortie.base or own
             if begins == base:
-                moves.append(((sortie.began_s, True), None))
+                moves.append(((sortie.began_s, True, vehicle.name), None))
             if sortie.ended_s is not None and recharge_s is not None and (sortie.lands or begins) == base:
-                moves.append(((sortie.ended_s, False), sortie.ended_s + recharge_s))
+                moves.append(((sortie.ended_s, False, vehicle.name), sortie.ended_s + recharge_s))
             unflown = sortie.ended_s is None and not vehicle.sortie.took_off
         if turn.asked_s is not None and not unflown and base_of(context, vehicle) == base:
-            moves.append(((turn.asked_s, True), None))
+            moves.append(((turn.asked_s, True, vehicle.name), None))
     return moves
 
 

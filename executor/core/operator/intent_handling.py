@@ -229,7 +229,9 @@ def _open(pending: PendingIntent) -> _IntentResult:
 
 def _count(pending: PendingIntent) -> _IntentResult:
     base, charged = pending.intent.base, pending.intent.charged or 0
-    counted = {**pending.state.crew.counted_packs, base: CountedPacks(charged, pending.now_s)}
+    vehicles = pending.state.vehicles.values()
+    turned = frozenset(vehicle.name for vehicle in vehicles if vehicle.turn.asked_s is not None)
+    counted = {**pending.state.crew.counted_packs, base: CountedPacks(charged, pending.now_s, turned)}
     state = pending.state.with_crew(counted_packs=MappingProxyType(counted))
     return _IntentResult(state, operator.PACKS_COUNTED.format(packs=format_count(charged, "charged pack"), base=base))
 

@@ -266,6 +266,8 @@ class CountedPacks:
 
     charged: int
     at_s: float
+    in_vehicles: frozenset[str] = frozenset()
+    """Vehicles that were being turned around: their packs were taken before, and fly later."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,20 @@ def test_what_the_crew_counts_is_charged_from_then_on(
     assert count_packs(context, round_trip_state(state), "uav1", NOW_S) == PackStock("west", *found)
 
 
+def test_a_pack_that_was_in_a_vehicle_as_the_crew_counted_is_not_taken_again() -> None:
+    context, state = day_with(PackRules(3)), flown(((0.0, 50.0),), asked_s=LAUNCHED_S + 60.0)
+    wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=2)
+    state, _ = step(context, state, IntentReceived(wish), LAUNCHED_S + 70.0)
+    assert count_packs(context, state, "uav1", NOW_S) == PackStock("west", 2, None, exhausted=False)
+    one = state.vehicles["uav1"]
+    gone = one.with_turn(asked_s=None, sorties=(*one.turn.sorties, FlownSortie(2, "", LAUNCHED_S + 80.0, 100.0, None)))
+    assert count_packs(context, state.put(gone), "uav1", NOW_S) == PackStock("west", 2, None, exhausted=False)
+    other = state.vehicles["uav2"].with_turn(asked_s=LAUNCHED_S + 75.0)
+    assert count_packs(context, state.put(gone).put(other), "uav1", NOW_S) == PackStock(
+        "west", 1, None, exhausted=False
+    )
+
+
 def test_a_count_is_refused_where_nobody_counts() -> None:
     wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=2)
     for context, asked, code in (
