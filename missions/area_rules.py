@@ -20,6 +20,7 @@ from missions.clearance import measure_over_ground
 from missions.errors import SafetyError
 from missions.geo import BoolArray, FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
+from missions.pads import Pad
 from missions.setup import FlightSetup
 from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
 from missions.terrain import is_inside_convex
@@ -277,12 +278,18 @@ def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[
 
 def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
     """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
-    pad = setup.pad_of(vehicle)
+    met = np.zeros(len(places_m), dtype=np.bool_)
+    for pad in setup.list_pads_of(vehicle):
+        met |= _is_crossing_to(setup, pad, area, places_m)
+    return met
+
+
+def _is_crossing_to(setup: FlightSetup, pad: Pad, area: Area, places_m: FloatArray) -> np.ndarray:
     pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
     met = _build_bare_graph(area, ROUNDING_M).is_met(places_m, pad_m)
     if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
         return met
-    up_m = setup.layers.return_up_m(vehicle)
+    up_m = setup.layers.return_up_m(pad.vehicle)
     for index in np.flatnonzero(met).tolist():
         ends_m = np.column_stack((np.stack((places_m[index], pad_m[index])), np.full(2, up_m)))
         way_m = sample_leg(ends_m, RETURN_STEP_M)

@@ -31,6 +31,7 @@ from executor.core.replanning import lower_to_inspection_height, replan_cycle, s
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import legs, vehicle_position
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import (
     KEPT_LINES,
     Briefing,
@@ -88,6 +89,7 @@ def build_initial_state(
 
 def step(context: Context, state: FleetState, event: events.Event, now_s: float) -> Stepped:
     """Apply one event."""
+    context = place_vehicles(context, state.vehicles.values())
     state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
         return state, commands

@@ -31,6 +31,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import Command, Level, Say, Solve, Upload
 from executor.core.interface.events import Event, SolveEnded, Tick
 from executor.core.interface.ports import OpenLink
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
 from executor.errors import LogError
@@ -452,7 +453,9 @@ class FlightRecorder:
 
     async def _write_plan(self, planned: Planned) -> None:
         try:
-            content = await asyncio.to_thread(_build_plan_file, self._seat.request, self._seat.context.pricing, planned)
+            vehicles = () if self._state is None else self._state.vehicles.values()
+            pricing = place_vehicles(self._seat.context, vehicles).pricing
+            content = await asyncio.to_thread(_build_plan_file, self._seat.request, pricing, planned)
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
             self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())

@@ -331,9 +331,14 @@ def describe_fence_changes(
     for name, lists in build_wanted_lists(context, first).items():
         had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
         fence = f"fence of {len(lists[MissionKind.FENCE])} corners (had {had.get(MissionKind.FENCE, 'none')})"
-        rally = f", its pad as rally point (had {had.get(MissionKind.RALLY, 'none')})"
+        rally = f", {_name_rally(lists)} (had {had.get(MissionKind.RALLY, 'none')})"
         told.append(f"{name}: {fence}{rally if MissionKind.RALLY in lists else ''}")
     return told
+
+
+def _name_rally(lists: OnboardLists) -> str:
+    points = len(lists.get(MissionKind.RALLY) or ())
+    return "its pad as rally point" if points == 1 else f"its {points} pads as rally points"
 
 
 async def upload_wanted_lists(
@@ -369,7 +374,7 @@ async def upload_wanted_lists(
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = ", and its pad as rally point" if MissionKind.RALLY in new else ""
+        rally = f", and {_name_rally(new)}" if MissionKind.RALLY in new else ""
         corners = len(new[MissionKind.FENCE])
         console.say(Level.INFO, f"{name}: fence of {corners} corners on board{rally}, verified by read-back")
 

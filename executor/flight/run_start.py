@@ -284,11 +284,14 @@ def build_context_and_boards(
         for name, known in parameters.items()
     }
     task = plan.build_task()
-    context = site_model.build_context(ground, setup, task, own, performances)
+    pads = {} if day is None else day_plans.find_day_pads(day, ground, setup)
+    context = site_model.build_context(ground, day_plans.add_day_pads(setup, pads), task, own, performances)
+    first = context.setup
     if day is not None:
-        context = replace(context, day=day_plans.build_day_rules(day))
+        context = replace(context, day=day_plans.build_day_rules(day, pads))
+        first = replace(first, landings=day_plans.find_first_landings(day, pads))
     routes = plan.network_routes
-    paths = site_model.build_paths(context.setup, routes, context.vehicles)
+    paths = site_model.build_paths(first, routes, context.vehicles)
     return context, {
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles

@@ -24,6 +24,7 @@ from executor.core.preflight.parameter_changes import (
     KeptParameter,
     ParameterProposal,
     Present,
+    add_other_homes,
     format_number,
     list_change_checks,
     plan_change,
@@ -46,9 +47,10 @@ def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
     """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
     if context.fencing is None or not context.fencing.enabled:
         return ()
-    rule = context.vehicles[name].dialect.geofence
-    kinds = rule.kinds[0] if rule.kinds is not None else None
-    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
+    setup = context.vehicles[name]
+    rule = setup.dialect.geofence
+    kinds, far = None if rule.kinds is None else rule.kinds[0], rule.rally_limit if setup.rallies else None
+    return select_names(kinds, rule.height, rule.action, rule.enable, far, *rule.enabled_by)
 
 
 def propose_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
@@ -58,7 +60,7 @@ def propose_changes(context: Context, answered: Mapping[str, Answers]) -> Parame
         context: Of the flight.
         answered: What came of asking each vehicle.
     """
-    proposal = propose_return_changes(context, answered)
+    proposal = add_other_homes(context, propose_return_changes(context, answered))
     changes, checks = list(proposal.changes), list(proposal.checks)
     for name, said in proposal.present.items():
         made = plan_fence_changes(context, name, said)
@@ -88,6 +90,8 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
     if action is not None:
         wanted[rule.action] = (float(action), "", checklist.FENCE_ACTION)
+    if rule.rally_limit in names:
+        wanted[rule.rally_limit] = (0.0, "km", checklist.RALLY_EVERYWHERE)
     if rule.enable is not None:
         wanted[rule.enable] = (1.0, "", checklist.FENCE_ENABLED)
     return [
@@ -152,10 +156,10 @@ def _check_onboard_fence(
         return unread
     if not read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
         return [checklist.FENCE_OFF.say(name, fence=what)]
-    pad_m = context.vehicles[name].pad_m
-    places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
+    setup, waypoints = context.vehicles[name], path.waypoints if path else ()
+    pad_m, places = setup.pad_m, [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in waypoints]
     shapes = parse_outlines(fence, context.frame)
-    ways = [[pad_m, *places], *([place, pad_m] for place in places)]
+    ways = [[pad_m, *places], *([place, home_m] for home_m in (pad_m, *setup.day_pads_m) for place in places)]
     out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
         lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
@@ -170,8 +174,8 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
         return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
     if rally == ours.get(MissionKind.RALLY):
         return []
-    pad_m = context.vehicles[name].pad_m
-    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in rally]
+    setup = context.vehicles[name]
+    away_m = [setup.pad_distance_m(context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in rally]
     far = [one for one in away_m if one > NEAR_M]
     if not far or given:
         return []

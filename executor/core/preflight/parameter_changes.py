@@ -297,6 +297,25 @@ def propose_return_changes(
     return ParameterProposal(present, tuple(changes), tuple(checks))
 
 
+def add_other_homes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
+    """Return what a flight changes with what it changes later for other pads, whose ground is higher or lower.
+
+    It is on record from the beginning, so that it is given back from whichever pad is the last.
+    """
+    changes, setup = {one.key: one for one in proposal.changes}, context.setup
+    for name, said in proposal.present.items():
+        for home in setup.list_pads_of(name)[1:]:
+            pads = tuple(home if pad.vehicle == name else pad for pad in setup.pads)
+            elsewhere = replace(context, setup=replace(setup, pads=pads))
+            for one in propose_return_changes(elsewhere, {name: Answers(said)}).changes:
+                known = changes.get(one.key, replace(one, new=one.old))
+                more = checklist.AT_OTHER_PAD.format(value=format_number(one.new))
+                if one.new not in {known.new, *known.earlier}:
+                    known = replace(known, earlier=(*known.earlier, one.new), why=known.why + more)
+                changes[one.key] = known
+    return replace(proposal, changes=tuple(changes.values()))
+
+
 def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
     return [checklist.TO_BE_SET.say(one.vehicle, change=one.words_set) for one in changes]

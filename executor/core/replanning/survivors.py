@@ -42,7 +42,7 @@ def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[Inte
         found.append(operator.TILTED)
     if vehicle.orders.base_closed:
         found.append(operator.BASE_CLOSED)
-    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if fix is None or setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         found.append(operator.OFF_PAD)
     if left_pct is None or left_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         left = "unknown" if left_pct is None else f"{left_pct:.0f} %"

@@ -264,7 +264,7 @@ def _infer_after_landing(
 def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
     setup = context.vehicles[state.name]
-    if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         return resume.OFF_PAD
     if state.mode is None or is_home_mode(setup.dialect, state.mode):
         return resume.CAME_HOME

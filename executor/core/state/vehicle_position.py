@@ -202,7 +202,7 @@ def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
 def is_home_by_own_estimate(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether its autopilot takes itself to be over its pad: that is what it acts by."""
     fix = vehicle.motion.fix
-    return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
+    return fix is None or context.vehicles[vehicle.name].pad_distance_m(fix.place_m) <= context.limits.off_pad_m
 
 
 def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:

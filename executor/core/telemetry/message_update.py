@@ -326,7 +326,7 @@ def _apply_position(
     settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
     jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
-    away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    away = sortie.away_once or context.vehicles[state.name].pad_distance_m(place) > context.limits.off_pad_m
     away = took_off and away
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):

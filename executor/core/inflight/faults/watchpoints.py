@@ -333,7 +333,7 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return OK
     if not view.setup.planned:
         return _check_disarm_in_flight(view)
-    away_m, says = math.dist(state.motion.fix.place_m, view.setup.pad_m), alarm_words(view)
+    away_m, says = view.setup.pad_distance_m(state.motion.fix.place_m), alarm_words(view)
     if not is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
