@@ -153,7 +153,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
-    "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
@@ -181,8 +180,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/readers/test_network_build.py": ("missions/readers/raw_network.py",),
     "tests/missions/test_encode_cameras.py": ("missions/cameras.py",),
     "tests/missions/test_plan_file.py": (
+        "missions/plan_check.py",
         "missions/plan_json.py",
         "missions/plan_json_v1.py",
+        "missions/plan_parts.py",
     ),
     "tests/missions/test_setup.py": ("missions/waypoints.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),

@@ -78,9 +78,14 @@ autopilot = "px4"
 """
 
 
+@cache
+def adapter(model: type[object]) -> TypeAdapter[object]:
+    return TypeAdapter(model)
+
+
 def accepted(model: type[object], document: object) -> bool:
     try:
-        TypeAdapter(model).validate_json(json.dumps(document))
+        adapter(model).validate_json(json.dumps(document))
     except ValidationError:
         return False
     return True
