@@ -15,8 +15,8 @@ from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.fault_thresholds import Limits
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Pad, Performance, Pricing
-from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED
+from missions.no_fly_areas import Unreachable
 from planner import Drone, pct_per_s, top_speed_m_s
 
 
