@@ -69,7 +69,7 @@ from planner.sorties import (
     count_packs_needed,
 )
 
-FORMAT = "faultline-plan/2"
+FORMAT: Literal["faultline-plan/2"] = "faultline-plan/2"
 
 
 @dataclass(frozen=True, kw_only=True)

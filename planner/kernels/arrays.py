@@ -7,7 +7,7 @@ are work space name the shape of each array in its annotation: ``allocate`` make
 from __future__ import annotations
 
 from functools import cache
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba as nb
 import numpy as np
@@ -36,9 +36,9 @@ def allocate(kind: type[SpaceT], **sizes: int) -> SpaceT:
     """
     entries = [
         allocate(part, **sizes) if shape is None else np.zeros([_size_of(one, sizes) for one in shape], dtype=part)
-        for part, shape in _find_layout(kind)
+        for part, shape in _find_layout(cast("Any", kind))
     ]
-    return kind._make(entries)
+    return cast("SpaceT", kind._make(entries))
 
 
 def _size_of(name: str, sizes: dict[str, int]) -> int:

@@ -79,7 +79,7 @@ autopilot = "px4"
 
 
 @cache
-def adapter(model: type[object]) -> TypeAdapter[object]:
+def adapter(model: Any) -> TypeAdapter[object]:
     return TypeAdapter(model)
 
 

@@ -36,7 +36,8 @@ def day_between(context: Context) -> Context:
 
 
 DAY = day_between(FLEET.context)
-WEST, EAST = (DAY.day.pads["uav1"][name] for name in ("west", "east")) if DAY.day is not None else ()
+assert DAY.day is not None
+WEST, EAST = (DAY.day.pads["uav1"][name] for name in ("west", "east"))
 
 
 def standing(at: Pad, stage: Stage = Stage.LANDED, away_m: float = 0.0) -> VehicleState:
