@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from operator import not_
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -69,7 +69,7 @@ from planner.sorties import (
     count_packs_needed,
 )
 
-FORMAT = "faultline-plan/2"
+FORMAT: Final = "faultline-plan/2"
 
 
 @dataclass(frozen=True, kw_only=True)
