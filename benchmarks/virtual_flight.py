@@ -158,10 +158,6 @@ class SilentConsole:
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show nothing."""
 
-    def confirm(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
-        """Say yes."""
-        return True
-
     async def ask(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
         """Say yes."""
         return True

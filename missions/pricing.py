@@ -13,9 +13,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import not_
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from missions.areas import AreaRestriction, Unreachable
 from missions.detours import DetourObstacles
@@ -118,11 +120,11 @@ class VehicleMoves:
         seconds, pct = (one.flatten() for one in straight)
         for which, ways_m in self._iterate_ways(flatten(from_m), flatten(to_m)):
             seconds[which], pct[which] = price(np.diff(ways_m, axis=1), *(flatten(one)[which] for one in others))
-        seconds, pct = seconds.reshape(shape), pct.reshape(shape)
+        priced = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
-            return seconds, pct
+            return priced
         up, down = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        return np.asarray(seconds + ups * up[0] + downs * down[0]), np.asarray(pct + ups * up[1] + downs * down[1])
+        return priced[0] + ups * up[0] + downs * down[0], priced[1] + ups * up[1] + downs * down[1]
 
     def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.
@@ -142,7 +144,7 @@ class Pricing:
     tracks_m: Annotated[FloatArray, array_of(tuple[tuple[Place, Place], ...])]
     """(n, 2, 3) float64: the two ends of every segment's inspection leg, in the lowest layer."""
     bases: Mapping[str, Base]
-    """By the vehicle's name."""
+    """By the vehicle's name: where it lands, and takes off but for those in `starts`."""
     models: Mapping[str, FlightModel]
     pads_m: tuple[Pair, ...] = ()
     """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
@@ -170,6 +172,8 @@ class Pricing:
     """Vehicles in the air whose start is below their layer."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
+    starts: Annotated[Mapping[str, Base], Field(exclude_if=not_)] = field(default_factory=dict)
+    """By the vehicle's name: where those take off who land elsewhere."""
 
     def build_vehicle_moves(self, vehicle: str, *, around: bool) -> VehicleMoves:
         """Return how a vehicle moves; its ways may lead around others' pads."""
@@ -229,6 +233,7 @@ class Pricing:
             layered=select(self.layered),
             steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
+            starts={name: self.starts[name] for name in names if name in self.starts},
             models={name: self.models[name] for name in names},
         )
 
@@ -329,7 +334,8 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
     for row, (vehicle, profile) in enumerate(zip(vehicles, profiles, strict=True)):
         base = pricing.bases[vehicle.name]
         again[:, row], home[:, row] = flown.price_out(profile, base), flown.price_home(profile, base)
-        start[:, row] = again[:, row]
+        first = pricing.starts.get(vehicle.name)
+        start[:, row] = again[:, row] if first is None else flown.price_out(profile, first)
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])

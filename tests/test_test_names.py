@@ -153,7 +153,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
-    "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",

@@ -20,14 +20,13 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
+from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
-    Answers,
     ChangeStage,
+    KeptList,
     ParameterProposal,
     check_return_height,
-    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import build_rally_list
@@ -212,13 +211,9 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
-
-    async def read(name: str) -> Answers:
-        beside = fence_changes.list_fence_parameters(context, name)
-        return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
-
-    return fence_changes.add_fence_changes(
-        context, propose_return_changes(context, await run_for_each(context.vehicles, read))
+    return fence_changes.propose_changes(
+        context,
+        await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock)),
     )
 
 
@@ -336,9 +331,14 @@ def describe_fence_changes(
     for name, lists in build_wanted_lists(context, first).items():
         had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
         fence = f"fence of {len(lists[MissionKind.FENCE])} corners (had {had.get(MissionKind.FENCE, 'none')})"
-        rally = f", its pad as rally point (had {had.get(MissionKind.RALLY, 'none')})"
+        rally = f", {_name_rally(lists)} (had {had.get(MissionKind.RALLY, 'none')})"
         told.append(f"{name}: {fence}{rally if MissionKind.RALLY in lists else ''}")
     return told
+
+
+def _name_rally(lists: OnboardLists) -> str:
+    points = len(lists.get(MissionKind.RALLY) or ())
+    return "its pad as rally point" if points == 1 else f"its {points} pads as rally points"
 
 
 async def upload_wanted_lists(
@@ -374,7 +374,7 @@ async def upload_wanted_lists(
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = ", and its pad as rally point" if MissionKind.RALLY in new else ""
+        rally = f", and {_name_rally(new)}" if MissionKind.RALLY in new else ""
         corners = len(new[MissionKind.FENCE])
         console.say(Level.INFO, f"{name}: fence of {corners} corners on board{rally}, verified by read-back")
 

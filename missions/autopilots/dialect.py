@@ -214,6 +214,8 @@ class Geofence:
     """The bit of ``kinds`` for polygons and circles that were put on board; 0 if they need none."""
     enable: str | None = None
     """Parameter that switches the fence on with 1; None if ``action`` does."""
+    rally_limit: str | None = None
+    """Parameter: rally points farther away than so many kilometres do not count, 0 for all; None if all do."""
     checked_on_load: bool
     """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""
 

@@ -447,9 +447,9 @@ def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> Raw
         add_line(drawing, replace(feature, parts=places))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
-        tags, parts = content.tags.get(node, {}), [[content.positions[node]]]
+        tags, places = content.tags.get(node, {}), [[content.positions[node]]]
         if has_power_tag(normalise_attributes(tags)):
-            add_points(drawing, Feature(f"node {node}", GeometryKind.POINT, parts, tags, f"node/{node}"))
+            add_points(drawing, Feature(f"node {node}", GeometryKind.POINT, places, tags, f"node/{node}"))
     if content.deleted:
         drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:

@@ -88,7 +88,7 @@ class Beside:
 
 
 async def judged(beside: Beside, seconds: float) -> None:
-    task = asyncio.create_task(keep_judging(beside, beside))  # type: ignore[arg-type]
+    task = asyncio.create_task(keep_judging(beside, beside.judge))  # type: ignore[arg-type]
     await asyncio.sleep(seconds)
     task.cancel()
 
