@@ -117,7 +117,7 @@ class FlightSetup:
         return self.landings.get(vehicle) or self.pad_of(vehicle)
 
     def list_pads_of(self, vehicle: str) -> tuple[Pad, ...]:
-        """Return all pads of a vehicle, the one that it takes off from first: its own return may end on each.
+        """Return all pads of a vehicle, the one that it takes off from first: its own RTL may end on each.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.

@@ -81,7 +81,7 @@ class VehicleSetup:
     day_pads_m: tuple[tuple[float, float], ...] = ()
     """Its pads at the bases of the day, where its sorties end at more than one."""
     rallies: bool = False
-    """Whether these are its rally points: its own return then ends on the nearest of them, else where it took off."""
+    """Whether these are its rally points: its own RTL then ends on the nearest of them, else where it took off."""
 
     def pad_distance_m(self, place_m: tuple[float, float]) -> float:
         """Return how far a place is from the nearest of its pads: it may land on each."""

@@ -35,7 +35,7 @@ from executor.core.interface.recorded_log import (
 )
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.plausibility import filter_implausible
-from missions import AUTOPILOTS, PX4
+from missions import PX4
 
 BACK_USEC = 1_000_000
 """Frames of several links are out of order by less."""
@@ -60,8 +60,6 @@ STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 RC_USEC = 190_000
 """A switch is seen at once."""
-STAND_IN_USEC = 4_000_000
-"""SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
 MARKS = frozenset(HEADS)
 STAMP = 8
 LONGEST = STAMP + 10 + 255 + 2 + 13
@@ -75,11 +73,9 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
-POSITION, BATTERY, SYSTEM = "GLOBAL_POSITION_INT", "BATTERY_STATUS", "SYS_STATUS"
+POSITION = "GLOBAL_POSITION_INT"
 LOCAL_POSITION, TARGET_POSITION = "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"
 MOST_NAMED = 8
-ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
-"""MAV_AUTOPILOT."""
 BOOT_TIMED = frozenset({POSITION, "ATTITUDE"})
 _HEAD = struct.Struct(">Q5B")
 LOOKAHEAD = 1 << 16
@@ -165,10 +161,6 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
-    rounds_twice: bool = False
-    """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
-    battery_usec: int = -STAND_IN_USEC
-    """When its BATTERY_STATUS came last."""
     boot: BootTime | None = None
     """Its own time when it said it last."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
@@ -184,9 +176,9 @@ class _MessageStream:
     system: int
     component: int
     every_usec: int
-    newest_usec: int = -STAND_IN_USEC
+    newest_usec: int = -STEADY_USEC
     """When one was read last."""
-    told_usec: int = -STAND_IN_USEC
+    told_usec: int = -STEADY_USEC
     """When one was handed on last, of those that are all read."""
 
 
@@ -331,14 +323,8 @@ class TelemetryFile(RecordedFile):
         if not frames:
             self.skipped.bad_checksums += 1
             return
-        if kind.name == BATTERY:
-            source.battery_usec = stamp
-        elif kind.name in BOOT_TIMED:
+        if kind.name in BOOT_TIMED:
             source.boot = BootTime(_boot_usec(frame), stamp)
-        elif kind.name == SYSTEM and not self.every_record:
-            # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
-            beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
-            lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
         yield from self._interpret(kind.name, frames[0], stamp, lane)
         if not source.vehicle and kind.name not in NO_BEATS:
             yield stamp, 0, None
@@ -392,7 +378,7 @@ class TelemetryFile(RecordedFile):
         if (before := self._vehicles.get(system)) is not None:
             before.vehicle = False
         self._vehicles[system] = source
-        source.vehicle, source.rounds_twice = True, beat.autopilot in ROUND_TWICE
+        source.vehicle = True
         if source.received + source.missing >= ENOUGH_FRAMES:
             yield stamp, system, Traffic(source.received, source.missing)
             source.received = source.missing = 0
