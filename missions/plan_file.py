@@ -19,12 +19,12 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
+from missions.no_fly_areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.pads import Pad
 from missions.plan_parts import (
     DEPOT,
