@@ -19,6 +19,7 @@ from executor.core.formatting import format_count
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
+from executor.core.lines import checklist
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
 from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
@@ -26,6 +27,7 @@ from executor.core.preflight.parameter_changes import (
     ChangeStage,
     KeptList,
     ParameterProposal,
+    add_other_homes,
     check_return_height,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
@@ -109,6 +111,7 @@ def build_context_and_checklist(
     pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
+    found += _list_day_pads(context)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
     found.append(vehicle_checks.check_disk_space(shutil.disk_usage(request.run).free, paths, context))
@@ -168,6 +171,19 @@ async def upload_first_missions(
     await run_for_each(carried, load)
 
 
+def _list_day_pads(context: Context) -> list[Check]:
+    """Return where vehicles land at bases that are not their own: people keep clear of there too."""
+    if context.day is None:
+        return []
+    checks = []
+    for name, own in context.day.pads.items():
+        for base, pad in own.items():
+            if base != context.day.bases[name]:
+                lat_deg, lon_deg = context.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+                checks.append(checklist.LANDS_THERE.say(name, base=base, lat_deg=lat_deg, lon_deg=lon_deg))
+    return checks
+
+
 async def run_checklist_only(request: FlightRequest, console: Console) -> list[Check]:
     """Ask every vehicle, and return what a flight would be told before its take-off.
 
@@ -211,10 +227,8 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
-    return fence_changes.propose_changes(
-        context,
-        await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock)),
-    )
+    answers = await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock))
+    return add_other_homes(context, fence_changes.propose_changes(context, answers))
 
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:

@@ -43,6 +43,8 @@ BEGINS_S = 8 * 3600.0
 WEST, EAST = 0, 1
 PACKS, RECHARGE_S = 3, 900.0
 NEAR_M = 1.0
+LOWER_M = 6.0
+"""Heights count from another home in the east: what is set for RTL has to be another."""
 THERE_AND_BACK = (
     ((WEST, (0, 1), EAST), (EAST, (7, 6), WEST)), ((WEST, (2, 3), EAST), (EAST, (5, 4), EAST)),
 )  # fmt: skip
@@ -68,10 +70,10 @@ def ground_of(folder: Path, autopilot: str, **tables: object) -> SiteModel:
     )
     content["inspection"] = {"ceiling_m": SIMULATED_CEILING_M, "heights": "flat"}
     bases = []
-    for name, at_m, own in (("west", WEST_M, ["uav1", "uav2"]), ("east", EAST_M, [])):
+    for name, at_m, lower_m, own in (("west", WEST_M, 0.0, ["uav1", "uav2"]), ("east", EAST_M, LOWER_M, [])):
         lat_deg, lon_deg = FRAME.to_wgs84_deg(*at_m)
-        bases.append({"name": name, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": FRAME.alt_m, "vehicles": own,
-                      "packs": PACKS, "recharge_s": RECHARGE_S, "turnaround_s": 120})  # fmt: skip
+        bases.append({"name": name, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": FRAME.alt_m - lower_m,
+                      "vehicles": own, "packs": PACKS, "recharge_s": RECHARGE_S, "turnaround_s": 120})  # fmt: skip
     day = {"begin": "08:00", "end": "12:00", "lands": "any"}
     content |= {"energy": {"capacity_ah": 1.0}, "base": bases, "day": day, "fence": {"enabled": True}, **tables}
     return site_model.load_site_model(check_site(content, "test"), folder)
@@ -177,6 +179,8 @@ def test_vehicles_fly_to_the_other_base_and_back_across_an_absence(tmp_path: Pat
         ("uav1", 2): ("east", "west"), ("uav2", 2): ("east", "east"),
     }  # fmt: skip
     assert any("as planned; it lands at base west" in line for line in said)
+    assert sum("parameters set again after reboot: RTL_" in line for line in said) >= 2
+    assert not [line for line in said if "parameters differ" in line]
     # Two packs left the west, and two the east; what landed is not charged again yet.
     ended_s = flight.launched_s + flight.flown_s
     stocks = [count_packs(flight.context, flight.state, name, ended_s) for name in ground.names]

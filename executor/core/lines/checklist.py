@@ -186,6 +186,9 @@ OFF_STATED_PAD = ChecklistLine(
     WARNING, CheckCode.AREAS,
     "it stands {off_m:.0f} m from the pad that the site states for it; it lands where it stands",
 )  # fmt: skip
+LANDS_THERE = ChecklistLine(
+    OK, CheckCode.PLAN, "lands at base {base} too: its pad there is at {lat_deg:.6f}, {lon_deg:.6f}"
+)
 ALTERNATES = ChecklistLine(OK, CheckCode.AREAS, "alternates: {names}")
 AREAS_ENTERED = ChecklistLine(STOP, CheckCode.AREAS, "{found}")
 AREAS_KEPT = ChecklistLine(OK, CheckCode.AREAS, "{areas}; every leg keeps out of them")

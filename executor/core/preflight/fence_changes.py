@@ -24,7 +24,6 @@ from executor.core.preflight.parameter_changes import (
     KeptParameter,
     ParameterProposal,
     Present,
-    add_other_homes,
     format_number,
     list_change_checks,
     plan_change,
@@ -60,7 +59,7 @@ def propose_changes(context: Context, answered: Mapping[str, Answers]) -> Parame
         context: Of the flight.
         answered: What came of asking each vehicle.
     """
-    proposal = add_other_homes(context, propose_return_changes(context, answered))
+    proposal = propose_return_changes(context, answered)
     changes, checks = list(proposal.changes), list(proposal.checks)
     for name, said in proposal.present.items():
         made = plan_fence_changes(context, name, said)
