@@ -57,7 +57,7 @@ from missions.flight_model import (
 from missions.geo import LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.items import Command, Frame, MissionItem, MissionKind
-from missions.layers import HeightReference, plan_layers, tracks_m
+from missions.layers_and_rtl_heights import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment

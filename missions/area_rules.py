@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
 from missions.clearance import measure_over_ground
 from missions.errors import SafetyError
 from missions.geo import BoolArray, FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
+from missions.no_fly_areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
 from missions.pads import Pad
 from missions.setup import FlightSetup
 from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph

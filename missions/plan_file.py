@@ -13,18 +13,18 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from operator import not_
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
+from missions.no_fly_areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.pads import Pad
 from missions.plan_parts import (
     DEPOT,
@@ -69,7 +69,7 @@ from planner.sorties import (
     count_packs_needed,
 )
 
-FORMAT = "faultline-plan/2"
+FORMAT: Final = "faultline-plan/2"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,10 +19,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from missions.areas import AreaRestriction, Unreachable
 from missions.detours import DetourObstacles
 from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m, find_vertical_legs
 from missions.geo import BoolArray, FloatArray, IntArray
+from missions.no_fly_areas import AreaRestriction, Unreachable
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of

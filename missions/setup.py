@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from missions.areas import Area, AreaRestriction, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
 from missions.detours import DetourObstacles
 from missions.errors import SafetyError
@@ -20,9 +19,10 @@ from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.inspection_defaults import Inspection
-from missions.layers import NOWHERE, Layers, plan_layers, tracks_m
+from missions.layers_and_rtl_heights import NOWHERE, Layers, plan_layers, tracks_m
 from missions.line_heights import with_heights
 from missions.network import Network
+from missions.no_fly_areas import Area, AreaRestriction, Unreachable
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.shortest_ways import Obstacle, build_area_graph, build_obstacle
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
@@ -117,7 +117,7 @@ class FlightSetup:
         return self.landings.get(vehicle) or self.pad_of(vehicle)
 
     def list_pads_of(self, vehicle: str) -> tuple[Pad, ...]:
-        """Return all pads of a vehicle, the one that it takes off from first: its own return may end on each.
+        """Return all pads of a vehicle, the one that it takes off from first: its own RTL may end on each.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.

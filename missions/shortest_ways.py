@@ -16,9 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import find_nearest_on_legs, is_enclosed, is_in_triangles
+from missions.no_fly_areas import Area, Ring
 from missions.validation import Figure
 
 Place = tuple[float, float]

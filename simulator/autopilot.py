@@ -14,7 +14,8 @@ from typing import ClassVar
 from simulator import messages
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
-from simulator.config import PAYLOAD_FAULTS, AutopilotKind, InjectionKind, SimVehicle
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.fault_kinds import PAYLOAD_FAULTS, InjectionKind
 from simulator.guidance import Hover, Leg, find_stopping_place
 from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission

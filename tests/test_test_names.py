@@ -112,7 +112,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_fleet.py": (
         "executor/flight/run_flight.py",
         "executor/flight/run_start.py",
-        "executor/simulated/injected_faults.py",
+        "executor/simulated/fault_truths.py",
     ),
     "tests/e2e/test_given_back.py": (
         "executor/cli/flights.py",
@@ -125,6 +125,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/chunks.py",),
+    "tests/executor/adapters/mqtt/test_publisher.py": ("executor/adapters/mqtt/topics.py",),
     "tests/executor/adapters/web/test_server.py": ("executor/adapters/web/snapshot.py",),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
@@ -135,7 +136,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/analysis/test_report.py": ("executor/adapters/run_directory.py",),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_keys.py",
-        "missions/areas.py",
+        "missions/no_fly_areas.py",
     ),
     "tests/executor/cli/test_main.py": (
         "executor/cli/options.py",

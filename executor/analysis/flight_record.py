@@ -33,8 +33,8 @@ from executor.site import site_model
 from executor.site.learned_files import load_site_packs
 from executor.site.site_file import Site, read_site
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
-from missions.areas import Area
 from missions.geo import FloatArray
+from missions.no_fly_areas import Area
 from missions.pricing import DEPOT_M
 
 Place = tuple[float, float]

@@ -32,7 +32,7 @@ from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import LISTS, PARAMETERS, build_parameter_rows, check_run, find_open_parameters
 from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
 from executor.simulated import simulated_fleet
-from executor.simulated.injected_faults import read_injected_faults
+from executor.simulated.fault_truths import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
 from executor.site.plan_summary import describe_day

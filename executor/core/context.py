@@ -15,8 +15,8 @@ from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.fault_thresholds import Limits
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Pad, Performance, Pricing
-from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED
+from missions.no_fly_areas import Unreachable
 from planner import Drone, pct_per_s, top_speed_m_s
 
 
@@ -81,7 +81,7 @@ class VehicleSetup:
     day_pads_m: tuple[tuple[float, float], ...] = ()
     """Its pads at the bases of the day, where its sorties end at more than one."""
     rallies: bool = False
-    """Whether these are its rally points: its own return then ends on the nearest of them, else where it took off."""
+    """Whether these are its rally points: its own RTL then ends on the nearest of them, else where it took off."""
 
     def pad_distance_m(self, place_m: tuple[float, float]) -> float:
         """Return how far a place is from the nearest of its pads: it may land on each."""

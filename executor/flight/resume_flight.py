@@ -39,7 +39,7 @@ from executor.flight.flight_recorder import (
 )
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import PARAMETERS, build_parameter_rows
-from executor.simulated.injected_faults import read_injected_faults
+from executor.simulated.fault_truths import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 

@@ -80,7 +80,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         for name in ground.names
     ]  # fmt: skip
     vehicles = tuple(_build_day_vehicles(ground, table, tables, days, pads))
-    _check_landings(ground, vehicles, [place.name for place in places])
+    _check_landings(ground, vehicles, {place.name: at for place, at in zip(places, at_m, strict=True)})
     everywhere = tuple(pad for own in ground.day_pads.values() for pad in own.values())
     setup = replace(ground.setup, day_pads=everywhere)
     pricing = build_pricing(ground, setup, speeds_m_s=_collect_speeds_m_s(ground))
@@ -154,13 +154,15 @@ def list_spares(ground: SiteModel) -> list[str]:
     return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
 
 
-def _check_landings(ground: SiteModel, vehicles: Sequence[DayVehicle], bases: Sequence[str]) -> None:
+def _check_landings(
+    ground: SiteModel, vehicles: Sequence[DayVehicle], bases_m: Mapping[str, tuple[float, float]]
+) -> None:
     """Refuse bases of others where a vehicle may land, and that are in an area or that no way leads to."""
     for own in vehicles:
-        areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases, own.pads, strict=True))
+        areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases_m, own.pads, strict=True))
         for name in own.lands if areas else ():
             begin_m, end_m = np.array(own.start_m), np.array(pads[name].place_m[:2])
-            for area in ground.setup.areas_at(own.name, pads[name].place_m[:2]):
+            for area in ground.setup.areas_at(own.name, pads[name].place_m[:2] if name == own.base else bases_m[name]):
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
             if build_visibility_graph(areas).is_cut_off(begin_m, end_m[np.newaxis])[0]:
@@ -468,7 +470,7 @@ def _check_bases(
         needs_pct = _compute_return_pct(content, own, one)
         if needs_pct > own.budget_pct:
             yield (
-                f"{place}: its own return ends where it took off, and takes {needs_pct:.0f} % in all, its "
+                f"{place}: its own RTL ends where it took off, and takes {needs_pct:.0f} % in all, its "
                 f'budget is {own.budget_pct:.0f} %: expected [fence] with enabled = true and rally = "pad", which '
                 "lets it return to the nearer of its pads"
             )

@@ -31,12 +31,12 @@ from executor.site.site_parts import (
     place_day_pads,
 )
 from missions.area_rules import apply_areas
-from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
 from missions.line_heights import add_ground_heights, add_structure_heights
+from missions.no_fly_areas import Unreachable
 from missions.pads import column_radius_m
-from missions.plan_file import PlanTerrain
+from missions.plan_parts import PlanTerrain
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s

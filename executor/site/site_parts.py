@@ -18,7 +18,9 @@ from executor.site.flight_keys import BaseTable
 from executor.site.site_file import Site
 from executor.site.site_keys import AreaTable, LookTable, Margin, OverGround, OverSea, Width
 from missions import BasePlace, FlightSetup, LocalFrame, Network, Pad, SafetyError, parse_where, place_pads
-from missions.areas import (
+from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
+from missions.errors import AreaError
+from missions.no_fly_areas import (
     Area,
     AreaKind,
     Ring,
@@ -28,8 +30,6 @@ from missions.areas import (
     remove_double_corners,
     simplify_outline,
 )
-from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
-from missions.errors import AreaError
 from missions.readers.area_files import FIGURES, FileArea, check_outline, read_areas
 from missions.setup import put_pads_on_ground
 from missions.terrain import Terrain

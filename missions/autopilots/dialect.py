@@ -303,13 +303,12 @@ class Dialect:
     """What this dialect was measured with."""
 
 
-def _read_dialects(*names: str) -> tuple[Dialect, ...]:
-    files = (resources.files(__package__).joinpath(f"{name}.toml") for name in names)
-    reader = TypeAdapter(Dialect)
-    return tuple(reader.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))) for file in files)
+def _read_dialect(name: str) -> Dialect:
+    text = resources.files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return TypeAdapter(Dialect).validate_python(tomllib.loads(text))
 
 
-AUTOPILOTS = ARDUPILOT, PX4 = _read_dialects("ardupilot", "px4")
+AUTOPILOTS = ARDUPILOT, PX4 = _read_dialect("ardupilot"), _read_dialect("px4")
 
 
 def dialect_for(name: str) -> Dialect:

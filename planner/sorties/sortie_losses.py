@@ -127,7 +127,7 @@ def build_sorties_after_loss(
     fleet = len(instance.vehicles)
     if not all(0 <= one < fleet for one in (*lost, *(sortie.vehicle for sortie in sorties))):
         raise PlanError(f"expected sorties and losses of {fleet} vehicles")
-    kept, tails, broken = [], [], []
+    kept, tails, broken = list[Route](), list[Route](), list[Route]()
     flown: list[tuple[Route, float]] = []
     """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
     wanted = instance.wanted.copy()

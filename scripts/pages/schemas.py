@@ -18,10 +18,10 @@ from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
 from executor.site import flight_keys, learned_files, mqtt_and_web_keys, site_file, site_keys
 from missions import (
-    areas,
     flight_model,
     geo,
     inspection_defaults,
+    no_fly_areas,
     plan_file,
     plan_parts,
     pricing,
@@ -54,7 +54,7 @@ MESSAGES: dict[str, type[object]] = {
 SITE = (site_file, site_keys, flight_keys, mqtt_and_web_keys)
 """The modules that the site file's keys are in."""
 PLAN = (
-    areas,
+    no_fly_areas,
     flight_model,
     geo,
     inspection_defaults,

@@ -6,7 +6,9 @@ import math
 
 import pytest
 
-from simulator.config import AutopilotKind, FaultSpecError, SimFleet, parse_fault
+from simulator.config import AutopilotKind, SimFleet
+from simulator.errors import FaultSpecError
+from simulator.fault_kinds import parse_fault
 from simulator.messages import MavCommand, Severity
 from tests.simulator.harness import LAND, sim_vehicle
 from tests.simulator.test_fleet_vehicle import KINDS, Flight

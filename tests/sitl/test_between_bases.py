@@ -90,13 +90,13 @@ def test_two_vehicles_change_places_and_come_back(autopilot: Autopilot, tmp_path
     ground = site_model.load_site_model(check_site(tables, "test"), tmp_path)
     write_plan(day, plan_between(ground))
     stands = {name: ground.setup.pad_of(name) for name in (ONE, OTHER)}
-    pads = {
+    own_pads = {
         ONE: {"north": stands[ONE], **ground.day_pads[ONE]},
         OTHER: {"south": stands[OTHER], **ground.day_pads[OTHER]},
     }
     wanted = Wanted(stands, frame, story.speedup, story.settings, frozenset())
     with running(autopilot, Path(autopilot.binary), tmp_path / "sim", wanted) as vehicles:
-        crew = AtBothBases(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"), pads=pads)
+        crew = AtBothBases(vehicles, httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}"), pads=own_pads)
         code, report = asyncio.run(flown(site, day, run, crew))
     said = [line["said"] for line in log_lines(run) if "said" in line]
     assert code == 0, said
@@ -109,12 +109,12 @@ def test_two_vehicles_change_places_and_come_back(autopilot: Autopilot, tmp_path
         (ONE, 1, "north", "south"), (ONE, 2, "south", "north"),
         (OTHER, 1, "south", "north"), (OTHER, 2, "north", "south"),
     ], report["sorties"]  # fmt: skip
-    for name, own in pads.items():  # each landed on its own pad of the other base, and not on a neighbour's
+    for name, flown_to in own_pads.items():  # each landed on its own pad of the other base, and not on a neighbour's
         places = [
             frame.to_local_m(fix.lat / 1e7, fix.lon / 1e7)
             for _, fix in messages(run / f"{name}.tlog", "GLOBAL_POSITION_INT")
         ]
-        for pad in own.values():
+        for pad in flown_to.values():
             assert min(((e - pad.east_m) ** 2 + (n - pad.north_m) ** 2) ** 0.5 for e, n in places) < NEAR_M
     kept = [f"{row['vehicle']} {row['name']}" for row in report["parameters"] if not row["restored"]]
     assert kept == [], [line["told"] for line in log_lines(run) if "told" in line]

@@ -18,8 +18,8 @@ from executor.core.imaging.asset_status import AssetState, build_asset_views, li
 from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import Coverage, FleetState
 from missions import Phase, Window
-from missions.areas import AreaKind
 from missions.files import json_text
+from missions.no_fly_areas import AreaKind
 
 Place = tuple[float, float]
 """East and north of the depot, in metres."""

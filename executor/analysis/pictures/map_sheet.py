@@ -18,8 +18,8 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from executor.analysis.flight_record import Place
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, make_figure, make_white_edge
 from executor.site.ground_view import Contour, GroundView
-from missions.areas import Area, AreaKind
 from missions.geo import FloatArray
+from missions.no_fly_areas import Area, AreaKind
 from missions.readers.background_files import Background, Pixels
 
 DIRECTIONS = 24

@@ -380,7 +380,7 @@ def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return checklist.ABOVE_LINE
-    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers` tells flat from uneven
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers_and_rtl_heights` tells flat from uneven
         return checklist.ABOVE_LAYERS
     return checklist.IN_ITS_LAYER
 

@@ -213,12 +213,12 @@ def test_a_day_between_bases_begins_and_ends_its_sorties_there() -> None:
 def test_a_sortie_that_could_not_return_to_its_begin_needs_rally_points() -> None:
     ground, day = between_bases(energy={"capacity_ah": 1.2})
     said = refused(day, ground)
-    assert "sortie 1 of uav1 ends at base east: its own return ends where it took off" in said
+    assert "sortie 1 of uav1 ends at base east: its own RTL ends where it took off" in said
     assert 'expected [fence] with enabled = true and rally = "pad"' in said
     build_first_sorties_plan(*between_bases(energy={"capacity_ah": 1.2}, **FENCED)[::-1])
     build_first_sorties_plan(*between_bases()[::-1])  # with so much to spare it could
     kept = between_bases(energy={"capacity_ah": 1.2}, fence={"enabled": True, "rally": "keep"})
-    assert "its own return ends where it took off" in refused(*kept[::-1])
+    assert "its own RTL ends where it took off" in refused(*kept[::-1])
 
 
 def test_a_sortie_to_another_base_is_refused_where_vehicles_come_down_to_the_line() -> None:

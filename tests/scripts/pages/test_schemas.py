@@ -78,14 +78,12 @@ autopilot = "px4"
 """
 
 
-@cache
-def adapter(model: type[object]) -> TypeAdapter[object]:
-    return TypeAdapter(model)
+ADAPTERS = {model: TypeAdapter[object](model) for model in FILES.values()}
 
 
 def accepted(model: type[object], document: object) -> bool:
     try:
-        adapter(model).validate_json(json.dumps(document))
+        ADAPTERS[model].validate_json(json.dumps(document))
     except ValidationError:
         return False
     return True
