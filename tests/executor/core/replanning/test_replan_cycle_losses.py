@@ -67,7 +67,7 @@ class Beside:
 
     def __init__(self, story: Story, answer: tuple[int, ...] | None) -> None:
         self.story, self.answer = story, answer
-        self.context = story.context
+        self.context_now = story.context
         self.asked: list[Solve] = []
 
     @property
@@ -81,7 +81,7 @@ class Beside:
         self.story.happen(event)
 
     async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
-        assert pricing is self.context.pricing
+        assert pricing is self.context_now.pricing
         self.asked.append(problem)
         await asyncio.sleep(0.5)
         return self.answer
