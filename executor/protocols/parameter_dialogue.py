@@ -51,6 +51,7 @@ class _Question:
 class ParameterReading(DialogueMachine):
     """The state of reading parameters: of each there is a value in the end, or it is not there, or it was not read."""
 
+    is_transfer = True
     waiting: tuple[_Question, ...]
     """Those to be asked next, in turn."""
     asked: tuple[_Question, ...] = ()
@@ -62,7 +63,7 @@ class ParameterReading(DialogueMachine):
     """What the vehicle does not have."""
     refused: frozenset[str] = frozenset()
     """What it answers without a value."""
-    round_trip: RoundTrip = field(default_factory=lambda: RoundTrip(waits_s=1.5, most_s=4.0))
+    round_trip: RoundTrip = field(default=RoundTrip(waits_s=1.5, most_s=4.0), kw_only=True)
     room: int = AT_ONCE
     """How many may be under way."""
     sent: int = 0

@@ -417,9 +417,12 @@ class Flight:
 
 
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
-    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
+    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
+
+    It is for everybody who hears it, so that it goes out once to vehicles behind one radio.
+    """
     while True:
-        for name, link in links.items():
+        for name, link in {link.peer or name: (name, link) for name, link in links.items()}.values():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         await asyncio.sleep(HEARTBEAT_S / clock.speedup)
 

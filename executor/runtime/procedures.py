@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,9 @@ from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import (
     LEAST_WAIT_S,
     awake,
@@ -32,6 +35,9 @@ from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
 
 M = TypeVar("M", bound=DialogueMachine)
+Need = tuple[Rank, float]
+"""Which transfer goes first behind one radio: what kind it is, and in how many seconds it should be over."""
+BEFORE_FLIGHT: Need = (Rank.BEFORE_FLIGHT, math.inf)
 
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
@@ -91,6 +97,7 @@ async def upload_and_verify(
     wanted: Callable[[bool], bool] = lambda _: True,
     tell: Callable[[str], None] = lambda _: None,
     kind: MissionKind = MissionKind.MISSION,
+    need: Need = BEFORE_FLIGHT,
 ) -> ProcedureResult:
     """Upload a mission, a fence or rally points, and read it back until both are the same, but not for ever.
 
@@ -102,6 +109,7 @@ async def upload_and_verify(
         wanted: Asked before it is begun again, with whether a part of it may be on board.
         tell: Told once that the vehicle is busy, and for how long that is borne.
         kind: Which of the vehicle's lists.
+        need: How soon it is needed, where other vehicles behind the same radio are given something too.
     """
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     busy, broken_off, real_began_s = 0, False, underlying(clock).now_s()
@@ -115,11 +123,17 @@ async def upload_and_verify(
             break
         if attempt:
             await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
-        if attempt and not wanted(mixed):
-            return ProcedureResult(
-                accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
-            )
-        upload = await upload_once(link, clock, dialect, items, kind)
+        async with channel_of(link).take_turn(clock, *need) as waited:
+            if (attempt or waited) and not wanted(mixed):
+                return ProcedureResult(
+                    accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
+                )
+            if waited and not attempt:
+                began_s, real_began_s = clock.now_s(), underlying(clock).now_s()
+            upload = await upload_once(link, clock, dialect, items, kind)
+            # Where every item was sent, perhaps only the acknowledgement got lost. What is on board decides.
+            all_sent = upload.accepted or upload.is_all_sent or not items
+            download = await _read_back(link, clock, kind, upload) if all_sent else None
         if upload.is_begun:
             # Both autopilots take fences and rally points as a whole.
             mixed = kind is MissionKind.MISSION and not dialect.upload_is_atomic
@@ -129,10 +143,8 @@ async def upload_and_verify(
         if not upload.accepted:
             reason, code = upload.reason, upload.code
             busy = _count_busy(upload, code, busy, dialect, tell)
-            if (items and not upload.is_begun) or upload.furthest < len(items) - 1:
-                continue
-            # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
-        download = await _read_back(link, clock, kind, upload)
+        if download is None:
+            continue
         if not download.accepted:
             reason, code = download.reason, download.code
             broken_off |= isinstance(download.outcome, TimedOut)

@@ -56,6 +56,7 @@ class FakeLink:
         self.spoken_to = asyncio.Event()
         """Something was handed to the link."""
         self.counts = LinkCounts()
+        self.radio: object | None = None
         self.cut = False
         """Nothing passes any more."""
         self._clock = clock
@@ -63,6 +64,11 @@ class FakeLink:
         self._listeners: list[Callable[[Message], None]] = []
         self._timer: asyncio.TimerHandle | None = None
         self._set_timer()
+
+    @property
+    def peer(self) -> object | None:
+        """The radio that it shares with others, if there is one."""
+        return self.radio
 
     def send(self, message: Outgoing) -> None:
         """Send towards the vehicle."""

@@ -10,7 +10,7 @@ import asyncio
 import os
 import socket
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
@@ -52,6 +52,10 @@ class VehicleLink:
         self.counts = LinkCounts(missing=0)
         self.write: Write = discard_frame
         """Set by the endpoint when it knows where the vehicle is."""
+        self.radio: Hashable | None = None
+        """The radio behind several connections, where the site says that there is one."""
+        self.beside: Sequence[VehicleLink] = (self,)
+        """The links of its endpoint, this one among them."""
         self._codec = codec
         self._log = log
         self._listeners: list[Callable[[messages.Message], None]] = []
@@ -77,12 +81,24 @@ class VehicleLink:
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
+    @property
+    def peer(self) -> Hashable | None:
+        """Where it is written to: a port, or an address behind one."""
+        return None if self.write is discard_frame else self.radio or self.write
+
     def send(self, message: messages.Outgoing) -> None:
         """Send one message; before the vehicle's address is known there is nowhere to send it."""
         if self.write is discard_frame:
             return
         frame = self._codec.encode(message, self.sysid, self.component)
-        if self.write(frame) and self._log is not None:
+        if self.write(frame):
+            for one in self.beside if isinstance(message, messages.SendHeartbeat) else (self,):
+                if one.write == self.write:
+                    one.record_sent(frame)
+
+    def record_sent(self, frame: bytes) -> None:
+        """Record a frame that this vehicle is sent, maybe with others."""
+        if self._log is not None:
             self._log.write(frame)
 
     def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
@@ -209,6 +225,8 @@ class Router:
         """Route to these links."""
         self.codec = codec
         self._links = {link.sysid: link for link in links}
+        for link in self._links.values():
+            link.beside = tuple(self._links.values())
 
     def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:
         """Hand frames on; a vehicle that sent one, from the address `source`, is answered with `write`."""
