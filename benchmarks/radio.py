@@ -266,5 +266,3 @@ def radio_results(flights: Sequence[RadioFlight]) -> dict[str, object]:
 def list_radios() -> tuple[str, ...]:
     """Return the profiles that are flown by default."""
     return tuple(name for name in (*FAST, *SLOW) if name in PROFILES)
-
-

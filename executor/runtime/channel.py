@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import AsyncIterator, Hashable
 from contextlib import asynccontextmanager
 from contextvars import ContextVar
@@ -54,7 +55,7 @@ class Channel:
             self.under_way[turn] = now_s
 
     @asynccontextmanager
-    async def take_turn(self, clock: Clock, rank: Rank, needed_s: float) -> AsyncIterator[bool]:
+    async def take_turn(self, clock: Clock, rank: Rank, needed_s: float = math.inf) -> AsyncIterator[bool]:
         """Wait until a transfer may begin, and hold the channel inside the block; yields whether that took any time."""
         if _TURN.get() in self.under_way:  # it is a part of one
             yield False
@@ -99,4 +100,4 @@ def channel_of(link: Link) -> Channel:
     if len(known) > MOST_CHANNELS:
         for peer in [peer for peer, one in known.items() if not one.under_way and not one.waiting]:
             del known[peer]
-    return known.setdefault(link.peer or link, Channel())
+    return known.setdefault(link.peer or id(link), Channel())

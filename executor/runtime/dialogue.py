@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-import math
 from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -272,7 +271,7 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     channel, paced = channel_of(link), _DialogueClock(underlying(clock))
     if not machine.is_transfer:
         return await _run_to_end(machine, link, channel, clock, paced)
-    async with channel.take_turn(paced, Rank.BEFORE_FLIGHT, math.inf):
+    async with channel.take_turn(paced, Rank.BEFORE_FLIGHT):
         return await _run_to_end(machine, link, channel, clock, paced)
 
 

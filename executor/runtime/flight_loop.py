@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
+import itertools
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -25,9 +26,11 @@ from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
 from executor.protocols import vehicle_commands
+from executor.protocols.turns import Rank
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
-from missions import EncodeError, encode, flag_current
+from executor.runtime.procedures import UploadNeed
+from missions import EncodeError, MissionItem, encode, flag_current
 from missions.fences import build_fence_items
 
 TICK_S = 0.2
@@ -370,8 +373,18 @@ class Flight:
                 return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
             self._whole.add(name)
         wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
-        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell)
+        alike = self._count_proven_items(name, mission.items) if command.airborne else 0
+        need = UploadNeed(Rank.IN_FLIGHT, new_missions.estimate_need_s(self.state, name), alike)
+        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell, need=need)
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
+
+    def _count_proven_items(self, vehicle: str, items: Sequence[MissionItem]) -> int:
+        """Return how many items a mission has in common with the one that was read from this vehicle."""
+        known, dialect = self.state.vehicles[vehicle].assignment, self.context.vehicles[vehicle].dialect
+        if known.board is None or known.carried.may_be_foreign():
+            return 0
+        before = flag_current(encode(known.board.path, dialect), None).items
+        return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, items, strict=False)))
 
     def _report(self, vehicle: str, text: str) -> None:
         self._record_note(f"{vehicle}: {text}")

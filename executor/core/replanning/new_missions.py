@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -11,6 +12,7 @@ from executor.core.interface.commands import Command, Compose, Say, Survivor, Up
 from executor.core.interface.events import MissionsWanted, NewRoute
 from executor.core.lines import replanning
 from executor.core.replanning import replan_separation, survivors
+from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
 from executor.core.state.vehicle_parts import ModeCause
@@ -126,6 +128,15 @@ def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) ->
     if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle):
         return False  # it is left to its way home, and to its landing; who lies somewhere flies none
     return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
+
+
+def estimate_need_s(state: FleetState, name: str) -> float:
+    """Return in how many seconds a vehicle flies past the part of its mission that stays; infinite if it flies none."""
+    plan, vehicle = state.replanning.replan, state.vehicles[name]
+    offer = None if plan is None else next((one for one in plan.solve.survivors if one.vehicle == name), None)
+    if offer is None or not offer.airborne or vehicle.assignment.board is None:
+        return math.inf
+    return legs.time_to_reach_s(vehicle, max(0, offer.kept - 1))
 
 
 def _build_new_mission(
