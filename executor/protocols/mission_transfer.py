@@ -45,6 +45,8 @@ U = TypeVar("U", bound="UploadDialogue")
 D = TypeVar("D", bound="DownloadDialogue")
 Sent = tuple[messages.Outgoing, ...]
 
+LEAST_PERIOD_S = 0.25
+"""An item is not repeated sooner without having been asked for: the vehicle, or this computer, may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
@@ -75,8 +77,8 @@ class _UnderWay:
 
     seq: int
     at_s: float
-    again: bool = False
-    """Whether it was sent before: then nobody knows which of the two is answered."""
+    first_s: float | None = None
+    """When it was sent before, where it was: nobody knows which of the two is answered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +155,9 @@ class UploadDialogue(DialogueMachine):
             return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
         if silent:
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
-        state = replace(self, round_trip=self.round_trip.record_timeout(), room=max(1, self.room // 2), under_way=())
+        state = replace(self, round_trip=self.round_trip.record_timeout(), room=max(1, self.room // 2))
         # Who has everything asks for nothing more: the last item brings its acknowledgement again.
-        return _send_items(state, len(self.items) - 1 if self.is_all_sent else self.furthest, now_s, 1)
+        return _send_items(state, (), len(self.items) - 1 if self.is_all_sent else self.furthest, now_s, 1)
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
@@ -168,17 +170,17 @@ class UploadDialogue(DialogueMachine):
         if seq < self.furthest:  # a late double, or a vehicle that has begun anew
             if self.under_way and now_s - self.under_way[0].at_s < self.usual_s:
                 return _wait_for_answer(state, now_s), ()
-            return _send_items(replace(state, furthest=seq, under_way=()), seq, now_s, self.room)
+            return _send_items(replace(state, furthest=seq), (), seq, now_s, self.room)
         come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
         left = tuple(one for one in self.under_way if one.seq >= seq)
         trip = self.round_trip
-        if come and not come[-1].again:
-            trip = trip.record_round_trip(now_s - come[-1].at_s)
+        if come:
+            trip = _record_answer(trip, come[-1], now_s)
         elif not self.is_begun and self.counts_sent == 1:
             trip = trip.record_round_trip(now_s - self.counted_s)
         room = min(self.ahead, self.room + len(come))
-        state = replace(state, furthest=seq, round_trip=trip, room=room, under_way=left)
-        return _send_items(state, left[-1].seq + 1 if left else seq, now_s, room - len(left))
+        state = replace(state, furthest=seq, round_trip=trip, room=room)
+        return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
     @property
     def usual_s(self) -> float:
@@ -211,22 +213,35 @@ def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
     first = state.under_way[0] if state.under_way else None
     if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
         return _wait_for_answer(state, now_s), ()
-    return _send_items(replace(state, room=max(1, state.room // 2), under_way=()), state.furthest, now_s, 1)
+    return _send_items(replace(state, room=max(1, state.room // 2)), (), state.furthest, now_s, 1)
 
 
-def _send_items(state: U, seq: int, now_s: float, most: int) -> tuple[U, Sent]:
-    """Send the items from one on, as many as there is room for."""
+def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, most: int) -> tuple[U, Sent]:
+    """Send the items from one on, as many as there is room for beside those that stay under way."""
     fast = state.round_trip.mean_s is not None and state.round_trip.mean_s < AHEAD_TRIP_S
-    room = max(0, min(most, 1 - len(state.under_way) if fast else most))
-    sent = state.items[seq : seq + room]
-    under_way = (*state.under_way, *(_UnderWay(one.seq, now_s, one.seq <= state.highest) for one in sent))
-    state = replace(state, under_way=under_way, highest=max([state.highest, *(one.seq for one in sent)]))
+    room = max(0, min(most, 1 - len(kept) if fast else most))
+    sent, before_s = state.items[seq : seq + room], {one.seq: one.first_s or one.at_s for one in state.under_way}
+    fresh = (
+        _UnderWay(one.seq, now_s, before_s.get(one.seq, now_s) if one.seq <= state.highest else None) for one in sent
+    )
+    highest = max([state.highest, *(one.seq for one in sent)])
+    state = replace(state, under_way=(*kept, *fresh), highest=highest)
     return _wait_for_answer(state, now_s), tuple(messages.SendMissionItem(one, state.kind) for one in sent)
+
+
+def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip:
+    """Return what is known of the link after an answer.
+
+    Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+    """
+    since_s = now_s - asked.at_s
+    vain = asked.first_s is not None and trip.mean_s is not None and since_s < trip.mean_s / 2
+    return trip.record_round_trip(now_s - asked.first_s if vain and asked.first_s is not None else since_s)
 
 
 def _wait_for_answer(state: U, now_s: float) -> U:
     """Return the state with the time until which the vehicle may take to answer what is under way."""
-    waits_s = state.round_trip.waits_s
+    waits_s = max(state.round_trip.waits_s, LEAST_PERIOD_S)
     if state.is_all_sent:
         waits_s = max(waits_s, LAST_ITEM_PERIOD_S)  # it asks by itself for what it has not
     return replace(state, deadline_s=min(now_s + waits_s, state.heard_s + state.silence_s))
@@ -322,7 +337,8 @@ class DownloadDialogue(DialogueMachine):
                 return self, ()
 
     def _take_item(self, item: MissionItem, asked: _UnderWay, now_s: float) -> tuple[Self, Sent]:
-        trip = self.round_trip if asked.again else self.round_trip.record_round_trip(now_s - asked.at_s)
+        again = asked.first_s is not None
+        trip = self.round_trip if again else self.round_trip.record_round_trip(now_s - asked.at_s)
         items, later = list(self.items), {one.seq: one for one in (*self.later, item)}
         while (seq := self.first + len(items)) in later:
             items.append(later.pop(seq))
@@ -352,7 +368,7 @@ class DownloadDialogue(DialogueMachine):
             return _ask_count(state, now_s)
         late = tuple(one for one in state.under_way if one.at_s <= now_s - waited_s + SAME_S) or state.under_way[:1]
         kept = tuple(one for one in state.under_way if one not in late)
-        again = tuple(_UnderWay(one.seq, now_s, again=True) for one in late)
+        again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in late)
         return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
 
     def _build_farewell(self) -> Sent:
