@@ -21,9 +21,6 @@ where a repeated question comes two items late, and without a word after 5 s: th
 
 from __future__ import annotations
 
-import struct
-import zlib
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Self, TypeVar
@@ -31,6 +28,7 @@ from typing import Self, TypeVar
 from executor.core.interface import messages
 from executor.core.interface.codes import Ending
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
+from missions import compute_list_checksum
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
@@ -106,6 +104,8 @@ class UploadDialogue(DialogueMachine):
     """How many may be now."""
     highest: int = -1
     """The highest item that was ever sent."""
+    repeats: int = 0
+    """How often something was repeated since the vehicle last asked."""
     round_trip: RoundTrip = field(default=FIRST_TRIP, kw_only=True)
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
@@ -155,16 +155,19 @@ class UploadDialogue(DialogueMachine):
             return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
         if silent:
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
-        state = replace(self, round_trip=self.round_trip.record_timeout(), room=max(1, self.room // 2))
-        # Who has everything asks for nothing more: the last item brings its acknowledgement again.
-        return _send_items(state, (), len(self.items) - 1 if self.is_all_sent else self.furthest, now_s, 1)
+        trip, repeats = self.round_trip.record_timeout(), self.repeats + 1
+        state = replace(self, round_trip=trip, room=max(1, self.room // 2), repeats=repeats)
+        # Who has everything asks for nothing more: the last item brings its acknowledgement again. Who has not, and is
+        # not heard, waits for what it asked for: the two by turns.
+        last = self.is_all_sent and repeats % 2 == 1
+        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, 1)
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
         return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, Sent]:
-        state = replace(self, heard_s=now_s, refusal=None, early=False)
+        state = replace(self, heard_s=now_s, refusal=None, early=False, repeats=0)
         if seq == self.furthest:
             return _repeat_if_lost(state, now_s)
         if seq < self.furthest:  # a late double, or a vehicle that has begun anew
@@ -190,7 +193,8 @@ class UploadDialogue(DialogueMachine):
     def _handle_acknowledgement(self, result: int, checksum: int | None) -> Self:
         all_asked = self.furthest == len(self.items) - 1
         if result == RESULT_ACCEPTED:
-            if all_asked or (self.is_all_sent and checksum is not None and checksum == compute_checksum(self.items)):
+            proven = checksum is not None and checksum == compute_list_checksum(self.items)
+            if all_asked or (self.is_all_sent and proven):
                 return replace(self._finish(Accepted()), checksum=checksum)
             # Before the last item was asked for it may be a late duplicate of an earlier transfer's.
             return replace(self, early=True, checksum=checksum) if self.is_all_sent else self
@@ -245,18 +249,6 @@ def _wait_for_answer(state: U, now_s: float) -> U:
     if state.is_all_sent:
         waits_s = max(waits_s, LAST_ITEM_PERIOD_S)  # it asks by itself for what it has not
     return replace(state, deadline_s=min(now_s + waits_s, state.heard_s + state.silence_s))
-
-
-_CHECKED = struct.Struct("<BHB4fiif")
-
-
-def compute_checksum(items: Iterable[MissionItem]) -> int:
-    """Return PX4's checksum of a list: a CRC32 of all that an item says but `current` (mavlink_mission.cpp)."""
-    crc = 0
-    for item in items:
-        said = (item.frame, item.command, item.autocontinue, item.param1, item.param2, item.param3, item.param4)
-        crc = zlib.crc32(_CHECKED.pack(*said, item.x, item.y, item.z), crc)
-    return crc
 
 
 def list_name_of(kind: MissionKind) -> str:

@@ -16,7 +16,7 @@ from executor.core.interface.messages import Heartbeat, Message, SendParamSet, S
 from executor.core.interface.ports import Clock, Link
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
-from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue, compute_checksum
+from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -30,7 +30,7 @@ from executor.runtime.dialogue import (
     times_slower,
     underlying,
 )
-from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
+from missions import Dialect, MissionItem, MissionKind, StartStep, compute_list_checksum, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
 
@@ -174,7 +174,7 @@ async def _prove_on_board(
         return None
     reading = DownloadDialogue(upload.kind, ahead=MOST_AHEAD if dialect.reads_in_any_order else 1)
     if len(items) * (trip.mean_s or 0.0) > READ_WORTH_S:
-        known = compute_checksum(items) if dialect.says_checksum and items else None
+        known = compute_list_checksum(items) if dialect.says_checksum and items else None
         if known is not None and upload.accepted and upload.checksum == known:
             return ProcedureResult(accepted=True)
         reading = replace(reading, checksum=known, first=min(alike, len(items) - 1))

@@ -49,6 +49,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "ahead": 16,
                 "room": 4,
                 "highest": -1,
+                "repeats": 0,
                 "early": False,
                 "checksum": None,
                 "round_trip": mission_transfer.FIRST_TRIP,

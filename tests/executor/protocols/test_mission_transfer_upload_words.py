@@ -16,7 +16,7 @@ from executor.core.interface.messages import (
 )
 from executor.protocols import mission_transfer
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
-from missions import ARDUPILOT, encode
+from missions import ARDUPILOT, compute_list_checksum, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
 from tests.executor.protocols.talks import LATE, late, talk
@@ -224,7 +224,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an upload that is accepted by its checksum is over at once",
         lambda: [
             talk(AHEAD, (101.0, ask(0)), (102.0, ask(1)), (102.1, MissionAck(0, checksum=number)))[-1]
-            for number in (mission_transfer.compute_checksum(SIX), 7)
+            for number in (compute_list_checksum(SIX), 7)
         ],
         [Accepted(), None],
     ),
