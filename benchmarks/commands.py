@@ -268,8 +268,6 @@ def fleet(
 
     if out is not None:
         require_extra(Extra.PICTURES, "bench fleet --out")
-    if browsers:
-        require_extra(Extra.WEB, "bench fleet --browsers")
     burden = Burden(tuple(fault or ()), garbage, browsers)
     content, text = make_fleet(vehicles or COUNTS, out, minutes=minutes, speedup=speedup, seed=seed, burden=burden)
     print(json_text(content) if as_json else text)

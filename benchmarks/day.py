@@ -21,7 +21,8 @@ from executor.site.site_model import load_site_model
 from executor.site.site_planning import PlanRequest
 from missions import DayPlanFile, default_network_path, read_network
 from missions.geo import FloatArray
-from planner import Iterations, MoveGeometry, Stopwatch, Travel, split_flights
+from planner import Iterations, Stopwatch, Travel, split_flights
+from planner.moves import MoveGeometry
 from planner.sorties import (
     DAYS_PER_CHUNK,
     SortieBase,
@@ -132,14 +133,14 @@ def network_row(network: Path, seconds: float, seed: int, told: Told) -> Json:
     content = solve_day(content, wanted)
     told("the whole network", 1, 1)
     begin_s, end_s = content.days[0]
-    found = content.evaluation
+    found = evaluate_sorties(content.build_instance(), content.plan)
     return {
         "segments": len(content.segments),
         "length_km": sum(segment.length_m for segment in content.segments) / 1000.0,
         "vehicles": len(content.vehicles),
         "bases": len(content.bases),
         "hours": (end_s - begin_s) / 3600.0,
-        "uncovered": len(content.plan.uncovered),
+        "uncovered": len(content.uncovered),
         "days": 1 + max((day for day, (begin, _) in enumerate(content.days) if found.finish_s > begin), default=0),
         "finish_s": found.finish_s,
         "flight_h": found.flight_s / 3600.0,
@@ -214,8 +215,8 @@ def _fleet_row(content: DayPlanFile, mtbf_h: float, spares: int, samples: int, s
         "high_95": lives.finished.high,
         "losses": lives.losses,
         "packs": [sum(lives.packs_for_share(share)) for share in SHARES],
-        "planned_packs": sum(content.count_packs),
-        "rule_packs": sum(compute_rule_packs(content, number) or 0 for number in range(len(content.bases))),
+        "planned_packs": sum(content.count_packs()),
+        "rule_packs": sum(compute_rule_packs(content, place) or 0 for place in content.bases),
     }
 
 

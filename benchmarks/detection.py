@@ -20,7 +20,7 @@ from executor.core.interface.events import Heard, Tick
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import Assignment
 from executor.core.state.vehicle_state import FaultKind, VehicleState
-from planner import ProbabilityEstimate, estimate_probability
+from planner.risk import ProbabilityEstimate, estimate_probability
 
 TICK_S = 0.5
 KINDS = ("step", "drain", "cell", "silent")

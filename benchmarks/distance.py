@@ -29,7 +29,7 @@ from executor.site.site_model import SiteModel
 from executor.site.site_planning import rearrange_plan
 from missions import PlanFile
 from missions.geometry import locate_on_leg
-from planner import Cost, NoImprovement, segment_of, solve
+from planner import Cost, NoImprovement, solve
 from simulator.fleet import SimulatedVehicle
 
 VEHICLES = (3, 8)
@@ -155,11 +155,7 @@ def fly_distance(case: FlightCase, *, uses_pct: float = USES_PCT) -> DistanceFli
     faults = drawn_faults(ground.names, FAULTS, rng)
     slower = {name: 1.0 - SLOWER * float(rng.random()) * (rng.random() < SECOND) for name in ground.names}
     watched, asked_m = _Watched(ground), ground.setup.inspection.height_m
-    planned_asked = sum(
-        plan.inspection_height_m(own.name, segment_of(visit)) == asked_m
-        for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
-        for visit in route.visits
-    )
+    planned_asked = sum(visit.inspected_at_m == asked_m for route in plan.routes for visit in route.visits)
     empty = DistanceFlight(
         case.number, case.autopilot, count, len(plan.segments), faults, planned_asked, 0, 0, 0, (), 0, math.inf,
         ground.setup.inspection.layer_m, "", max(plan.durations_s), layered_s, 0.0,

@@ -16,7 +16,8 @@ import numpy as np
 from benchmarks import highs
 from benchmarks.row_matrix import build_row_matrix
 from planner.errors import InstanceError
-from planner.sorties.sortie_model import TOLERANCE, Sortie, SortieInstance, SortiePlan
+from planner.model import Plan, Route
+from planner.sorties.sortie_model import TOLERANCE, SortieInstance
 
 MOST_SEGMENTS = 10
 """Wanted segments up to which an instance is taken."""
@@ -41,7 +42,7 @@ class _Option:
     """Where it lands."""
     packs: tuple[int, ...]
     """Taken from each base that has not always enough."""
-    sorties: tuple[Sortie, ...]
+    sorties: tuple[Route, ...]
 
     def is_dominating(self, other: _Option) -> bool:
         """Return whether nothing speaks for the other, whatever comes after."""
@@ -59,7 +60,7 @@ _UnderWay = dict[tuple[int, int], list[_UntimedSortie]]
 """Flights that have not landed, by set of segments and last visit."""
 
 
-def solve_sorties_exact(instance: SortieInstance) -> SortiePlan | None:
+def solve_sorties_exact(instance: SortieInstance) -> Plan | None:
     """Return the best plan that inspects everything, or None where there is none: both are certain.
 
     Raises:
@@ -154,7 +155,7 @@ def _list_options(
                 packs = tuple(count + (base == place) for count, place in zip(before.packs, limited, strict=True))
                 if any(count > (instance.bases[place].packs or 0) for count, place in zip(packs, limited, strict=True)):
                     continue
-                sorties = (*before.sorties, Sortie(base, one.visits, land, start_s))
+                sorties = (*before.sorties, Route(vehicle, one.visits, base, land, start_s))
                 new = _Option(start_s + one.seconds, before.flight_s + one.seconds, land, packs, sorties)
                 kept = by_set.setdefault(done, [])
                 if not any(other.base == land and other.is_dominating(new) for other in kept):
@@ -177,7 +178,7 @@ def _start_s(instance: SortieInstance, vehicle: int, before: _Option, base: int,
 
 def _choose_options(
     instance: SortieInstance, options: Sequence[Sequence[tuple[int, _Option]]], segments: int, limited: Sequence[int]
-) -> SortiePlan | None:
+) -> Plan | None:
     columns = [(vehicle, done, option) for vehicle, own in enumerate(options) for done, option in own]
     last = len(columns)
     rows: list[tuple[dict[int, float], float, float]] = []
@@ -199,7 +200,7 @@ def _choose_options(
     flight = {number: one[2].flight_s for number, one in enumerate(columns)}
     best = _solve_program(len(columns), rows, flight) or best
     taken_by = {columns[number][0]: columns[number][2] for number in range(len(columns)) if best[number] > 0.5}
-    return SortiePlan(tuple(taken_by[vehicle].sorties for vehicle in range(len(options))))
+    return Plan(tuple(one for vehicle in range(len(options)) for one in taken_by[vehicle].sorties))
 
 
 def _solve_program(

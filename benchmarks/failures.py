@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -14,8 +14,8 @@ from benchmarks.scenario import Scenario, day_of, initial_timelines, read_scenar
 from benchmarks.scenarios import open_tasks, replan_losses
 from benchmarks.store import Json
 from benchmarks.warm_sorties import warm_up_sorties
-from planner import NoImprovement, Seconds, StopRule, combine_stop_rules
-from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
+from planner import NoImprovement, Plan, Route, Seconds, StopRule, combine_stop_rules
+from planner.sorties import SortieInstance, solve_sorties
 
 FOLDER = "failures"
 LONG_ENOUGH = 100_000
@@ -74,7 +74,7 @@ def solve_scenario(scenario: Scenario, stop: StopRule, seed: int, prove_s: float
     first = initial_timelines(scenario, day)
     took: list[float] = []
 
-    def solve(instance: SortieInstance, tails: tuple[tuple[Sortie, ...], ...]) -> SortiePlan:
+    def solve(instance: SortieInstance, tails: Sequence[Route]) -> Plan:
         return solve_sorties(instance, stop=stop, seed=seed, starts=starts, initial=tails).plan
 
     history = replan_losses(day, first, [(one.vehicle - 1, one.at) for one in scenario.losses], solve, took.append)

@@ -165,7 +165,7 @@ def fly_pictures(case: FlightCase) -> PicturesFlight:
     )  # fmt: skip
 
     with tempfile.TemporaryDirectory(prefix="faultline-cards-") as folder:
-        cards = SimulatedCards(Path(folder), ground.network, BEGAN_UNIX_S, ahead_s, places=bool(rng.random() < 0.5))
+        cards = SimulatedCards(Path(folder), BEGAN_UNIX_S, ahead_s, places=bool(rng.random() < 0.5))
         taken = _Taken(cards)
         try:
             flight = fly_virtual(

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from benchmarks.tsplib import is_tsplib, read_tsplib
 from missions import Network, default_network_path, read_network
 from missions.geo import FloatArray
-from planner import Dynamics, Instance, Route, Travel, Vehicle, build_instance, is_reversed, segment_of
+from planner import Instance, Route, Travel, Vehicle, build_instance, is_reversed, segment_of
+from planner.moves import Dynamics
 
 LENGTHS = Travel(1.0, 1.0, 1.0, 1.0)
 """A unit of length is a second is a percent: what a plan costs is how long its tours are."""

@@ -219,10 +219,8 @@ def fly_sorties(case: SortiesCase) -> SortiesDay:
         build_day_problem(ground),
         PlanRequest(None, LONGEST_S, case.seed + case.number, iterations=case.iterations, starts=1),
     )
-    planned_s = content.evaluation.finish_s - min(one.start_s for own in content.plan.sorties for one in own)
-    empty = SortiesDay(
-        case.number, case.autopilot, len(content.segments), sum(len(own) for own in content.plan.sorties), planned_s
-    )
+    planned_s = content.finish_s - min(one.start_s for one in content.routes)
+    empty = SortiesDay(case.number, case.autopilot, len(content.segments), len(content.routes), planned_s)
     rng = np.random.default_rng([case.seed, 31, case.number])
     low_s, high_s = (share * planned_s for share in MIDDLE)
     fall = rng.choice(ground.names, size=LOSSES, replace=False)

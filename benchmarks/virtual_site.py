@@ -93,7 +93,7 @@ def with_budgets(ground: SiteModel, budget_pct: float) -> SiteModel:
 
 def dearest_route_pct(ground: SiteModel, plan: PlanFile) -> float:
     """Return what the dearest route of a plan takes as it is flown, with its climb and its landing."""
-    paths = site_model.build_paths(ground.setup, site_model.name_routes(ground, plan.build_task(), plan.plan))
+    paths = site_model.build_paths(ground.setup, plan.network_routes)
     models = site_model.build_pricing(ground).models
     return max(estimate(path, models[name]).energy_pct for name, path in paths.items())
 

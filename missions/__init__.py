@@ -62,19 +62,10 @@ from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import compute_list_checksum, count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
-from missions.plan_file import (
-    BasePlace,
-    BreakingLoss,
-    DayPlanFile,
-    PlanFile,
-    SolverRecord,
-    Window,
-    build_plan_segment,
-    check_day_plan,
-    check_plan,
-    make_plan_file,
-)
+from missions.plan_check import check_plan
+from missions.plan_file import DayPlanFile, PlanFile, build_plan_segment, make_plan_file
 from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, read_day_plan, read_plan, write_plan
+from missions.plan_parts import BasePlace, BreakingLoss, SolverRecord, Window
 from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
 from missions.readers import (
     SNAP_M,

@@ -99,12 +99,17 @@ def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     if not len(places_m):
         return None
     up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
-    over_m = []
+    return float(_over_limit_m(setup, area, np.column_stack((places_m, up_m))).max())
+
+
+def _over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
+    """Return (m,) how far (m, 3) places are above the limit of an area that they are in; negative: below."""
+    over_m = np.full(len(places_m), -math.inf)
     if area.max_agl_m is not None:
-        over_m.append(measure_over_ground(setup, np.column_stack((places_m, up_m)))[0] - area.max_agl_m)
+        over_m = np.maximum(over_m, measure_over_ground(setup, places_m)[0] - area.max_agl_m)
     if area.max_amsl_m is not None:
-        over_m.append(up_m + setup.frame.alt_m - area.max_amsl_m)
-    return float(np.max(over_m))
+        over_m = np.maximum(over_m, places_m[:, 2] + setup.frame.alt_m - area.max_amsl_m)
+    return over_m
 
 
 def _sample_area(setup: FlightSetup, area: Area) -> FloatArray:
@@ -303,12 +308,7 @@ def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatA
     within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _is_enclosed(area, at_m[:, :2])
     short_m = np.where(within, area.keep_m + away_m, area.keep_m - away_m)
     if area.kind is AreaKind.HEIGHT_LIMIT:
-        over_m = np.full(len(near), -math.inf)
-        if area.max_agl_m is not None:
-            over_m = np.maximum(over_m, measure_over_ground(setup, at_m)[0] - area.max_agl_m)
-        if area.max_amsl_m is not None:
-            over_m = np.maximum(over_m, at_m[:, 2] + setup.frame.alt_m - area.max_amsl_m)
-        short_m = np.where(short_m > ROUNDING_M, over_m, -math.inf)
+        short_m = np.where(short_m > ROUNDING_M, _over_limit_m(setup, area, at_m), -math.inf)
     far[near] = short_m
     return far
 

@@ -237,8 +237,8 @@ def _find_lowest_ground(setup: FlightSetup) -> tuple[float, str]:
     if walls is None:
         return 0.0, ""
     if known is not None:
-        away_m = walls.find_nearest(np.array([known.bottom.place_m]))[0][0]
-        return known.bottom.up_m, walls.name_of(int(away_m.argmin()))
+        up_m, place_m = known.bottom
+        return up_m, walls.name_of(int(walls.find_nearest(place_m[np.newaxis])[0].argmin()))
     ground_m = walls.ends_m[..., GROUND].min(axis=1)
     return float(ground_m.min()), walls.name_of(int(ground_m.argmin()))
 

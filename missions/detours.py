@@ -7,14 +7,14 @@ one route in four crosses the pads, and takes 3 % longer for it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from missions.geo import BoolArray, FloatArray, IntArray
-from missions.geometry import place_distances_m
+from missions.geometry import distances_between_m, place_distances_m
 from missions.pads import way_around_m
 from missions.shortest_ways import Obstacle, build_column, build_visibility_graph
 
@@ -65,7 +65,7 @@ class DetourObstacles:
         if not self.centres_m:
             return ways
         centres_m = np.array(self.centres_m)
-        near_m = np.minimum(_distances_m(starts_m, centres_m), _distances_m(goals_m, centres_m))
+        near_m = self._ends_off_m(starts_m, goals_m)
         for number in self._find_blocked_ways(near_m, starts_m, ways, goals_m):
             others_m = centres_m[near_m[number] >= self.radius_m]
             ways[number] = self._avoid_columns(others_m, starts_m[number], ways[number], goals_m[number])
@@ -78,11 +78,17 @@ class DetourObstacles:
         stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
         owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
         legs_m = np.concatenate([np.stack((one[:-1], one[1:]), axis=1) for one in stops])
-        met = np.zeros(len(ways), dtype=np.bool_)
-        for centre, centre_m in enumerate(self.centres_m):
-            passed_m = place_distances_m(legs_m, np.array([centre_m]))[0]
-            met[owner[(passed_m < self.radius_m - 1e-9) & (near_m[owner, centre] >= self.radius_m)]] = True
-        return [int(number) for number in np.flatnonzero(met)]
+        return np.unique(owner[self._is_through_column(legs_m, near_m[owner])]).tolist()
+
+    def _ends_off_m(self, starts_m: FloatArray, goals_m: FloatArray) -> FloatArray:
+        """Return (n, c) how far the nearer end of ways is from each column's middle."""
+        centres_m = np.array(self.centres_m).reshape(-1, 2)
+        return np.minimum(distances_between_m(starts_m, centres_m), distances_between_m(goals_m, centres_m))
+
+    def _is_through_column(self, legs_m: FloatArray, near_m: FloatArray) -> BoolArray:
+        """Return (n,) which of (n, 2, 2) legs lead through a column that neither end of their way is in."""
+        passed_m = place_distances_m(legs_m, np.array(self.centres_m).reshape(-1, 2)).T
+        return np.asarray(((passed_m < self.radius_m - 1e-9) & (near_m >= self.radius_m)).any(axis=1))
 
     def _avoid_columns(
         self, centres_m: FloatArray, start_m: FloatArray, way_m: FloatArray, goal_m: FloatArray
@@ -109,26 +115,15 @@ class DetourObstacles:
 
     def find_obstructed(self, from_m: FloatArray, to_m: FloatArray) -> IntArray:
         """Return (k,) which of (n, 3) straight ways lead through a column that there is a way around, or an area."""
-        start_m, along_m = from_m[:, :2], to_m[:, :2] - from_m[:, :2]
-        squares = np.maximum((along_m**2).sum(axis=1), 1e-12)
-        hit = np.zeros(len(from_m), dtype=np.bool_)
-        for centre_m in np.array(self.centres_m).reshape(-1, 2):
-            away_m = centre_m - start_m
-            share = np.clip((away_m * along_m).sum(axis=1) / squares, 0.0, 1.0)
-            ends_m = np.minimum(np.hypot(*away_m.T), np.hypot(*(away_m - along_m).T))
-            passed_m = np.hypot(*(away_m - share[:, np.newaxis] * along_m).T)
-            hit |= (passed_m < self.radius_m - 1e-9) & (ends_m >= self.radius_m)
+        starts_m, goals_m = from_m[:, :2], to_m[:, :2]
+        hit = self._is_through_column(np.stack((starts_m, goals_m), axis=1), self._ends_off_m(starts_m, goals_m))
         if self.areas:
-            hit |= self._is_in_areas(from_m[:, :2], to_m[:, :2])
+            graph = build_visibility_graph(self.areas)
+            hit |= graph.is_blocked(starts_m, goals_m) | graph.is_inside(starts_m)
         return np.flatnonzero(hit)
 
-    def _is_in_areas(self, starts_m: FloatArray, goals_m: FloatArray) -> BoolArray:
-        """Return (n,) whether straight ways lead through an area, or begin in one."""
-        graph = build_visibility_graph(self.areas)
-        return np.asarray(graph.is_blocked(starts_m, goals_m) | graph.is_inside(starts_m))
-
     def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Yield ways around the columns, all with as many corners at once.
+        """Yield the ways that are led around something, all with as many corners at once.
 
         Args:
             from_m: (n, 3) float64, where ways begin.
@@ -137,37 +132,14 @@ class DetourObstacles:
         Yields:
             (k,) which of them, and (k, w, 3) through which places, both ends included.
         """
-        corners_m = self._corners_m(from_m[:, :2], to_m[:, :2])
+        which = self.find_obstructed(from_m, to_m)
+        corners_m = self._corners_m(from_m[which, :2], to_m[which, :2]) if len(which) else []
         lengths: dict[int, list[int]] = {}
         for number, way_m in enumerate(corners_m):
             lengths.setdefault(len(way_m), []).append(number)
         for numbers in lengths.values():
-            between_m = np.array([corners_m[number] for number in numbers])
-            yield np.array(numbers), _add_heights(from_m[numbers], to_m[numbers], between_m)
-
-
-def price_detours(
-    columns: DetourObstacles, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
-    along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return seconds and energies of ways of which some lead around a column.
-
-    Args:
-        columns: That they lead around.
-        from_m: (..., 3) float64, where ways begin.
-        to_m: (..., 3) float64, where they end.
-        straight: (...) float64 seconds and energies of the straight ways.
-        along: The same (k,) of ways through (k, w, 3) places; the first argument is which of the flattened ways.
-    """
-    shape = straight[0].shape
-    flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
-    which = columns.find_obstructed(flat_from, flat_to)
-    if len(which) == 0:
-        return straight
-    seconds, pct = straight[0].flatten(), straight[1].flatten()
-    for part, ways_m in columns.iterate_ways(flat_from[which], flat_to[which]):
-        seconds[which[part]], pct[which[part]] = along(which[part], ways_m)
-    return seconds.reshape(shape), pct.reshape(shape)
+            own, between_m = which[numbers], np.array([corners_m[number] for number in numbers])
+            yield own, _add_heights(from_m[own], to_m[own], between_m)
 
 
 @lru_cache(maxsize=WAYS_KEPT)
@@ -191,8 +163,3 @@ def _add_heights(from_m: FloatArray, to_m: FloatArray, corners_m: FloatArray) ->
         (from_m[:, 2], from_m[:, 2, np.newaxis] + rise_m * flown_m / np.maximum(flown_m[:, -1:], 1e-9))
     )
     return np.concatenate((level_m, up_m[..., np.newaxis]), axis=2)
-
-
-def _distances_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
-    off_m = places_m[:, np.newaxis] - others_m
-    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))

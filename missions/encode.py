@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from missions.autopilots.dialect import Dialect
-from missions.cameras import FIRST_COMPONENT, Capture, Region, Trigger
+from missions.cameras import FIRST_COMPONENT, Region, Trigger
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -168,12 +168,17 @@ def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem
 def build_end_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem]:
     """Yield what ends with the leg to a waypoint, not numbered yet."""
     for capture in point.captures:
-        if capture.trigger is not Trigger.ONCE:
-            yield _build_command_item(dialect, *_end_of(capture))
-        elif capture.camera_id >= FIRST_COMPONENT:
-            yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
-        else:  # PX4 triggers what is wired to it by this command alone
-            yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
+        match capture.trigger:
+            case Trigger.DISTANCE:
+                yield _build_command_item(dialect, Command.DO_SET_CAM_TRIGG_DIST)
+            case Trigger.INTERVAL:
+                yield _build_command_item(dialect, Command.IMAGE_STOP_CAPTURE, capture.camera_id)
+            case Trigger.VIDEO:
+                yield _build_command_item(dialect, Command.VIDEO_STOP_CAPTURE, EVERY_STREAM)
+            case Trigger.ONCE if capture.camera_id >= FIRST_COMPONENT:
+                yield _build_command_item(dialect, Command.IMAGE_START_CAPTURE, capture.camera_id, 0.0, ONE)
+            case Trigger.ONCE:  # PX4 triggers what is wired to it by this command alone
+                yield MissionItem(0, dialect.command_frame, Command.DO_DIGICAM_CONTROL, x=SHOOT)
         if capture.region is not None and dialect.keeps_region:
             yield _build_command_item(dialect, Command.DO_SET_ROI_NONE)
 
@@ -184,16 +189,6 @@ def heading_deg(point: Waypoint, dialect: Dialect) -> float:
         if capture.region is not None and capture.yaw_deg is not None and not dialect.keeps_region:
             return float(capture.yaw_deg % 360)
     return dialect.no_yaw
-
-
-def _end_of(capture: Capture) -> tuple[Command, float]:
-    match capture.trigger:
-        case Trigger.DISTANCE:
-            return Command.DO_SET_CAM_TRIGG_DIST, 0.0
-        case Trigger.INTERVAL:
-            return Command.IMAGE_STOP_CAPTURE, capture.camera_id
-        case _:
-            return Command.VIDEO_STOP_CAPTURE, EVERY_STREAM
 
 
 def _build_gimbal_item(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: Dialect) -> MissionItem:

@@ -13,8 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.geo import LocalFrame
-from missions.geometry import build_convex_hull, locate_on_leg, parallelogram_area_m2, sample_leg
+from missions.geo import BoolArray, FloatArray, LocalFrame
+from missions.geometry import (
+    build_convex_hull,
+    distances_between_m,
+    is_enclosed,
+    locate_on_leg,
+    parallelogram_area_m2,
+    sample_leg,
+)
 from missions.items import Frame, MissionItem, PlaceCommand
 from missions.waypoints import FlightPath
 
@@ -157,13 +164,14 @@ class FenceOutline:
     radius_m: float | None = None
     """Of a circle."""
 
-    def is_allowed(self, place_m: Corner) -> bool:
-        """Return whether a vehicle may be there, as far as this shape goes."""
+    def is_allowed(self, places_m: FloatArray) -> BoolArray:
+        """Return (m,) whether a vehicle may be at (m, 2) places, as far as this shape goes."""
+        corners_m = np.array(self.corners_m)
         if self.radius_m is None:
-            inside = _is_within(self.corners_m, place_m)
+            inside = is_enclosed(places_m, corners_m, np.roll(corners_m, -1, axis=0))
         else:
-            inside = math.dist(self.corners_m[0], place_m) <= self.radius_m
-        return inside is not self.keeps_out
+            inside = distances_between_m(places_m, corners_m)[:, 0] <= self.radius_m
+        return inside != self.keeps_out
 
 
 def parse_outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[FenceOutline, ...]:
@@ -187,10 +195,11 @@ def find_first_outside(shapes: Sequence[FenceOutline], way_m: Sequence[Corner], 
 
     Both autopilots want a vehicle inside every inclusion and outside every exclusion.
     """
-    for one, other in itertools.pairwise(way_m):
-        for east_m, north_m in sample_leg(np.array((one, other)), step_m).tolist():
-            if not all(shape.is_allowed((east_m, north_m)) for shape in shapes):
-                return east_m, north_m
+    for leg in itertools.pairwise(way_m):
+        places_m = sample_leg(np.array(leg), step_m)
+        outside = places_m[~np.all([np.ones(len(places_m)), *(shape.is_allowed(places_m) for shape in shapes)], axis=0)]
+        if len(outside):
+            return float(outside[0, 0]), float(outside[0, 1])
     return None
 
 
@@ -208,16 +217,6 @@ def _is_inside_convex(corners: Sequence[Corner], place: Corner, slack_m: float) 
         parallelogram_area_m2(one, other, place) >= -slack_m * math.dist(one, other)
         for one, other in _iterate_edges(corners)
     )
-
-
-def _is_within(corners: Sequence[Corner], place: Corner) -> bool:
-    """Return whether a place is in any polygon, by the edges that a line to the east crosses."""
-    inside = False
-    for (east_a, north_a), (east_b, north_b) in _iterate_edges(corners):
-        if (north_a > place[1]) is not (north_b > place[1]):
-            crosses = east_a + (place[1] - north_a) / (north_b - north_a) * (east_b - east_a)
-            inside ^= place[0] < crosses
-    return inside
 
 
 def _find_edge_removal(corners: Sequence[Corner], index: int) -> tuple[float, int, Corner] | None:

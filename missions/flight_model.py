@@ -299,31 +299,24 @@ class Pace:
 AS_MODELLED = Pace()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VerticalLegs:
-    """Of some moves: which begin with a way up, and which come down before their inspection."""
+def find_vertical_legs(
+    from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray
+) -> tuple[BoolArray, BoolArray]:
+    """Return which moves between (..., 3) places begin with a way up, and which come down before their inspection.
 
-    up: BoolArray
-    down: BoolArray
+    Arrays broadcast against each other. A visit that begins within `SAME_PLACE_M` follows on without a way between.
 
-    @classmethod
-    def find_between(
-        cls, from_m: FloatArray, first_m: FloatArray, from_low: BoolArray, to_low: BoolArray, near_m: float
-    ) -> VerticalLegs:
-        """Return those of moves between (..., 3) places; arrays broadcast against each other.
-
-        Args:
-            from_m: Where moves begin.
-            first_m: Where their visits begin.
-            from_low: Which of the former are below the layer.
-            to_low: Which of the latter are.
-            near_m: A visit that begins this near to there follows on without a way between.
-        """
-        if not (from_low.any() or to_low.any()):
-            return cls(NEVER, NEVER)
-        there_m = first_m - from_m
-        away = np.hypot(there_m[..., 0], there_m[..., 1]) > near_m
-        return cls(from_low & (away | ~to_low), to_low & (away | ~from_low))
+    Args:
+        from_m: Where moves begin.
+        first_m: Where their visits begin.
+        from_low: Which of the former are below the layer.
+        to_low: Which of the latter are.
+    """
+    if not (from_low.any() or to_low.any()):
+        return NEVER, NEVER
+    there_m = first_m - from_m
+    away = np.hypot(there_m[..., 0], there_m[..., 1]) > SAME_PLACE_M
+    return from_low & (away | ~to_low), to_low & (away | ~from_low)
 
 
 @dataclass(frozen=True, slots=True)

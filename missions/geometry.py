@@ -36,6 +36,12 @@ def find_nearest_on_legs(
     return np.sqrt((apart**2).sum(axis=2)), share
 
 
+def distances_between_m(places_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    """Return (m, n) float64: the distances of (m, 2) places from (n, 2) others."""
+    off_m = places_m[:, np.newaxis] - others_m
+    return np.asarray(np.hypot(off_m[..., 0], off_m[..., 1]))
+
+
 def place_distances_m(legs_m: FloatArray, places_m: FloatArray) -> FloatArray:
     """Return (m, n) float64: the distances of (m, d) places from (n, 2, d) legs."""
     return find_nearest_on_legs(places_m, legs_m[:, 0], legs_m[:, 1] - legs_m[:, 0])[0]
@@ -78,17 +84,17 @@ def find_bends(
 
 
 def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
-    """Return (m, n) float64: least distances between (m, 2, 3) and (n, 2, 3) legs.
+    """Return (m, n) float64: least distances between (m, 2, d) and (n, 2, d) legs.
 
     The least is at an end of one of the legs, or where the common perpendicular meets both inside.
     """
-    m, n = len(legs_a), len(legs_b)
+    shape = len(legs_a), len(legs_b), legs_a.shape[2]
     candidates = [
         place_distances_m(legs_b, legs_a[:, 0]), place_distances_m(legs_b, legs_a[:, 1]),
         place_distances_m(legs_a, legs_b[:, 0]).T, place_distances_m(legs_a, legs_b[:, 1]).T,
     ]  # fmt: skip
-    along_a = np.broadcast_to((legs_a[:, 1] - legs_a[:, 0])[:, np.newaxis], (m, n, 3))
-    along_b = np.broadcast_to((legs_b[:, 1] - legs_b[:, 0])[np.newaxis], (m, n, 3))
+    along_a = np.broadcast_to((legs_a[:, 1] - legs_a[:, 0])[:, np.newaxis], shape)
+    along_b = np.broadcast_to((legs_b[:, 1] - legs_b[:, 0])[np.newaxis], shape)
     offset = legs_a[:, 0][:, np.newaxis] - legs_b[:, 0][np.newaxis]
     aa, bb, ab = ((u * v).sum(axis=2) for u, v in ((along_a, along_a), (along_b, along_b), (along_a, along_b)))
     ao, bo = (along_a * offset).sum(axis=2), (along_b * offset).sum(axis=2)
@@ -159,13 +165,26 @@ def parallelogram_area_m2(a: tuple[float, float], b: tuple[float, float], c: tup
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def is_in_triangle(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
-    """Return (m,) whether (m, 2) places are in a triangle of (3, 2) corners; none is in one without an area."""
-    sides_m = np.roll(corners_m, -1, axis=0) - corners_m
-    off_m = places_m[:, np.newaxis] - corners_m
-    left = sides_m[:, 0] * off_m[..., 1] - sides_m[:, 1] * off_m[..., 0]
-    wide = abs(sides_m[0, 0] * sides_m[1, 1] - sides_m[0, 1] * sides_m[1, 0]) > SHORTEST_M2
-    return np.asarray(wide & ((left >= 0).all(axis=1) | (left <= 0).all(axis=1)))
+def is_in_triangles(places_m: FloatArray, corners_m: FloatArray) -> BoolArray:
+    """Return (m, n) whether (m, 2) places are in triangles of (n, 3, 2) corners; none is in one without an area."""
+    sides_m = np.roll(corners_m, -1, axis=1) - corners_m
+    off_m = places_m[:, np.newaxis, np.newaxis] - corners_m
+    left = sides_m[..., 0] * off_m[..., 1] - sides_m[..., 1] * off_m[..., 0]
+    wide = np.abs(sides_m[:, 0, 0] * sides_m[:, 1, 1] - sides_m[:, 0, 1] * sides_m[:, 1, 0]) > SHORTEST_M2
+    return np.asarray(wide & ((left >= 0).all(axis=2) | (left <= 0).all(axis=2)))
+
+
+def is_enclosed(places_m: FloatArray, begins_m: FloatArray, ends_m: FloatArray) -> BoolArray:
+    """Return (m,) whether outlines enclose (m, 2) places: by how many of their (n, 2) sides a line to the east crosses.
+
+    What holes enclose is not enclosed.
+    """
+    north = places_m[:, 1:]
+    low, high = begins_m[:, 1] <= north, ends_m[:, 1] <= north
+    rise = ends_m[:, 1] - begins_m[:, 1]
+    share = (north - begins_m[:, 1]) / np.where(rise == 0, 1.0, rise)
+    east = begins_m[:, 0] + share * (ends_m[:, 0] - begins_m[:, 0])
+    return np.asarray(((low != high) & (east > places_m[:, :1])).sum(axis=1) % 2 == 1)
 
 
 def build_convex_hull(ordered: Sequence[tuple[float, float]], least: float = 0.0) -> tuple[tuple[float, float], ...]:

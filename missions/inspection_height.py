@@ -6,7 +6,7 @@ between. That air is a wall. Nobody below that layer may cross it, on a mission 
 from each other; who flies above it is a layer away as ever. So nothing here depends on when anybody flies: a vehicle
 may be late, silent or lost.
 
-Where the layers follow hills, returns are stacked above all layers (`safety.Layers.return_up_m`) and cross no wall.
+Where the layers follow hills, returns are stacked above all layers (`Layers.return_up_m`) and cross no wall.
 
 Where vehicles share pylons it depends on who flies what, in which order and direction, who need stay in its layer:
 routes of which the sum or the longest is about the same differ much in who comes when. So they are rearranged. Where
@@ -19,13 +19,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from missions.flight_model import SAME_PLACE_M, FlightModel, estimate
 from missions.geo import BoolArray, FloatArray
-from missions.geometry import SHORTEST_M2, leg_distances_m, wall_distances_m
+from missions.geometry import is_in_triangles, leg_distances_m, wall_distances_m
 from missions.pads import column_radius_m
 from missions.routes import build_flight_path
 from missions.setup import FlightSetup
@@ -275,10 +276,9 @@ def find_near_tracks(tracks_m: FloatArray, legs_m: FloatArray, radius_m: float) 
         return met
     low_m, high_m = tracks_m.min(axis=(0, 1)) - radius_m, tracks_m.max(axis=(0, 1)) + radius_m
     beside = ((legs_m.max(axis=1) >= low_m) & (legs_m.min(axis=1) <= high_m)).all(axis=1)
-    tracks, legs = _flatten_legs(tracks_m), _flatten_legs(legs_m[beside])
-    step = max(1, AT_ONCE // len(tracks))
-    for first in range(0, len(legs), step):
-        met |= (leg_distances_m(tracks, legs[first : first + step]) < radius_m).any(axis=1)
+    legs_m, step = legs_m[beside], max(1, AT_ONCE // len(tracks_m))
+    for first in range(0, len(legs_m), step):
+        met |= (leg_distances_m(tracks_m, legs_m[first : first + step]) < radius_m).any(axis=1)
     return met
 
 
@@ -289,15 +289,7 @@ def find_tracks_near_returns(tracks_m: FloatArray, legs_m: FloatArray, pad_m: Fl
     for end in (0, 1):
         met |= find_near_tracks(tracks_m, np.stack((legs_m[:, end], pads_m), axis=1), radius_m)
     corners_m = np.stack((legs_m[:, 0], legs_m[:, 1], pads_m), axis=1)
-    turns = []
-    begins_m, ends_m = corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]
-    wide = np.abs(begins_m[:, 0] * ends_m[:, 1] - begins_m[:, 1] * ends_m[:, 0]) > SHORTEST_M2
-    for one in range(3):
-        side_m = corners_m[:, (one + 1) % 3] - corners_m[:, one]
-        off_m = tracks_m[:, np.newaxis, 0] - corners_m[:, one]
-        turns.append(side_m[:, 0] * off_m[..., 1] - side_m[:, 1] * off_m[..., 0])
-    within = np.all([turn >= 0 for turn in turns], axis=0) | np.all([turn <= 0 for turn in turns], axis=0)
-    return np.asarray(met | (within & wide).any(axis=1))
+    return np.asarray(met | is_in_triangles(tracks_m[:, 0], corners_m).any(axis=1))
 
 
 def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tuple[float, str]:
@@ -311,9 +303,7 @@ def _find_nearest_airway(setup: FlightSetup, owner: Airway, other: Airway) -> tu
         apart_m = wall_distances_m(bottoms_m, np.where(upright, 0.0, tops_m), other.legs_m).min()
         least = min(least, (float(apart_m), "on its mission"))
         if other.has_wall.any():
-            level = leg_distances_m(
-                _flatten_legs(bottoms_m[:, :, :2]), _flatten_legs(other.over_ground_m[other.has_wall])
-            )
+            level = leg_distances_m(bottoms_m[:, :, :2], other.over_ground_m[other.has_wall])
             least = min(least, (float(level.min()), "on the line"))
     order = setup.layers.vehicles
     lower = order.index(other.vehicle) < order.index(owner.vehicle)
@@ -368,10 +358,6 @@ def _iterate_chains(
         here_m = (last_m[0], last_m[1])
     if chain:
         yield chain, follows
-
-
-def _flatten_legs(legs_m: FloatArray) -> FloatArray:
-    return np.concatenate((legs_m, np.zeros((*legs_m.shape[:2], 1))), axis=2)
 
 
 def rearrange_routes(
@@ -451,46 +437,32 @@ def _reverse_visits(visits: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(visit_of(segment_of(visit), not is_reversed(visit)) for visit in reversed(visits))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class RouteTimetable:
     """When routes come where, if everybody flies as planned; what was reckoned for one stays for the next."""
 
-    setup: FlightSetup
-    models: Mapping[str, FlightModel]
-    ahead_s: float
-    _paths: dict[object, FlightPath] = field(default_factory=dict)
-    _ends_s: dict[int, FloatArray] = field(default_factory=dict)
-    """By the path's identity."""
+    def __init__(self, setup: FlightSetup, models: Mapping[str, FlightModel], ahead_s: float) -> None:
+        self._setup, self._models, self._ahead_s = setup, models, ahead_s
+        self._build_path, self._leg_ends_s = cache(build_flight_path), cache(self._estimate_leg_ends_s)
 
     def find_layer_visits(self, routes: Routes) -> list[Visit]:
         """Return what is inspected from layers."""
-        paths = build_first_paths(self.setup, routes, made_by=self._path_of)
+        paths = build_first_paths(self._setup, routes, made_by=self._build_path)
         ends_s = {name: self._leg_ends_s(path) for name, path in paths.items()}
         high = []
         for name, path in paths.items():
             low = find_low_segments(path, routes[name])
             for number, segment in enumerate(map(segment_of, routes[name])):
-                if segment in low or not must_leave_layer(self.setup, name, segment):
+                if segment in low or not must_leave_layer(self._setup, name, segment):
                     continue
                 # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
-                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self.ahead_s if number else 0.0
-                if number == 0 or _is_closed(self.setup, name, segment, paths, ends_s, at_s):
+                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self._ahead_s if number else 0.0
+                if number == 0 or _is_closed(self._setup, name, segment, paths, ends_s, at_s):
                     high.append((name, number))
         return high
 
-    def _path_of(
-        self, setup: FlightSetup, name: str, visits: tuple[int, ...], low: frozenset[int] = frozenset()
-    ) -> FlightPath:
-        key = (name, visits, low)
-        if key not in self._paths:
-            self._paths[key] = build_flight_path(setup, name, visits, low)
-        return self._paths[key]
-
-    def _leg_ends_s(self, path: FlightPath) -> FloatArray:
-        if id(path) not in self._ends_s:
-            legs = estimate(path, self.models[path.vehicle]).legs
-            self._ends_s[id(path)] = np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
-        return self._ends_s[id(path)]
+    def _estimate_leg_ends_s(self, path: FlightPath) -> FloatArray:
+        legs = estimate(path, self._models[path.vehicle]).legs
+        return np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
 
 
 def _find_last_waypoint(path: FlightPath, visit: int) -> int:

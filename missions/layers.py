@@ -16,7 +16,6 @@ from missions.surface import (
     Relief,
     Surface,
     SurfaceFit,
-    SurfaceRequirements,
     build_flat_surface,
     build_relief,
     fit_overland_surface,
@@ -152,8 +151,7 @@ def plan_layers(
     if terrain is not None:
         places_m = np.concatenate((tracks.reshape(-1, 2), turns_m))
         known = build_known_ground(terrain, places_m, network.frame, network)
-        wishes = SurfaceRequirements(terrain.kept_m, inspection.ceiling_m, layer_m, len(vehicles))
-        fit, pylon_m = fit_overland_surface(known, wishes, network, tracks, asked_m)
+        fit, pylon_m = fit_overland_surface(known, inspection, len(vehicles), tracks, asked_m, indices)
         relief = build_relief(fit.surface, known.corners_m.min(axis=0), known.corners_m.max(axis=0))
     elif tops:
         fit = fit_surface(tracks, asked_m[indices], layer_m)

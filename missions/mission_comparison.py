@@ -74,27 +74,20 @@ def _find_item_differences(
     if ours.command != theirs.command:
         yield "command", ours.command, theirs.command
         return
-    if not _is_same_frame(ours, theirs, dialect):
-        yield "frame", ours.frame, theirs.frame
-    if ours.autocontinue != theirs.autocontinue:
-        yield "autocontinue", ours.autocontinue, theirs.autocontinue
-    for key in ("param1", "param2", "param3", "param4"):
-        was, now = getattr(ours, key), getattr(theirs, key)
-        rewritten = key == "param4" and ours.command == Command.NAV_LAND and not dialect.land_yaw_kept
-        if not rewritten and not _is_same_float32(was, now):
-            yield key, was, now
-    yield from _find_place_differences(ours, theirs, dialect)
-
-
-def _find_place_differences(
-    ours: MissionItem, theirs: MissionItem, dialect: Dialect
-) -> Iterator[tuple[str, object, object]]:
-    for key, was, now in (("x", ours.x, theirs.x), ("y", ours.y, theirs.y)):
-        if abs(was - now) > E7_TOLERANCE:
-            yield key, was, now
-    # A stored height may have been cut, not rounded, to its step: one whole step, and float32 about it.
-    if not _is_same_float32(ours.z, theirs.z) and not abs(ours.z - theirs.z) <= 1.01 * dialect.height_step_m:
-        yield "z", ours.z, theirs.z
+    yaw_is_rewritten = ours.command == Command.NAV_LAND and not dialect.land_yaw_kept
+    same = {
+        "frame": _is_same_frame(ours, theirs, dialect),
+        "autocontinue": ours.autocontinue == theirs.autocontinue,
+        "param1": _is_same_float32(ours.param1, theirs.param1),
+        "param2": _is_same_float32(ours.param2, theirs.param2),
+        "param3": _is_same_float32(ours.param3, theirs.param3),
+        "param4": yaw_is_rewritten or _is_same_float32(ours.param4, theirs.param4),
+        "x": abs(ours.x - theirs.x) <= E7_TOLERANCE,
+        "y": abs(ours.y - theirs.y) <= E7_TOLERANCE,
+        # A stored height may have been cut, not rounded, to its step: one whole step, and float32 about it.
+        "z": _is_same_float32(ours.z, theirs.z) or abs(ours.z - theirs.z) <= 1.01 * dialect.height_step_m,
+    }
+    yield from ((key, getattr(ours, key), getattr(theirs, key)) for key, is_same in same.items() if not is_same)
 
 
 def _is_same_frame(ours: MissionItem, theirs: MissionItem, dialect: Dialect) -> bool:

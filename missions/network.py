@@ -98,19 +98,6 @@ class Network:
         """Return a segment by what its file calls it; by its number where it has no name."""
         return self.segments[segment].label or f"segment {segment}"
 
-    def crop_to_radius(self, radius_m: float) -> Network:
-        """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot.
-
-        Segments and pylons are numbered anew from 0 in their old order; labels and pylon ids stay.
-
-        Raises:
-            NetworkError: no segment lies within the radius.
-        """
-        pylons, segments = part_within(self.pylons, self.segments, self.frame, radius_m)
-        if not segments:
-            raise NetworkError(f"{self.source}: radius_m: no segment lies within {radius_m:g} m of the depot")
-        return Network(pylons, segments, self.frame, self.source, self.flat)
-
     def _check_pylons(self) -> None:
         seen: set[str] = set()
         for index, pylon in enumerate(self.pylons):
@@ -120,11 +107,7 @@ class Network:
             if pylon.id in seen:
                 raise NetworkError(f"{place}: id: expected a name that no other pylon has")
             seen.add(pylon.id)
-            for key, value, bound in (("lat_deg", pylon.lat_deg, 90.0), ("lon_deg", pylon.lon_deg, 180.0)):
-                if not math.isfinite(value) or abs(value) > bound:
-                    swapped = key == "lat_deg" and math.isfinite(value) and abs(pylon.lon_deg) <= bound
-                    hint = "; are latitude and longitude swapped?" if swapped else ""
-                    raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
+            check_degrees(place, pylon.lat_deg, pylon.lon_deg, "; are latitude and longitude swapped?")
             for key, height_m in (("elevation_m", pylon.elevation_m), ("height_m", pylon.height_m)):
                 if height_m is not None and not math.isfinite(height_m):
                     raise NetworkError(f"{place}: {key}: expected metres as a finite number, got {height_m}")
@@ -172,12 +155,32 @@ class Network:
             pairs[pair] = f"segment {segment.label or segment.id}"
 
 
+def check_degrees(place: str, lat_deg: float, lon_deg: float, hint: str) -> None:
+    """Refuse a position that is nowhere on the Earth.
+
+    Args:
+        place: Whose it is, for messages.
+        lat_deg: Latitude.
+        lon_deg: Longitude.
+        hint: What to ask where the other way round would do.
+
+    Raises:
+        NetworkError: one line that names the place, the key and what was expected.
+    """
+    for key, value, bound in (("lat_deg", lat_deg, 90.0), ("lon_deg", lon_deg, 180.0)):
+        if not math.isfinite(value) or abs(value) > bound:
+            swapped = key == "lat_deg" and math.isfinite(value) and abs(lon_deg) <= bound
+            words = hint if swapped else ""
+            raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{words}")
+
+
 def part_within(
     pylons: Sequence[Pylon], segments: Sequence[Segment], frame: LocalFrame, radius_m: float
 ) -> tuple[tuple[Pylon, ...], tuple[Segment, ...]]:
     """Return the part whose segments have both pylons nearer than ``radius_m`` to the depot; it may be empty.
 
-    It may be cut out of what is too large for a network. Segments and pylons are numbered anew in their old order.
+    It may be cut out of what is too large for a network. Segments and pylons are numbered anew from 0 in their old
+    order; labels and pylon ids stay.
     """
     places_m = frame.many_to_local_m(np.array([(one.lat_deg, one.lon_deg) for one in pylons], dtype=np.float64))
     near = np.hypot(places_m[:, 0], places_m[:, 1]) < radius_m

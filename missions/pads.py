@@ -13,7 +13,7 @@ import numpy as np
 from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import BoolArray, FloatArray
-from missions.geometry import place_distances_m
+from missions.geometry import distances_between_m, place_distances_m
 from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
 
 COLUMN_MARGIN_M = 2.0
@@ -117,7 +117,7 @@ def way_around_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray,
         centres_m: (c, 2) east and north.
         radius_m: Of the circles.
     """
-    near_m = np.minimum(_distances_m(centres_m, start_m), _distances_m(centres_m, goal_m))
+    near_m = distances_between_m(centres_m, np.stack((start_m, goal_m))).min(axis=1)
     centres_m = centres_m[near_m >= radius_m]
     way_m = np.zeros((0, 2))
     met = np.zeros(len(centres_m), dtype=np.bool_)
@@ -137,7 +137,7 @@ def _way_m(start_m: FloatArray, goal_m: FloatArray, centres_m: FloatArray, radiu
     angles = np.arange(_CORNERS) * (2.0 * math.pi / _CORNERS)
     ring = _CORNER_RADIUS * radius_m * np.column_stack((np.cos(angles), np.sin(angles)))
     corners = (centres_m[:, np.newaxis] + ring).reshape(-1, 2)
-    outside = np.hypot(*(corners[:, np.newaxis] - centres_m).transpose(2, 0, 1)).min(axis=1) >= radius_m
+    outside = distances_between_m(corners, centres_m).min(axis=1) >= radius_m
     nodes = np.concatenate((start_m[np.newaxis], corners[outside], goal_m[np.newaxis]))
     return nodes[_find_shortest_way(nodes, centres_m, radius_m)]
 
@@ -169,7 +169,7 @@ def _choose_places(
 def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float) -> list[int]:
     """Return the inner nodes of a shortest way from the first to the last node (A*, visibility only where needed)."""
     goal = len(nodes) - 1
-    to_goal_m = _distances_m(nodes, nodes[goal])
+    to_goal_m = distances_between_m(nodes, nodes[[goal]])[:, 0]
     length_m = np.full(len(nodes), math.inf)
     before = np.full(len(nodes), -1)
     done = np.zeros(len(nodes), dtype=np.bool_)
@@ -182,7 +182,7 @@ def _find_shortest_way(nodes: FloatArray, centres_m: FloatArray, radius_m: float
         if done[node]:
             continue
         done[node] = True
-        reach_m = length_m[node] + _distances_m(nodes, nodes[node])
+        reach_m = length_m[node] + distances_between_m(nodes, nodes[[node]])[:, 0]
         nearer = np.flatnonzero(reach_m < length_m - 1e-9)
         seen = nearer[_is_clear(nodes[node], nodes[nearer], centres_m, radius_m)]
         length_m[seen], before[seen] = reach_m[seen], node
@@ -205,7 +205,3 @@ def _is_clear(start_m: FloatArray, goals_m: FloatArray, centres_m: FloatArray, r
     np.clip(share, 0.0, 1.0, out=share)
     apart = (off_e - share * along_e) ** 2 + (off_n - share * along_n) ** 2
     return np.asarray(~(apart < (radius_m - 1e-9) ** 2).any(axis=0))
-
-
-def _distances_m(places_m: FloatArray, place_m: FloatArray) -> FloatArray:
-    return np.asarray(np.hypot(places_m[:, 0] - place_m[0], places_m[:, 1] - place_m[1]), dtype=np.float64)

@@ -1,210 +1,224 @@
-"""Plans of a flight and of days, with all that is needed to check them; ``plan_json`` writes and reads them."""
+"""Plans of a flight and of days, with all that is needed to check and to fly them: the plan file, ``faultline-plan/2``.
+
+The classes are the file, key by key; ``plan_json`` writes them as they are and reads them back. They name segments by
+the network's ids; what the planner is asked (``plan``, ``build_instance``) is over positions in ``segments``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from hashlib import sha256
-from typing import Annotated, Literal
+from operator import not_
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
 
 from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
-from missions.geo import MAX_LATITUDE_DEG, FloatArray, LocalFrame
+from missions.geo import FloatArray, LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad
+from missions.plan_parts import (
+    DEPOT,
+    WINDOW_COST,
+    BasePlace,
+    DayCost,
+    DayLoss,
+    DayVehicle,
+    PlanCost,
+    PlanFence,
+    PlanRoute,
+    PlanSegment,
+    PlanTerrain,
+    PlanVehicle,
+    PlanVisit,
+    SolverRecord,
+    Window,
+)
 from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, build_priced_sorties
 from missions.setup import FlightSetup, plan_flight_setup
-from missions.shortest_ways import build_area_graph
 from missions.terrain import Terrain
-from missions.validation import Above0, Figure, From0, Id, Known, Pair, Place, Text
+from missions.validation import Figure, Flag, From0, Id, Pair, Printable, Text
 from planner import (
     Cost,
     Instance,
     InstanceError,
     Plan,
-    PlanError,
+    Route,
     Travel,
-    Vehicle,
     build_instance,
     evaluate,
-    replan_window,
+    is_reversed,
     segment_of,
 )
+from planner.model import renumber_visits
 from planner.sorties import (
-    LossWindow,
     Objective,
     SortieBase,
     SortieEvaluation,
     SortieInstance,
-    SortiePlan,
     SortieVehicle,
     count_packs_needed,
-    evaluate_sorties,
 )
 
-PLACE_TOLERANCE_M = 0.05
-"""Local metres and latitude/longitude of one place agree to this; 1e-7 degrees are 1 cm."""
-FIGURE_TOLERANCE = 1e-6
-"""Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
+FORMAT = "faultline-plan/2"
 
 
-WINDOW_COST = "window"
-"""What a file names as the cost of a plan that was chosen by its re-plan window."""
+@dataclass(frozen=True, kw_only=True)
+class PlanContent:
+    """What plans of a single flight and of days have in common."""
 
+    # Strict and finite in the planner's types too, which say nothing of documents.
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(strict=True, allow_inf_nan=False)
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanSegment:
-    """A stretch of line between two pylons, a and b: one segment of the plan's own network."""
+    format: Literal["faultline-plan/2"]
+    frame: Annotated[LocalFrame, Field(alias="depot")]
+    """WGS 84; the local metres of this file begin there."""
+    bases: Annotated[tuple[BasePlace, ...], Field(min_length=1)]
+    """Where vehicles take off and land; the depot alone in a single flight."""
+    vehicles: Annotated[tuple[PlanVehicle, ...], Field(min_length=1)]
+    routes: tuple[PlanRoute, ...]
+    """Of a single flight one for each vehicle, in their order; of days each vehicle's sorties in the order of time."""
+    uncovered: tuple[Id, ...]
+    """Ids of the segments that nobody flies."""
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)]
+    """The solver's."""
+    solver: Printable
+    """Its name."""
+    seconds: Figure
+    """What it took."""
+    pricing: Annotated[Pricing | None, Field(alias="model")]
+    unreachable: Annotated[tuple[Unreachable, ...], Field(exclude_if=not_)] = ()
+    """What was asked for and is not planned, because it lies in an area or behind one."""
+    terrain: PlanTerrain | None = None
+    """The ground that it was made over, where a raster knows it."""
+    cameras: Annotated[tuple[Printable, ...], Field(exclude_if=not_)] = ()
+    """Names of the cameras that its missions trigger or point; how is said by its site."""
+    segments: tuple[PlanSegment, ...]
+    source: Annotated[SkipJsonSchema[Any], Field(exclude=True)] = field(default="plan", compare=False)
+    """Where it was read, for messages; no part of the file."""
 
-    id: Id
-    """The network's number of it; a plan over a part of a network skips some."""
-    name: Text | None = None
-    """What its network's file calls it."""
-    a_enu_m: Annotated[Place, Field(alias="a")]
-    """Metres east, north and up from the depot; up is 0 where the ground's height is not known."""
-    b_enu_m: Annotated[Place, Field(alias="b")]
-    a_lat_lon_deg: Pair
-    b_lat_lon_deg: Pair
-    pylons: tuple[str, str]
-    length_m: Figure
-    """Over the ground."""
-    elevation_m: Known = (None, None)
-    """Ground at a and b above mean sea level, where it is known."""
-    height_m: Known = (None, None)
-    """Structure at a and b, where it is known."""
+    @cached_property
+    def positions(self) -> Mapping[int, int]:
+        """Positions in `segments`, by id."""
+        return {segment.id: index for index, segment in enumerate(self.segments)}
 
     @property
-    def display_name(self) -> str:
-        """What people call it."""
-        return self.name or f"segment {self.id}"
+    def names(self) -> tuple[str, ...]:
+        """Of the vehicles."""
+        return tuple(vehicle.name for vehicle in self.vehicles)
+
+    @property
+    def solved(self) -> SolverRecord:
+        """How the plan came about."""
+        return SolverRecord(self.solver, self.seed, self.seconds)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The routes as the planner has them, over positions in ``segments``.
+
+        Raises:
+            planner.PlanError: a segment is in them twice.
+        """
+        vehicle, base = self.names.index, [place.name for place in self.bases].index
+        routes = (
+            Route(vehicle(one.vehicle), self.visits_of(one), base(one.base), base(one.lands), one.start_s)
+            for one in self.routes
+        )
+        return Plan(
+            tuple(sorted(routes, key=lambda route: route.vehicle)),
+            tuple(self.positions[segment] for segment in self.uncovered),
+        )
+
+    def build_routes(
+        self, plan: Plan, durations_s: Sequence[float], energies_pct: Sequence[float]
+    ) -> tuple[PlanRoute, ...]:
+        """Return a plan's routes as the file has them, with the figures of each."""
+        return tuple(
+            PlanRoute(
+                vehicle=self.names[route.vehicle],
+                visits=tuple(
+                    PlanVisit(
+                        segment=self.segments[segment_of(visit)].id, reversed=is_reversed(visit),
+                        inspected_at_m=self.inspection_height_m(route.vehicle, segment_of(visit)),
+                    )
+                    for visit in route.visits
+                ),
+                duration_s=duration_s, energy_pct=energy_pct,
+                base=self.bases[route.base].name, lands=self.bases[route.lands].name, start_s=route.start_s,
+            )
+            for route, duration_s, energy_pct in zip(plan.routes, durations_s, energies_pct, strict=True)
+        )  # fmt: skip
+
+    def inspection_height_m(self, vehicle: int, position: int) -> float | None:  # noqa: ARG002 - of days nobody says so
+        """Return how high a vehicle inspects the segment at a position, where that is known beforehand."""
+        return None
+
+    def visits_of(self, route: PlanRoute) -> tuple[int, ...]:
+        """Return a route's visits, over positions in ``segments``."""
+        return renumber_visits(route.network_visits, self.positions)
 
 
-@dataclass(frozen=True, slots=True)
-class BreakingLoss:
-    """A loss that nothing repairs."""
-
-    vehicle: Text
-    """Its name."""
-    from_s: Figure
-    to_s: Figure
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """The re-plan window: from when on the others can finish if any one vehicle is lost."""
-
-    window_pct: Figure
-    """Of the longest route."""
-    earliest_s: Figure
-    longest_route_s: Figure
-    breaking: BreakingLoss | None = None
-    """The loss just before it that has no re-plan."""
-
-
-@dataclass(frozen=True, slots=True)
-class SolverRecord:
-    """How the plan came about."""
-
-    solver: str
-    seed: int
-    seconds: float
-    """What the solver took."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanTerrain:
-    """The ground that a plan was made over; its heights are not part of the file."""
-
-    source: Text
-    """The raster, for people."""
-    digest: Text
-    """Of what was read of it: the same ground has the same."""
-    vertical: Text
-    """What its heights were counted from."""
-    uncertainty_m: Figure
-    """Nine of ten heights are nearer than this to the truth."""
-    margin_m: Figure
-    """That every leg keeps over the ground beside that."""
-    line_margin_m: Figure | None = None
-    """That every leg keeps over the tops of lines; without it a share of the inspection height."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanFence:
-    """What the site says of the fences of its vehicles, which other ground stations are given too."""
-
-    margin_m: Above0
-    """How far a fence is at least from its vehicle's ways."""
-    rally: Literal["pad", "keep"]
-    """Where its own RTL may end: at its pad, or as the vehicle has it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlanContent:
-    """What plans of single flights and of days have in common."""
-
-    frame: LocalFrame
-    segments: tuple[PlanSegment, ...]
-    pricing: Pricing | None = field(default=None, compare=False)
-    """From which times and energies follow; without it from ``travel``, the paper's model."""
-    solved: SolverRecord
-    unreachable: tuple[Unreachable, ...] = ()
-    """What was asked for as well, and no flight can inspect, by the network's numbers."""
-    terrain: PlanTerrain | None = None
-    """The ground, where a raster knows it."""
-    cameras: tuple[str, ...] = ()
-    """Those that its missions trigger or point; how is said by its site."""
-    autopilots: Mapping[str, str] = field(default_factory=dict)
-    """Of each vehicle by its name, where it is known: in whose dialect its missions are."""
-    source: str = field(default="plan", compare=False)
-    """Where it was read, for messages."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanFile(PlanContent):
-    """What the plan of a single flight says."""
+    """A plan, with all that is needed to check and to fly it."""
 
-    vehicles: tuple[Vehicle, ...]
     travel: Travel
-    plan: Plan
-    """Over positions in ``segments``, in the order of ``vehicles``."""
-    durations_s: tuple[float, ...]
-    energies_pct: tuple[float, ...]
-    cost: Cost | None
-    """What the plan was chosen by; None: by its re-plan window, the earlier it begins the better."""
-    cost_value: float
-    """In percent of a full battery; of a window, its ``earliest_s``."""
+    cost: PlanCost
     window: Window | None = None
     inspection: Inspection | None = None
-    """How to fly it; without it the file can be checked but not exported."""
-    fly_again: bool = True
-    """Whether vehicles that have landed may fly again after a loss: what its window, and a re-plan, reckons with."""
+    """Without it the plan can be checked, but not flown."""
+    pricing: Annotated[Pricing | None, Field(alias="model")] = field(default=None, compare=False)
+    """From which times and energies follow; without it from `travel` and the straight lines between pylons, as the
+    paper has it. Segments are named by their positions in `segments`."""
+    fly_again: Flag = True
+    """False: vehicles that have landed do not fly again after a loss, which the window reckons with."""
     fence: PlanFence | None = None
-    """What its vehicles are given as fences; None: none, or nobody knows."""
-    says_distances: bool = True
-    """Whether it is known at which distance its segments are inspected: of a re-plan the missions alone say so."""
+    """What vehicles are given as fences; without it none."""
+
+    @property
+    def network_routes(self) -> dict[str, tuple[int, ...]]:
+        """Each vehicle's visits of the network by its name."""
+        return {route.vehicle: route.network_visits for route in self.routes}
+
+    @property
+    def durations_s(self) -> tuple[float, ...]:
+        """Of the routes."""
+        return tuple(route.duration_s for route in self.routes)
+
+    @property
+    def energies_pct(self) -> tuple[float, ...]:
+        """Of the routes."""
+        return tuple(route.energy_pct for route in self.routes)
+
+    def inspection_height_m(self, vehicle: int, position: int) -> float | None:
+        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
+        if self.inspection is None or self.pricing is None or not self.inspection.same_distance:
+            return None
+        height_m, pricing, name = self.inspection.height_m, self.pricing, self.names[vehicle]
+        if position not in pricing.layered.get(name, ()):
+            return height_m
+        return height_m + pricing.steps_m.get(name, 0.0) + pricing.deep_m.get(position, 0.0)
 
     def with_site_of(self, other: PlanFile) -> PlanFile:
         """Return this plan with what another one says of their site."""
+        autopilots = {one.name: one.autopilot for one in other.vehicles}
         return replace(
             self,
+            vehicles=tuple(replace(one, autopilot=autopilots.get(one.name)) for one in self.vehicles),
             fly_again=other.fly_again,
             terrain=other.terrain,
             cameras=other.cameras,
-            autopilots=other.autopilots,
             fence=other.fence,
         )
-
-    @property
-    def cost_name(self) -> str:
-        """The cost as files and people name it."""
-        return WINDOW_COST if self.cost is None else self.cost.value
 
     @property
     def areas(self) -> tuple[Area, ...]:
@@ -218,25 +232,13 @@ class PlanFile(PlanContent):
         ends = [(segment.a_enu_m[:2], segment.b_enu_m[:2]) for segment in self.segments]
         return np.array(ends, dtype=np.float64).reshape(-1, 2, 2)
 
-    def inspection_height_m(self, vehicle: str, position: int) -> float | None:
-        """Return how high a vehicle inspects the segment at a position; None where everybody has its layer anyway."""
-        if self.inspection is None or self.pricing is None:
-            return None
-        if not (self.says_distances and self.inspection.same_distance):
-            return None
-        height_m, pricing = self.inspection.height_m, self.pricing
-        if position not in pricing.layered.get(vehicle, ()):
-            return height_m
-        return height_m + pricing.steps_m.get(vehicle, 0.0) + pricing.deep_m.get(position, 0.0)
-
     def build_task(self) -> Task:
         """Return the planning problem that the file is about.
 
         Raises:
             PlanFileError: its vehicles or coordinates do not make one.
         """
-        ids = tuple(segment.id for segment in self.segments)
-        return Task(self.build_instance(), ids, self.pricing, self.unreachable)
+        return Task(self.build_instance(), tuple(self.positions), self.pricing, self.unreachable)
 
     def build_instance(self) -> Instance:
         """Return the planning problem over positions in ``segments``.
@@ -244,10 +246,11 @@ class PlanFile(PlanContent):
         Raises:
             PlanFileError: its vehicles or coordinates do not make one.
         """
+        vehicles = [one.to_planner() for one in self.vehicles]
         try:
             if self.pricing is not None:
-                return build_priced_instance(self.pricing, self.vehicles)
-            return build_instance(self.ends_m, DEPOT_M, self.vehicles, self.travel)
+                return build_priced_instance(self.pricing, vehicles)
+            return build_instance(self.ends_m, DEPOT_M, vehicles, self.travel)
         except InstanceError as error:
             raise PlanFileError(f"{self.source}: {error}") from error
 
@@ -272,16 +275,124 @@ class PlanFile(PlanContent):
         return Network(tuple(pylons.values()), segments, self.frame, self.source)
 
 
+@dataclass(frozen=True, kw_only=True)
+class DayPlanFile(PlanContent):
+    """Days of many sorties, with all that is needed to check and to fly them."""
+
+    days: Annotated[tuple[Pair, ...], Field(min_length=1)]
+    """Begin and end of each, in seconds from the first midnight."""
+    stagger_s: From0
+    """Least time between two take-offs from a base."""
+    transfers_s: tuple[tuple[From0 | None, ...], ...]
+    """To drive a vehicle from base to base; null where it is not done."""
+    vehicles: Annotated[tuple[DayVehicle, ...], Field(min_length=1)]
+    cost: DayCost
+    finish_s: Figure
+    """When the last sortie lands, in seconds from the first midnight."""
+    flight_s: Figure
+    """The time in the air of all sorties."""
+    pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
+    """From which times and energies follow."""
+    windows: tuple[DayLoss, ...] = ()
+    """Until when each vehicle must not be lost, where that was looked at."""
+    part_of: Text | None = None
+    """Names the plan that this is what was left of one day of."""
+
+    def routes_of(self, vehicle: str) -> tuple[PlanRoute, ...]:
+        """Return a vehicle's sorties in the order of time."""
+        return tuple(route for route in self.routes if route.vehicle == vehicle)
+
+    def routes_on(self, day: int) -> tuple[PlanRoute, ...]:
+        """Return all sorties of a day, counted from 0."""
+        begin_s, end_s = self.days[day]
+        return tuple(route for route in self.routes if begin_s <= route.start_s < end_s)
+
+    @property
+    def flying(self) -> int:
+        """How many vehicles fly."""
+        return len({route.vehicle for route in self.routes})
+
+    @property
+    def base_names(self) -> list[str]:
+        """Of the bases."""
+        return [base.name for base in self.bases]
+
+    @property
+    def pads(self) -> list[tuple[str, Base]]:
+        """Each vehicle by its name, with its pads at the bases where it may land."""
+        return [
+            (own.name, pad) for own in self.vehicles for name, pad in zip(self.base_names, own.pads, strict=True)
+            if name in own.lands
+        ]  # fmt: skip
+
+    @property
+    def schedule_id(self) -> str:
+        """What names the sorties of the whole plan: the same for its file, its copies and the rests of its days."""
+        flown = [
+            (name, [(one.base, self.visits_of(one), one.start_s) for one in self.routes_of(name)])
+            for name in self.names
+        ]
+        return self.part_of or sha256(repr(([*self.positions], self.days, flown)).encode()).hexdigest()[:16]
+
+    @property
+    def first_day(self) -> int:
+        """The number of its first day among the days of the whole plan, from 1."""
+        return int(self.days[0][0] // 86_400.0) + 1
+
+    def with_plan(self, plan: Plan, found: SortieEvaluation, objective: Objective) -> DayPlanFile:
+        """Return these days with another plan, what it comes to and what it was chosen by."""
+        ends_s = [end_s for _, end_s in self.days[:-1]]
+        return replace(
+            self,
+            routes=tuple(
+                replace(route, day=1 + bisect_right(ends_s, route.start_s))
+                for route in self.build_routes(plan, found.durations_s, found.energies_pct)
+            ),
+            uncovered=tuple(self.segments[number].id for number in plan.uncovered),
+            cost=DayCost(objective.value, found.value_of(objective)),
+            finish_s=found.finish_s,
+            flight_s=found.flight_s,
+        )
+
+    def build_instance(self) -> SortieInstance:
+        """Return the planning problem over positions in ``segments``.
+
+        Raises:
+            PlanFileError: its content does not make one.
+        """
+        base, transfers_s = self.base_names.index, [[math.inf if one is None else one for one in row]
+                                                    for row in self.transfers_s]  # fmt: skip
+        vehicles = [
+            SortieVehicle(
+                own.name, base(own.base), own.budget_pct, own.hours, tuple(map(base, own.lands)),
+                consumption=own.consumption, ready_s=self.days[0][0],
+            )
+            for own in self.vehicles
+        ]  # fmt: skip
+        bases = [SortieBase(one.name, one.turnaround_s, one.packs, one.recharge_s) for one in self.bases]
+        try:
+            return build_priced_sorties(
+                self.pricing, vehicles, [own.pads for own in self.vehicles], bases, self.days, np.array(transfers_s),
+                stagger_s=self.stagger_s,
+            )  # fmt: skip
+        except InstanceError as error:
+            raise PlanFileError(f"{self.source}: {error}") from error
+
+    def count_packs(self) -> tuple[int, ...]:
+        """Return the packs that each base needs, as ``count_packs_needed`` has it."""
+        return count_packs_needed(self.build_instance(), self.plan.routes)
+
+
 def make_plan_file(
     network: Network,
     task: Task,
     travel: Travel,
     plan: Plan,
-    cost: Cost | None,
+    chosen_by: Cost | Window,
     solved: SolverRecord,
     *,
-    window: Window | None = None,
     inspection: Inspection | None = None,
+    says_distances: bool = True,
 ) -> PlanFile:
     """Return the content of a plan file; all figures come from the definition (``planner.evaluate``).
 
@@ -290,37 +401,40 @@ def make_plan_file(
         task: The problem that was solved.
         travel: Speeds and rates, of the paper's model.
         plan: Over the task's instance.
-        cost: What the plan was chosen by; None for ``window``, which must then be given.
+        chosen_by: A cost, or the plan's re-plan window: the earlier it begins the better.
         solved: How the plan came about.
-        window: The re-plan window, if computed.
         inspection: How the routes are to be flown.
+        says_distances: Whether it is known at which distance its segments are inspected: of a re-plan the missions
+            alone say so.
 
     Raises:
         planner.PlanError: the plan does not belong to the task.
-        PlanFileError: it was chosen by a window that is not given.
     """
-    if cost is None and window is None:
-        raise PlanFileError("cost: expected the re-plan window that the plan was chosen by")
-    evaluation = evaluate(task.instance, plan, cost or Cost.MINMAX)
+    window = chosen_by if isinstance(chosen_by, Window) else None
+    evaluation = evaluate(task.instance, plan, Cost.MINMAX if isinstance(chosen_by, Window) else chosen_by)
     if inspection is not None and network.flat:
         # The file must say so itself: nothing else is asked when it is exported.
         inspection = replace(inspection, flat=True)
-    return PlanFile(
-        frame=network.frame,
-        segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
-        vehicles=task.instance.vehicles,
-        travel=travel,
-        plan=plan,
-        durations_s=evaluation.durations_s,
-        energies_pct=evaluation.energies_pct,
-        cost=cost,
-        cost_value=evaluation.value if cost is not None or window is None else window.earliest_s,
-        solved=solved,
-        window=window,
-        inspection=inspection,
+    frame = network.frame
+    content = PlanFile(
+        format=FORMAT,
+        frame=frame,
+        bases=(BasePlace(DEPOT, frame.lat_deg, frame.lon_deg, frame.alt_m),),
+        vehicles=tuple(PlanVehicle(**asdict(vehicle)) for vehicle in task.instance.vehicles),
+        routes=(),
+        uncovered=tuple(task.segment_ids[number] for number in plan.uncovered),
+        **asdict(solved),
         pricing=task.pricing,
         unreachable=task.unreachable,
-    )
+        segments=tuple(build_plan_segment(network, segment) for segment in task.segment_ids),
+        travel=travel,
+        cost=PlanCost(WINDOW_COST, chosen_by.earliest_s) if isinstance(chosen_by, Window)
+        else PlanCost(chosen_by.value, evaluation.value),
+        window=window,
+        inspection=inspection,
+    )  # fmt: skip
+    said = content if says_distances else replace(content, inspection=None)
+    return replace(content, routes=said.build_routes(plan, evaluation.durations_s, evaluation.energies_pct))
 
 
 def setup_of_plan(
@@ -337,119 +451,11 @@ def setup_of_plan(
     Raises:
         MissionsError: as `plan_flight_setup` has it.
     """
-    names = [vehicle.name for vehicle in content.vehicles]
     setup = plan_flight_setup(
-        content.build_network(), names, inspection, pads=pads, areas=content.areas, terrain=terrain
+        content.build_network(), content.names, inspection, pads=pads, areas=content.areas, terrain=terrain
     )
     kept_out = () if content.pricing is None else content.pricing.kept_out
     return replace(setup, areas=content.areas, kept_out=kept_out) if content.areas else setup
-
-
-def check_plan(content: PlanFile, *, search_window: bool = True) -> list[str]:
-    """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
-
-    Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
-    the re-plan window.
-
-    Args:
-        content: The file.
-        search_window: Whether the window is searched for anew: a second or two for a hundred segments. Otherwise only
-            its percentage and longest route are recomputed.
-
-    Raises:
-        PlanFileError: its vehicles or coordinates make no planning problem at all.
-    """
-    findings = list(_check_content(content))
-    if search_window and content.window is not None and not findings:
-        findings.extend(_check_window(content, content.window))
-    return findings
-
-
-def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
-    try:
-        found = replan_window(content.build_instance(), content.plan, fly_again=content.fly_again)
-    except PlanError as error:
-        yield f"window: {error}"
-        return
-    yield from describe_wrong_figures([("window.earliest_s", written.earliest_s, found.earliest_s)])
-
-
-def _check_content(content: PlanFile) -> Iterator[str]:
-    yield from _check_places(content)
-    if (pricing := content.pricing) is not None:
-        visits = (visit for route in content.plan.routes for visit in route.visits)
-        yield from describe_area_conflicts(pricing, content.segments, visits, pricing.bases.items())
-    instance = content.build_instance()
-    evaluation = evaluate(instance, content.plan, content.cost or Cost.MINMAX)
-    figures = [
-        (f"route of {vehicle.name}: {key}", written, computed)
-        for key, all_written, all_computed in (
-            ("duration_s", content.durations_s, evaluation.durations_s),
-            ("energy_pct", content.energies_pct, evaluation.energies_pct),
-        )
-        for vehicle, written, computed in zip(content.vehicles, all_written, all_computed, strict=True)
-    ]
-    if content.cost is not None:
-        figures.append((f"cost.value ({content.cost_name})", content.cost_value, evaluation.value))
-    elif content.window is not None:
-        figures.append((f"cost.value ({content.cost_name})", content.cost_value, content.window.earliest_s))
-    if content.window is not None:
-        longest_s = evaluation.longest_route_s
-        window_pct = 100.0 * ((longest_s - content.window.earliest_s) / longest_s) if longest_s > 0 else 100.0
-        figures.append(("window.longest_route_s", content.window.longest_route_s, longest_s))
-        figures.append(("window.window_pct", content.window.window_pct, window_pct))
-    yield from describe_wrong_figures(figures)
-    yield from _check_coverage(content)
-    for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
-        if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
-            yield f"route of {vehicle.name}: spends {energy_pct:.3f} %, its budget is {vehicle.budget_pct:.3f} %"
-
-
-def _check_coverage(content: PlanFile) -> Iterator[str]:
-    visited = {segment_of(visit) for route in content.plan.routes for visit in route.visits}
-    for index, segment in enumerate(content.segments):
-        if index not in visited and index not in content.plan.uncovered:
-            yield f"{segment.display_name} is neither visited nor named as uncovered"
-
-
-def _check_places(content: PlanFile) -> Iterator[str]:
-    for segment in content.segments:
-        for key, enu_m, lat_lon_deg in (
-            ("a", segment.a_enu_m, segment.a_lat_lon_deg),
-            ("b", segment.b_enu_m, segment.b_lat_lon_deg),
-        ):
-            apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
-            if not apart_m <= PLACE_TOLERANCE_M:
-                yield f"{segment.display_name}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
-        length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
-        if not _is_same_figure(segment.length_m, length_m):
-            yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
-
-
-def describe_area_conflicts(
-    pricing: Pricing, segments: Sequence[PlanSegment], visits: Iterable[int], pads: Iterable[tuple[str, Base]]
-) -> Iterator[str]:
-    """Yield what of the inspection legs that are flown, and of vehicles' pads, is in an area."""
-    flown, pads = sorted({segment_of(visit) for visit in visits}), list(pads)
-    tracks_m = pricing.tracks_m[flown, :, :2]
-    for one in pricing.kept_out:
-        graph = build_area_graph(one.area)
-        for number in np.flatnonzero(graph.is_met(tracks_m[:, 0], tracks_m[:, 1])).tolist():
-            yield f"{segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
-        for name, pad in pads:
-            if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:
-                yield f"the pad of {name} lies in area {one.area.name!r}"
-
-
-def describe_wrong_figures(figures: Iterable[tuple[str, float, float]]) -> Iterator[str]:
-    """Yield which figures, by their name, are not what they were computed anew to be."""
-    for name, written, computed in figures:
-        if not _is_same_figure(written, computed):
-            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
-
-
-def _is_same_figure(written: float, computed: float) -> bool:
-    return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
 
 
 def build_plan_segment(network: Network, number: int) -> PlanSegment:
@@ -473,120 +479,3 @@ def build_plan_segment(network: Network, number: int) -> PlanSegment:
 
 def _up_m(frame: LocalFrame, pylon: Pylon) -> float:
     return 0.0 if pylon.elevation_m is None else frame.up_m(pylon.elevation_m)
-
-
-@dataclass(frozen=True, slots=True)
-class BasePlace:
-    """A place where vehicles take off and land."""
-
-    name: Text
-    lat_deg: Annotated[Figure, Field(ge=-MAX_LATITUDE_DEG, le=MAX_LATITUDE_DEG)]
-    lon_deg: Figure
-    alt_m: Figure
-    """Ground above mean sea level."""
-    turnaround_s: From0 = 0.0
-    """From a landing to the vehicle's next take-off."""
-    packs: Id | None = None
-    """Charged in the morning; without it there are always enough."""
-    recharge_s: From0 | None = None
-    """From a landing until the pack is charged; without it overnight."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DayPlanFile(PlanContent):
-    """What a plan of days says."""
-
-    pricing: Pricing
-    """As a single flight has it; its bases are the vehicles' own."""
-    bases: tuple[BasePlace, ...]
-    vehicles: tuple[SortieVehicle, ...]
-    pads: tuple[tuple[Base, ...], ...]
-    """For each vehicle its pad at each base."""
-    days: tuple[Pair, ...]
-    transfer_s: FloatArray
-    stagger_s: float
-    plan: SortiePlan
-    """Over positions in ``segments``, in the order of ``vehicles``."""
-    evaluation: SortieEvaluation
-    objective: Objective
-    windows: tuple[LossWindow, ...] = ()
-    """Until when each vehicle must not be lost; empty if nobody looked."""
-    part_of: str | None = None
-    """The ``schedule_id`` of the whole plan that this is the rest of one day of; None for a whole plan."""
-
-    @property
-    def schedule_id(self) -> str:
-        """What names the sorties of the whole plan: the same for its file, its copies and the rests of its days."""
-        ids = [segment.id for segment in self.segments]
-        flown = [
-            (own.name, [(self.bases[one.base].name, one.visits, one.start_s) for one in sorties])
-            for own, sorties in zip(self.vehicles, self.plan.sorties, strict=True)
-        ]
-        return self.part_of or sha256(repr((ids, self.days, flown)).encode()).hexdigest()[:16]
-
-    @property
-    def first_day(self) -> int:
-        """The number of its first day among the days of the whole plan, from 1."""
-        return int(self.days[0][0] // 86_400.0) + 1
-
-    @property
-    def cost_value(self) -> float:
-        """What the plan was chosen by comes to: seconds, or a number of sorties."""
-        found = self.evaluation
-        values = {Objective.FINISH: found.finish_s, Objective.FLIGHT: found.flight_s, Objective.SWAPS: found.count}
-        return float(values[self.objective])
-
-    def build_instance(self) -> SortieInstance:
-        """Return the planning problem over positions in ``segments``.
-
-        Raises:
-            PlanFileError: its content does not make one.
-        """
-        try:
-            bases = [SortieBase(base.name, base.turnaround_s, base.packs, base.recharge_s) for base in self.bases]
-            return build_priced_sorties(
-                self.pricing, self.vehicles, self.pads, bases, self.days, self.transfer_s,
-                stagger_s=self.stagger_s,
-            )  # fmt: skip
-        except InstanceError as error:
-            raise PlanFileError(f"{self.source}: {error}") from error
-
-    @property
-    def count_packs(self) -> tuple[int, ...]:
-        """Packs that each base needs, as ``count_packs_needed`` has it."""
-        return count_packs_needed(self.build_instance(), self.plan, self.evaluation)
-
-    def count_swaps(self, base: int) -> int:
-        """Return how many sorties take a pack of a base."""
-        return sum(one.base == base for own in self.plan.sorties for one in own)
-
-
-def check_day_plan(content: DayPlanFile) -> list[str]:
-    """Return in words every figure of a day plan that its own content does not bear out; empty if all is well.
-
-    Recomputed are times, energies, packs, hours, take-offs and coverage; windows after losses are not searched anew.
-
-    Raises:
-        PlanFileError: its content makes no planning problem at all.
-    """
-    return list(_check_days(content))
-
-
-def _check_days(content: DayPlanFile) -> Iterator[str]:
-    computed, written = evaluate_sorties(content.build_instance(), content.plan), content.evaluation
-    yield from describe_wrong_figures(
-        (f"sortie {index} of {own.name}: {key}", *pair)
-        for number, own in enumerate(content.vehicles)
-        for key, mine, its in (
-            ("duration_s", written.lasts_s[number], computed.lasts_s[number]),
-            ("energy_pct", written.energies_pct[number], computed.energies_pct[number]),
-        )
-        for index, pair in enumerate(zip(mine, its, strict=True), 1)
-    )
-    yield from describe_wrong_figures(
-        (key, getattr(written, key), getattr(computed, key)) for key in ("finish_s", "flight_s")
-    )
-    yield from computed.violations
-    visits = (visit for own in content.plan.sorties for one in own for visit in one.visits)
-    pads = ((own.name, content.pads[row][base]) for row, own in enumerate(content.vehicles) for base in own.lands)
-    yield from describe_area_conflicts(content.pricing, content.segments, visits, pads)

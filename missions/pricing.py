@@ -11,18 +11,18 @@ meet, on the way there and on the way home. A vehicle is priced as if it did so 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
 from missions.areas import AreaRestriction, Unreachable
-from missions.detours import DetourObstacles, price_detours
-from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, VerticalLegs, arrival_vectors_m
+from missions.detours import DetourObstacles
+from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m, find_vertical_legs
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.shortest_ways import Obstacle, build_obstacle
-from missions.surface import FEW_PIECES, Relief, price_uneven_ways
+from missions.surface import FEW_PIECES, Relief
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from planner import (
     ComputedMoves,
@@ -33,11 +33,8 @@ from planner import (
     Route,
     Vehicle,
     Visits,
-    is_reversed,
-    segment_of,
-    visit_of,
 )
-from planner.model import TABLES_UP_TO
+from planner.model import TABLES_UP_TO, renumber_visits
 from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TimesAndEnergies = tuple[FloatArray, FloatArray]
@@ -82,13 +79,13 @@ class VehicleMoves:
             last_m: Where they end.
             low: Which moves begin, and which of their visits are, below the layer.
         """
-        rises = VerticalLegs.find_between(from_m, first_m, *low, SAME_PLACE_M)
-        facing_m, down = arrival_vectors_m(rises.up, facing_m), rises.down[..., np.newaxis]
+        ups, downs = find_vertical_legs(from_m, first_m, *low)
+        facing_m, down = arrival_vectors_m(ups, facing_m), downs[..., np.newaxis]
 
         def price(legs_m: FloatArray, facing_m: FloatArray, along_m: FloatArray, down: BoolArray) -> TimesAndEnergies:
             return self.model.price_moves(facing_m, legs_m, along_m, down[..., 0])
 
-        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), rises)
+        return self._price_ways(from_m, first_m, price, (facing_m, last_m - first_m, down), ups, downs)
 
     def price_ways_home(
         self, from_m: FloatArray, facing_m: FloatArray, base: Base, low: BoolArray = NEVER
@@ -98,12 +95,11 @@ class VehicleMoves:
         def price(legs_m: FloatArray, facing_m: FloatArray) -> TimesAndEnergies:
             return self.model.price_ways_home(facing_m, legs_m, base)
 
-        facing_m, rises = arrival_vectors_m(low, facing_m), VerticalLegs(low, NEVER)
-        return self._price_ways(from_m, np.array(base.place_m), price, (facing_m,), rises)
+        return self._price_ways(from_m, np.array(base.place_m), price, (arrival_vectors_m(low, facing_m),), low, NEVER)
 
     def _price_ways(
         self, from_m: FloatArray, to_m: FloatArray, price: Callable[..., TimesAndEnergies],
-        others: Sequence[np.ndarray], rises: VerticalLegs,
+        others: Sequence[np.ndarray], ups: BoolArray, downs: BoolArray,
     ) -> TimesAndEnergies:  # fmt: skip
         """Return seconds and energies of ways as they are flown.
 
@@ -112,26 +108,33 @@ class VehicleMoves:
             to_m: (..., 3) where they end.
             price: What ways along (..., w, 3) legs take, by these and the others.
             others: (..., k) what else of each way it depends on.
-            rises: What leads up to their layer, and down from it.
+            ups: Which begin with a way up to their layer.
+            downs: Which end with one down from it.
         """
-        led = straight = price((to_m - from_m)[..., np.newaxis, :], *others)
-        shape, relief = straight[0].shape, self.relief
+        straight = price((to_m - from_m)[..., np.newaxis, :], *others)
+        shape = straight[0].shape
 
-        def along(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
-            flat = (np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1]) for one in others)
-            return price(np.diff(ways_m, axis=1), *(one[which] for one in flat))
+        def flatten(one: np.ndarray) -> np.ndarray:
+            return np.broadcast_to(one, (*shape, one.shape[-1])).reshape(-1, one.shape[-1])
 
-        def over(which: IntArray, ways_m: FloatArray) -> TimesAndEnergies:
-            return along(which, ways_m if relief is None else relief.follow_surface(ways_m, FEW_PIECES))
-
-        if relief is not None:
-            led = price_uneven_ways(relief, from_m, to_m, straight, along)
-        seconds, pct = price_detours(self.columns, from_m, to_m, led, over)
+        seconds, pct = (one.flatten() for one in straight)
+        for which, ways_m in self._iterate_ways(flatten(from_m), flatten(to_m)):
+            seconds[which], pct[which] = price(np.diff(ways_m, axis=1), *(flatten(one)[which] for one in others))
+        seconds, pct = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
             return seconds, pct
-        ups, downs = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        seconds, pct = (one + rises.up * ups[of] + rises.down * downs[of] for of, one in enumerate((seconds, pct)))
-        return np.asarray(seconds), np.asarray(pct)
+        up, down = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
+        return np.asarray(seconds + ups * up[0] + downs * down[0]), np.asarray(pct + ups * up[1] + downs * down[1])
+
+    def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.
+
+        Ways follow the surface where it is uneven, those that lead around something too.
+        """
+        if self.relief is not None:
+            yield from self.relief.iterate_ways(from_m, to_m)
+        for which, ways_m in self.columns.iterate_ways(from_m, to_m):
+            yield which, ways_m if self.relief is None else self.relief.follow_surface(ways_m, FEW_PIECES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,7 +237,10 @@ class Pricing:
 
 @dataclass(frozen=True, slots=True)
 class PricedMoves(ComputedMoves):
-    """Moves of the vehicles' own flight models."""
+    """Moves of the vehicles' own flight models: the same for a flight and for a day of sorties.
+
+    What moves from a start, or from a base, take is (2, 2n) float64, seconds and energies of a consumption of 1.
+    """
 
     first_m: FloatArray
     """(2n, 3) float64: where each visit begins."""
@@ -270,49 +276,27 @@ class PricedMoves(ComputedMoves):
         )  # fmt: skip
         return seconds + self.besides[0, profile][after], pct + self.besides[1, profile][after]
 
+    def price_out(self, profile: int, base: Base) -> FloatArray:
+        """Return those from a pad to the end of each visit, the climb included."""
+        climb = np.array(self.fliers[profile].model.price_take_off(np.array(base.climb_m)))
+        return self.price_from(profile, np.array(base.place_m), UNKNOWN, NEVER) + climb[:, np.newaxis]
 
-@dataclass(frozen=True, slots=True)
-class PricedFleet:
-    """What the flights of a fleet over all segments of a pricing take: the same for a flight and for a day of sorties.
+    def price_from(self, profile: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray) -> FloatArray:
+        """Return those from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
+        flier = self.fliers[profile]
+        low = is_low, flier.find_low_visits(np.arange(self.visits))
+        priced = np.array(flier.price_moves(from_m, facing_m, self.first_m, self.last_m, low))
+        return np.asarray(priced + self.besides[:, profile])
 
-    What moves from a start, or from a base, take is (2, ...) float64, seconds and energies of a consumption of 1.
-    """
-
-    fliers: tuple[VehicleMoves, ...]
-    """One for each vehicle."""
-    moves: PricedMoves
-
-    @property
-    def profiles(self) -> tuple[int, ...]:
-        """For each vehicle, whose moves are its own."""
-        return tuple(map(self.moves.fliers.index, self.fliers))
-
-    def price_out(self, row: int, base: Base) -> FloatArray:
-        """Return (2, 2n): from a pad of a vehicle to the end of each visit, the climb included."""
-        flier = self.fliers[row]
-        climb = np.array(flier.model.price_take_off(np.array(base.climb_m)))
-        return self.price_from(row, np.array(base.place_m), UNKNOWN, NEVER) + climb[:, np.newaxis]
-
-    def price_from(self, row: int, from_m: FloatArray, facing_m: FloatArray, is_low: BoolArray) -> FloatArray:
-        """Return (2, 2n): from rest at a place, which may be below the vehicle's layer, to the end of each visit."""
-        flier, moves = self.fliers[row], self.moves
-        low = (is_low, self._find_low_visits(row))
-        priced = np.array(flier.price_moves(from_m, facing_m, moves.first_m, moves.last_m, low))
-        return np.asarray(priced + moves.besides[:, moves.fliers.index(flier)])
-
-    def price_home(self, row: int, base: Base) -> FloatArray:
-        """Return (2, 2n): from the end of each visit onto a pad."""
-        last_m = self.moves.last_m
-        return np.array(
-            self.fliers[row].price_ways_home(last_m, last_m - self.moves.first_m, base, self._find_low_visits(row))
-        )
-
-    def _find_low_visits(self, row: int) -> BoolArray:
-        return self.fliers[row].find_low_visits(np.arange(self.moves.visits))
+    def price_home(self, profile: int, base: Base) -> FloatArray:
+        """Return those from the end of each visit onto a pad."""
+        flier = self.fliers[profile]
+        low = flier.find_low_visits(np.arange(self.visits))
+        return np.array(flier.price_ways_home(self.last_m, self.last_m - self.first_m, base, low))
 
 
-def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
-    """Return what the flights of some vehicles take; moves are priced when they are asked for."""
+def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> tuple[PricedMoves, tuple[int, ...]]:
+    """Return the moves of some vehicles, priced when they are asked for, and which profile is each vehicle's."""
     tracks_m, names = pricing.tracks_m.reshape(-1, 2, 3), tuple(vehicles)
     first_m, last_m = tracks_m.reshape(-1, 3), np.array(tracks_m[:, ::-1].reshape(-1, 3))
     around = len(tracks_m) * len(names) <= AROUND_UP_TO
@@ -321,7 +305,7 @@ def price_fleet(pricing: Pricing, vehicles: Iterable[str]) -> PricedFleet:
     besides = np.zeros((2, len(profiles), len(first_m)))
     for number, flier in enumerate(profiles):
         besides[:, number] = pricing.price_visit_extras(flier)
-    return PricedFleet(fliers, PricedMoves(first_m, last_m, profiles, besides))
+    return PricedMoves(first_m, last_m, profiles, besides), tuple(map(profiles.index, fliers))
 
 
 def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Instance:
@@ -337,28 +321,27 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
     Raises:
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
-    fleet = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
-    flown = fleet.moves
+    flown, profiles = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
     # Who comes down from a layer of its own has moves of its own.
     tables = flown.profiles if pricing.steps_m else 1
     small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
     idle = np.zeros((2, len(vehicles)))
-    for row, vehicle in enumerate(vehicles):
+    for row, (vehicle, profile) in enumerate(zip(vehicles, profiles, strict=True)):
         base = pricing.bases[vehicle.name]
-        again[:, row], home[:, row] = fleet.price_out(row, base), fleet.price_home(row, base)
+        again[:, row], home[:, row] = flown.price_out(profile, base), flown.price_home(profile, base)
         start[:, row] = again[:, row]
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
             here_low = np.array(vehicle.name in pricing.low_starts)
-            start[:, row] = fleet.price_from(row, here_m, facing_m, here_low)
-            idle[:, row] = fleet.fliers[row].price_ways_home(here_m, facing_m, base, here_low)
+            start[:, row] = flown.price_from(profile, here_m, facing_m, here_low)
+            idle[:, row] = flown.fliers[profile].price_ways_home(here_m, facing_m, base, here_low)
     consumption = np.array([vehicle.consumption for vehicle in vehicles], dtype=np.float64)[:, np.newaxis]
     return Instance(
         vehicles=tuple(vehicles),
-        profile=fleet.profiles,
+        profile=profiles,
         moves=moves,
         start_s=start[0], start_pct=start[1] * consumption,
         home_s=home[0], home_pct=home[1] * consumption,
@@ -395,21 +378,21 @@ def build_priced_sorties(
     Raises:
         planner.InstanceError: what does not fit.
     """
-    fleet = price_fleet(pricing, (own.name for own in vehicles))
+    flown, profiles = price_fleet(pricing, (own.name for own in vehicles))
     segments = len(pricing.tracks_m)
     out = np.zeros((2, len(vehicles), len(bases), 2 * segments))
     home = np.zeros((2, len(vehicles), 2 * segments, len(bases)))
     able = np.ones((len(vehicles), segments), dtype=np.bool_)
-    for row, own in enumerate(vehicles):
+    for row, (own, profile) in enumerate(zip(vehicles, profiles, strict=True)):
         factors = np.array([1.0, own.consumption])[:, np.newaxis]
         able[row, list(pricing.barred.get(own.name, ()))] = False
         for place, pad in enumerate(pads[row]):
-            out[:, row, place] = factors * fleet.price_out(row, pad)
-            home[:, row, :, place] = factors * fleet.price_home(row, pad)
+            out[:, row, place] = factors * flown.price_out(profile, pad)
+            home[:, row, :, place] = factors * flown.price_home(profile, pad)
     return SortieInstance(
-        moves=fleet.moves,
+        moves=flown,
         bases=tuple(bases),
-        vehicles=tuple(replace(own, profile=profile) for own, profile in zip(vehicles, fleet.profiles, strict=True)),
+        vehicles=tuple(replace(own, profile=profile) for own, profile in zip(vehicles, profiles, strict=True)),
         days=tuple(days),
         out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
         transfer_s=transfer_s,
@@ -433,7 +416,7 @@ class Task:
 
     def to_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the instance's visits as the network's."""
-        return tuple(visit_of(self.segment_ids[segment_of(visit)], is_reversed(visit)) for visit in visits)
+        return renumber_visits(visits, self.segment_ids)
 
     def from_network(self, visits: Iterable[int]) -> tuple[int, ...]:
         """Return the network's visits as the instance's.
@@ -442,7 +425,7 @@ class Task:
             KeyError: a visit's segment is no part of the problem.
         """
         reduced = {segment: index for index, segment in enumerate(self.segment_ids)}
-        return tuple(visit_of(reduced[segment_of(visit)], is_reversed(visit)) for visit in visits)
+        return renumber_visits(visits, reduced)
 
     def plan_to_network(self, plan: Plan) -> Plan:
         """Return a plan of the instance with the network's segments."""

@@ -44,7 +44,10 @@ def build_flight_path(
     """
     if not visits:
         return FlightPath(vehicle, ())
-    return FlightPath(vehicle, tuple(_PathBuilder.start_at_pad(setup, vehicle, low).complete(visits, first_visit=0)))
+    pad = setup.pad_of(vehicle)
+    here_m = np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)])
+    flight = _PathBuilder(setup, vehicle, here_m, on_ground=True, low=low)
+    return FlightPath(vehicle, tuple(flight.complete(visits, first_visit=0)))
 
 
 def continue_path(
@@ -81,7 +84,8 @@ def continue_path(
     if not 1 <= keep <= len(path.waypoints) or kept[-1].phase is Phase.LAND:
         raise ValueError(f"keep is {keep}: expected 1 to {len(path.waypoints)} waypoints without the landing")
     done = sum(point.phase is Phase.INSPECT for point in kept)
-    flight = _PathBuilder.start_after(setup, path.vehicle, kept[-1], low)
+    here_m = _place_m(setup, path.vehicle, kept[-1])
+    flight = _PathBuilder(setup, path.vehicle, here_m, on_ground=False, low=low, below_m=kept[-1].below_m)
     if keep < len(path.waypoints) and path.waypoints[keep].phase is Phase.RETURN:
         return FlightPath(path.vehicle, (*kept, *flight.turn_back(path.waypoints[keep], turn_m, visits, done)))
     return FlightPath(path.vehicle, (*kept, *flight.complete(visits, first_visit=done)))
@@ -103,16 +107,6 @@ class _PathBuilder:
     """How far below its layer it is."""
     turns_back: bool = False
     """Whether it may be on its way home already."""
-
-    @classmethod
-    def start_at_pad(cls, setup: FlightSetup, vehicle: str, low: Collection[int]) -> _PathBuilder:
-        pad = setup.pad_of(vehicle)
-        here_m = np.array([pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)])
-        return cls(setup, vehicle, here_m, on_ground=True, low=low)
-
-    @classmethod
-    def start_after(cls, setup: FlightSetup, vehicle: str, last: Waypoint, low: Collection[int]) -> _PathBuilder:
-        return cls(setup, vehicle, _place_m(setup, vehicle, last), on_ground=False, low=low, below_m=last.below_m)
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
         """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""

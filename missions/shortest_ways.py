@@ -18,7 +18,7 @@ import numpy as np
 
 from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
-from missions.geometry import find_nearest_on_legs, is_in_triangle
+from missions.geometry import find_nearest_on_legs, is_enclosed, is_in_triangles
 from missions.validation import Figure
 
 Place = tuple[float, float]
@@ -120,23 +120,11 @@ class _Shape:
         which, step = np.flatnonzero(found), max(1, AT_ONCE // len(self.begins_m))
         for first in range(0, len(which), step):
             part = which[first : first + step]
-            away_m = self.distances_m(places_m[part]).min(axis=1)
-            found[part] = (away_m < self.keep_m - ROUNDING_M) | self._is_enclosed(places_m[part])
+            away_m = find_nearest_on_legs(places_m[part], self.begins_m, self.ends_m - self.begins_m)[0].min(axis=1)
+            found[part] = away_m < self.keep_m - ROUNDING_M
+            if not self.is_line:
+                found[part] |= is_enclosed(places_m[part], self.begins_m, self.ends_m)
         return np.asarray(found)
-
-    def distances_m(self, places_m: FloatArray) -> FloatArray:
-        """Return (n, e) distances of places from the edges."""
-        return find_nearest_on_legs(places_m, self.begins_m, self.ends_m - self.begins_m)[0]
-
-    def _is_enclosed(self, places_m: FloatArray) -> BoolArray:
-        if self.is_line:
-            return np.zeros(len(places_m), dtype=np.bool_)
-        north = places_m[:, 1:]
-        low, high = self.begins_m[:, 1] <= north, self.ends_m[:, 1] <= north
-        rise = self.ends_m[:, 1] - self.begins_m[:, 1]
-        share = (north - self.begins_m[:, 1]) / np.where(rise == 0, 1.0, rise)
-        east = self.begins_m[:, 0] + share * (self.ends_m[:, 0] - self.begins_m[:, 0])
-        return np.asarray(((low != high) & (east > places_m[:, :1])).sum(axis=1) % 2 == 1)
 
     def nodes_m(self) -> Iterator[FloatArray]:
         """Yield (k, 2) places around every convex corner, between which legs keep the distance."""
@@ -206,7 +194,7 @@ class VisibilityGraph:
         if self.is_inside(corners_m).any() or self.is_blocked(corners_m, np.roll(corners_m, 1, axis=0)).any():
             return False
         # What is in there and meets no side is all in there.
-        return not any(is_in_triangle(shape.begins_m, corners_m).any() for shape in self._shapes)
+        return not any(is_in_triangles(shape.begins_m, corners_m[np.newaxis]).any() for shape in self._shapes)
 
     def ways_m(self, starts_m: FloatArray, goals_m: FloatArray) -> list[FloatArray | None]:
         """Return (w, 2) corners of a shortest way for each of (n, 2) starts to its goal.
@@ -242,12 +230,14 @@ class VisibilityGraph:
         return {place for place, within in zip(every, inside.tolist(), strict=True) if within}
 
     def _way_from_inside_m(self, start_m: FloatArray, goal_m: FloatArray) -> FloatArray | None:
-        """Return the corners of a way that leaves an obstacle by the nearest way out."""
-        out_m = self._way_out_m(start_m)
-        if out_m is None:
+        """Return the corners of a way that leaves an obstacle by the nearest way out; None if there is none."""
+        outs_m = np.concatenate([one.ways_out_m(start_m) for one in self._shapes if one.is_inside(start_m[np.newaxis])])
+        outs_m = outs_m[~self.is_inside(outs_m)]
+        if not len(outs_m):
             return None
-        (rest_m,) = self.ways_m(out_m[np.newaxis], goal_m[np.newaxis])
-        return None if rest_m is None else np.concatenate((out_m[np.newaxis], rest_m))
+        out_m = outs_m[[np.hypot(*(outs_m - start_m).T).argmin()]]
+        (rest_m,) = self.ways_m(out_m, goal_m[np.newaxis])
+        return None if rest_m is None else np.concatenate((out_m, rest_m))
 
     def distances_m(self, start_m: FloatArray, goals_m: FloatArray) -> FloatArray:
         """Return (n,) the lengths of shortest ways from a place outside to (n, 2) others; infinite where none leads."""
@@ -313,15 +303,6 @@ class VisibilityGraph:
                 following = np.where(shorter, following[:, node, np.newaxis], following)
             self._between = between_m, following
         return self._between
-
-    def _way_out_m(self, start_m: FloatArray) -> FloatArray | None:
-        """Return the nearest place outside that a place inside is left to; None if there is none."""
-        found = [shape.ways_out_m(start_m) for shape in self._shapes if shape.is_inside(start_m[np.newaxis])[0]]
-        places_m = np.concatenate(found)
-        places_m = places_m[~self.is_inside(places_m)]
-        if not len(places_m):
-            return None
-        return np.asarray(places_m[np.hypot(*(places_m - start_m).T).argmin()])
 
 
 def _orient(ring: Ring, number: int, *, is_line: bool) -> FloatArray:

@@ -16,14 +16,14 @@ files keep, at a few places along each way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from missions.geo import FloatArray, IndexArray, IntArray
-from missions.geometry import find_bends
-from missions.network import Network
+from missions.geometry import distances_between_m, find_bends
+from missions.inspection_defaults import Inspection
 from missions.terrain import Grid, KnownGround
 
 DATA_STEP_M = 20.0
@@ -193,8 +193,7 @@ def _distances_m(places_m: FloatArray, points_m: FloatArray) -> Iterator[FloatAr
     """Yield (r, n) distances of all places, some rows at a time."""
     rows = max(1, MATRIX_ENTRIES // len(points_m))
     for first in range(0, len(places_m), rows):
-        offsets = places_m[first : first + rows, np.newaxis] - points_m
-        yield np.hypot(offsets[..., 0], offsets[..., 1])
+        yield distances_between_m(places_m[first : first + rows], points_m)
 
 
 def _extensions_m(distances_m: FloatArray, heights_m: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -225,17 +224,32 @@ class Relief:
 
     grid: Grid
 
-    def find_uneven(self, from_m: FloatArray, to_m: FloatArray, pieces: int) -> IntArray:
-        """Return (k,) which of (n, 3) straight ways are not flown straight."""
-        found = []
-        for first in range(0, len(from_m), AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            begins_m, ends_m = from_m[part], to_m[part]
-            ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
-            share = np.linspace(0.0, 1.0, pieces + 1)
-            straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
-            found.append(first + np.flatnonzero(np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M))
-        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+    def iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield the ways that are not flown straight, some of as many pieces at once.
+
+        Args:
+            from_m: (n, 3) float64, where ways begin.
+            to_m: (n, 3) float64, where they end.
+
+        Yields:
+            (k,) which of them, and (k, w, 3) through which places, both ends included.
+        """
+        most = PIECES[-1] if len(from_m) <= MANY_WAYS else FEW_PIECES
+        lengths_m = np.hypot(*(to_m[:, :2] - from_m[:, :2]).T)
+        shortest_m = 0.0
+        for pieces in PIECES[: PIECES.index(most) + 1]:
+            longest_m = PIECE_M * pieces if pieces < most else math.inf
+            own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
+            for first in range(0, len(own), AT_ONCE):
+                part = own[first : first + AT_ONCE]
+                begins_m, ends_m = from_m[part], to_m[part]
+                ways_m = self.follow_surface(np.stack((begins_m, ends_m), axis=1), pieces)
+                share = np.linspace(0.0, 1.0, pieces + 1)
+                straight_m = begins_m[:, 2:] + share * (ends_m[:, 2:] - begins_m[:, 2:])
+                uneven = np.abs(ways_m[..., 2] - straight_m).max(axis=1) > UNEVEN_M
+                if uneven.any():
+                    yield part[uneven], ways_m[uneven]
+            shortest_m = longest_m
 
     def follow_surface(self, ways_m: FloatArray, pieces: int) -> FloatArray:
         """Return (k, (w - 1) * pieces + 1, 3) ways through (k, w, 3) places that follow the surface between them."""
@@ -262,84 +276,47 @@ def build_relief(surface: Surface, low_m: FloatArray, high_m: FloatArray) -> Rel
     return Relief(Grid(grid.low_m, step_m, np.asarray(np.round(heights_m, 1), dtype=np.float64)))
 
 
-def price_uneven_ways(
-    relief: Relief, from_m: FloatArray, to_m: FloatArray, straight: tuple[FloatArray, FloatArray],
-    along: Callable[[IntArray, FloatArray], tuple[FloatArray, FloatArray]],
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """Return seconds and energies of ways of which some follow the surface; arguments as of `detours.price_detours`."""
-    shape = straight[0].shape
-    flat_from, flat_to = (np.broadcast_to(places, (*shape, 3)).reshape(-1, 3) for places in (from_m, to_m))
-    seconds, pct = straight[0].flatten(), straight[1].flatten()
-    most = PIECES[-1] if len(flat_from) <= MANY_WAYS else FEW_PIECES
-    lengths_m = np.hypot(*(flat_to[:, :2] - flat_from[:, :2]).T)
-    shortest_m = 0.0
-    for pieces in PIECES:
-        longest_m = PIECE_M * pieces if pieces < most else math.inf
-        own = np.flatnonzero((lengths_m > shortest_m) & (lengths_m <= longest_m))
-        which = own[relief.find_uneven(flat_from[own], flat_to[own], pieces)]
-        for first in range(0, len(which), AT_ONCE):
-            part = which[first : first + AT_ONCE]
-            ways_m = relief.follow_surface(np.stack((flat_from[part], flat_to[part]), axis=1), pieces)
-            seconds[part], pct[part] = along(part, ways_m)
-        if pieces == most:
-            break
-        shortest_m = longest_m
-    return seconds.reshape(shape), pct.reshape(shape)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SurfaceRequirements:
-    """What flights over the ground must hold."""
-
-    kept_m: float
-    """Over the ground."""
-    ceiling_m: float
-    """Over the ground, of the highest layer."""
-    layer_m: float
-    vehicles: int
-
-
 def fit_overland_surface(
-    known: KnownGround, wishes: SurfaceRequirements, network: Network, tracks_m: FloatArray, pylon_m: FloatArray
-) -> tuple[SurfaceFit, FloatArray]:
+    known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, pylon_m: FloatArray,
+    ends: IndexArray,
+) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
     """Return the surface over lines and ground, and (p,) how high over the depot the lowest vehicle passes each pylon.
 
     Args:
         known: The ground.
-        wishes: What must be held.
-        network: The lines.
+        inspection: The distance between layers, and the ceiling of the highest.
+        vehicles: How many there are.
         tracks_m: (n, 2, 2) both ends of every inspection leg.
         pylon_m: (p,) heights over the depot that are asked for at the pylons.
+        ends: (n, 2) between which pylons each leg is.
     """
-    ends = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     errors_m = {surface.slope: error_m for surface, error_m in iterate_surfaces(tracks_m, pylon_m[ends], SLOPES_OVER)}
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     best: tuple[float, float] | None = None
     for slope in SLOPES_OVER:
         off_m = _floor_error_m(errors_m[slope], slope)
-        lifts_m = _lifts_m(known.build_floor(wishes.kept_m + off_m, slope), tracks_m, pylon_m, ends)
+        lifts_m = _lifts_m(known.build_floor(known.kept_m + off_m, slope), tracks_m, pylon_m, ends)
         lifted_m = float((lifts_m[ends].mean(axis=1) * lengths_m).sum() / lengths_m.sum())
-        over_m = lifted_m + 0.5 * wishes.vehicles * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
+        over_m = lifted_m + 0.5 * vehicles * _spacing_m(inspection.layer_m, STEEPER * slope, off_m)
         if best is None or over_m < best[0]:
             best = over_m, slope
     slope = best[1] if best is not None else SLOPES_OVER[0]
-    return _fit_slope(known, wishes, tracks_m, pylon_m, ends, slope, errors_m[slope])
+    return _fit_slope(known, inspection, vehicles, tracks_m, pylon_m, ends, slope, errors_m[slope])
 
 
 def _fit_slope(
-    known: KnownGround, wishes: SurfaceRequirements, tracks_m: FloatArray, asked_m: FloatArray, ends: IndexArray,
-    slope: float,
-    error_m: float,
+    known: KnownGround, inspection: Inspection, vehicles: int, tracks_m: FloatArray, asked_m: FloatArray,
+    ends: IndexArray, slope: float, error_m: float,
 ) -> tuple[SurfaceFit, FloatArray]:  # fmt: skip
     """Return the surface of a slope; lifted lines may fit it worse than they did, which the floor must know."""
     lengths_m = np.hypot(*(tracks_m[:, 1] - tracks_m[:, 0]).T)
     step_m = max(CHECK_STEP_M, float(lengths_m.sum()) / MAX_CHECKS)
     for _ in range(TRIES):
         off_m = _floor_error_m(error_m, slope)
-        floor = known.build_floor(wishes.kept_m + off_m, slope)
+        floor = known.build_floor(known.kept_m + off_m, slope)
         pylon_m = asked_m + _lifts_m(floor, tracks_m, asked_m, ends)
-        stack_m = (wishes.vehicles - 1) * _spacing_m(wishes.layer_m, STEEPER * slope, off_m)
-        roof = known.build_roof(max(wishes.kept_m + off_m, wishes.ceiling_m - stack_m - off_m - SLACK_M), slope)
+        stack_m = (vehicles - 1) * _spacing_m(inspection.layer_m, STEEPER * slope, off_m)
+        roof = known.build_roof(max(known.kept_m + off_m, inspection.ceiling_m - stack_m - off_m - SLACK_M), slope)
         surface = replace(next(iterate_surfaces(tracks_m, pylon_m[ends], (slope,)))[0], floor=floor, roof=roof)
         places = sample_tracks(tracks_m, pylon_m[ends], step_m)
         fitted_m = float(np.abs(surface.interpolate_m(places[:, :2]) - places[:, 2]).max())
@@ -348,7 +325,7 @@ def _fit_slope(
         error_m = fitted_m
     steepest = max(slope, floor.slope, roof.slope)
     off_m = max(FOLLOW_OVER_M, fitted_m) + steepest * CHECK_OVER_M
-    return SurfaceFit(surface, fitted_m, _spacing_m(wishes.layer_m, steepest, off_m)), pylon_m
+    return SurfaceFit(surface, fitted_m, _spacing_m(inspection.layer_m, steepest, off_m)), pylon_m
 
 
 def _floor_error_m(error_m: float, slope: float) -> float:

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 from pydantic import Field
 
 from missions.errors import ElevationError
@@ -173,18 +174,9 @@ class Elevation:
         look: Callable[[Tile, FloatArray], FloatArray],
         joined: Callable[[FloatArray, FloatArray], FloatArray],
     ) -> FloatArray:
-        parts = [
-            self._look_up_part(places_m[first : first + AT_ONCE], look, joined)
-            for first in range(0, len(places_m), AT_ONCE)
-        ]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    def _look_up_part(
-        self,
-        places_m: FloatArray,
-        look: Callable[[Tile, FloatArray], FloatArray],
-        joined: Callable[[FloatArray, FloatArray], FloatArray],
-    ) -> FloatArray:
+        if len(places_m) > AT_ONCE:
+            parts = np.array_split(places_m, math.ceil(len(places_m) / AT_ONCE))
+            return np.concatenate([self._look_up(part, look, joined) for part in parts])
         found = np.full(len(places_m), np.nan)
         wanted = np.arange(len(places_m))
         for tile in self.tiles:
@@ -194,17 +186,6 @@ class Elevation:
             if not len(wanted):
                 break
         return found
-
-
-def find_bounds(places_m: FloatArray, margin_m: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the south-western and north-eastern corners of a box around (m, 2) places."""
-    low, high = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
-    return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
-
-
-def sort_tiles(tiles: Sequence[Tile]) -> tuple[Tile, ...]:
-    """Return tiles as an elevation has them."""
-    return tuple(sorted(tiles, key=lambda tile: tile.cell_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -258,14 +239,6 @@ class Terrain:
         return self.margin_m + self.elevation.uncertainty_m
 
 
-@dataclass(frozen=True, slots=True)
-class GroundPoint:
-    """The height of the ground over the depot's, and where."""
-
-    up_m: float
-    place_m: tuple[float, float]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownGround:
     """The ground of the area that flights may be over, in heights over the depot's."""
@@ -276,15 +249,23 @@ class KnownGround:
     """Nowhere below the ground, as the raster has it; `UNKNOWN_M` outside of the area."""
     lowest: Grid
     """Nowhere above it; its negative outside."""
-    bottom: GroundPoint
+    kept_m: float
+    """How far over the ground every leg is."""
+
+    @property
+    def bottom(self) -> tuple[float, FloatArray]:
+        """The height of the lowest ground, and (2,) where it is."""
+        grid = self.lowest
+        at = np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape)
+        return float(grid.heights_m[at]), np.array(grid.low_m) + grid.step_m * np.array(at)
 
     def build_floor(self, over_m: float, slope: float) -> Grid:
         """Return the lowest heights that are so far over the ground, and no steeper than a slope."""
-        return limit_slope_above(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope)
+        return limit_slope(replace(self.highest, heights_m=self.highest.heights_m + over_m), slope, np.maximum)
 
     def build_roof(self, over_m: float, slope: float) -> Grid:
         """Return the highest heights that are no farther over the ground, and no steeper than a slope."""
-        return limit_slope_below(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), slope)
+        return limit_slope(replace(self.lowest, heights_m=self.lowest.heights_m + over_m), -slope, np.minimum)
 
 
 def flight_area_m(places_m: FloatArray) -> FloatArray:
@@ -304,9 +285,17 @@ def around_bases_m(bases_m: Iterable[tuple[float, float]]) -> FloatArray:
 def reading_box_m(
     network: Network, beside_m: float = AROUND_M, bases_m: Iterable[tuple[float, float]] = ()
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the corners of what must be read of rasters for flights over a network and from bases, so far beside."""
+    """Return the south-western and north-eastern corners of what must be read of rasters.
+
+    Args:
+        network: Over which is flown.
+        beside_m: How far beside.
+        bases_m: From where.
+    """
     corners_m = flight_area_m(np.concatenate((network.positions_m, around_bases_m(bases_m))))
-    return find_bounds(corners_m, beside_m + 4.0 * _node_step_m(corners_m))
+    margin_m = beside_m + 4.0 * _node_step_m(corners_m)
+    low_m, high_m = corners_m.min(axis=0) - margin_m, corners_m.max(axis=0) + margin_m
+    return (float(low_m[0]), float(low_m[1])), (float(high_m[0]), float(high_m[1]))
 
 
 def _node_step_m(corners_m: FloatArray) -> float:
@@ -334,7 +323,10 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
     # Between looks is half a cell of the raster at most, so that none of its cells is missed.
     looks = max(1, math.ceil(step_m / (0.5 * terrain.elevation.cell_m)))
     easts_m = low_m[0] + step_m / looks * np.arange((counts[0] - 1) * looks + 1)
-    cells_high, cells_low = (np.empty(tuple(counts - 1)) for _ in range(2))
+    sides = (
+        (np.maximum, UNKNOWN_M, terrain.elevation.highest_m), (np.minimum, -UNKNOWN_M, terrain.elevation.lowest_m)
+    )  # fmt: skip
+    cells_m = [np.empty(tuple(counts - 1)) for _ in sides]
     rows = max(1, ROW_PLACES // (len(easts_m) * looks))
     for first in range(0, counts[1] - 1, rows):
         last = min(counts[1] - 1, first + rows)
@@ -342,19 +334,20 @@ def build_known_ground(terrain: Terrain, places_m: FloatArray, frame: LocalFrame
         looked_m = np.stack(np.meshgrid(easts_m, norths_m, indexing="ij"), axis=-1)
         flat_m = looked_m.reshape(-1, 2)
         area = is_inside_convex(corners, flat_m, beyond_m=1.5 * step_m)
-        high, low = (np.full(len(flat_m), value) for value in (UNKNOWN_M, -UNKNOWN_M))
-        high[area] = terrain.elevation.highest_m(flat_m[area]) - frame.alt_m
-        low[area] = terrain.elevation.lowest_m(flat_m[area]) - frame.alt_m
-        holes = np.isnan(high)
-        if holes.any():
-            raise build_unknown_ground_error(terrain.elevation, flat_m[holes][0], frame, network)
-        shape = looked_m.shape[:2]
-        cells_high[:, first:last] = _reduce_blocks(high.reshape(shape), looks, np.maximum)
-        cells_low[:, first:last] = _reduce_blocks(low.reshape(shape), looks, np.minimum)
+        for own_m, (best, beyond_m, look) in zip(cells_m, sides, strict=True):
+            up_m = np.full(len(flat_m), beyond_m)
+            up_m[area] = look(flat_m[area]) - frame.alt_m
+            holes = np.isnan(up_m)
+            if holes.any():
+                raise build_unknown_ground_error(terrain.elevation, flat_m[holes][0], frame, network)
+            own_m[:, first:last] = _reduce_blocks(up_m.reshape(looked_m.shape[:2]), looks, best)
     start = (float(low_m[0]), float(low_m[1]))
-    highest = Grid(start, step_m, _node_heights_m(cells_high, np.maximum, UNKNOWN_M))
-    lowest = Grid(start, step_m, _node_heights_m(cells_low, np.minimum, -UNKNOWN_M))
-    return KnownGround(corners, highest, lowest, _find_lowest_point(lowest))
+    # At a node is the best of the cells around it, so that what is between nodes is the best of no cell.
+    highest, lowest = (
+        Grid(start, step_m, _reduce_blocks(np.pad(own_m, 1, constant_values=beyond_m), 1, best))
+        for own_m, (best, beyond_m, _) in zip(cells_m, sides, strict=True)
+    )
+    return KnownGround(corners, highest, lowest, terrain.kept_m)
 
 
 def build_unknown_ground_error(
@@ -376,43 +369,21 @@ def describe_ground_place(place_m: FloatArray, frame: LocalFrame, network: Netwo
 
 
 def _reduce_blocks(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
-    """Return the best of what was looked at in each cell, its edges included."""
-    along = _reduce_along_first_axis(looked_m, looks, best)
-    return _reduce_along_first_axis(along.T, looks, best).T
+    """Return the best of what was looked at in each block of so many steps on a side, its edges included."""
+    blocks = sliding_window_view(looked_m, (looks + 1, looks + 1))[::looks, ::looks]
+    return np.asarray(best.reduce(blocks, axis=(2, 3)), dtype=np.float64)
 
 
-def _reduce_along_first_axis(looked_m: FloatArray, looks: int, best: np.ufunc) -> FloatArray:
-    inner = best.reduce(looked_m[:-1].reshape(-1, looks, looked_m.shape[1]), axis=1)
-    return np.asarray(best(inner, looked_m[looks::looks]), dtype=np.float64)
+def limit_slope(grid: Grid, slope: float, best: np.ufunc) -> Grid:
+    """Return the nearest grid that rises and falls by no more than a slope.
 
+    At every node it is the best of what cones from all others leave there: steps of 1, 2, 4 ... nodes one after
+    another, each taken or not, make every distance along a direction.
 
-def _node_heights_m(cells_m: FloatArray, best: np.ufunc, beyond_m: float) -> FloatArray:
-    """Return heights at nodes so that what is between them is the best of no cell."""
-    padded = np.pad(cells_m, 1, constant_values=beyond_m)
-    along = best(padded[:-1], padded[1:])
-    return np.asarray(best(along[:, :-1], along[:, 1:]), dtype=np.float64)
-
-
-def _find_lowest_point(grid: Grid) -> GroundPoint:
-    east, north = (int(one) for one in np.unravel_index(int(grid.heights_m.argmin()), grid.heights_m.shape))
-    place_m = grid.low_m[0] + grid.step_m * east, grid.low_m[1] + grid.step_m * north
-    return GroundPoint(float(grid.heights_m[east, north]), place_m)
-
-
-def limit_slope_above(grid: Grid, slope: float) -> Grid:
-    """Return the lowest grid that is nowhere below another, and rises and falls by no more than a slope."""
-    return _apply_cones(grid, slope, np.maximum)
-
-
-def limit_slope_below(grid: Grid, slope: float) -> Grid:
-    """Return the highest grid that is nowhere above another, and rises and falls by no more than a slope."""
-    return _apply_cones(grid, -slope, np.minimum)
-
-
-def _apply_cones(grid: Grid, slope: float, better: Callable[..., FloatArray]) -> Grid:
-    """Take at every node the best of what cones from all others leave there.
-
-    Steps of 1, 2, 4 ... nodes one after another, each taken or not, make every distance along a direction.
+    Args:
+        grid: The heights.
+        slope: Above 0, of cones down from peaks; below 0, of cones up from pits.
+        best: `np.maximum`, nowhere below the heights; or `np.minimum`, nowhere above them.
     """
     heights_m = grid.heights_m.copy()
     finite = heights_m[np.isfinite(heights_m)]
@@ -422,27 +393,14 @@ def _apply_cones(grid: Grid, slope: float, better: Callable[..., FloatArray]) ->
     while stride <= max(reach, 1):
         for east, north in DIRECTIONS:
             drop_m = slope * grid.step_m * stride * math.hypot(east, north)
-            _apply_step(heights_m, east * stride, north * stride, drop_m, better)
+            # A step to the south is one to the north in the grid upside down.
+            seen_m, by_e, by_n = heights_m[:, :: 1 if north >= 0 else -1], east * stride, abs(north) * stride
+            here, there = seen_m[: -by_e or None, : -by_n or None], seen_m[by_e:, by_n:]
+            ahead = here - drop_m
+            best(here, there - drop_m, out=here)
+            best(there, ahead, out=there)
         stride *= 2
     return Grid(grid.low_m, grid.step_m, heights_m)
-
-
-def _apply_step(heights_m: FloatArray, east: int, north: int, drop_m: float, better: Callable[..., FloatArray]) -> None:
-    here_e, there_e = _shift_slices(heights_m.shape[0], east)
-    here_n, there_n = _shift_slices(heights_m.shape[1], north)
-    here, there = heights_m[here_e, here_n], heights_m[there_e, there_n]
-    if not here.size:
-        return
-    ahead = here - drop_m
-    better(here, there - drop_m, out=here)
-    better(there, ahead, out=there)
-
-
-def _shift_slices(count: int, by: int) -> tuple[slice, slice]:
-    """Return where steps of ``by`` begin and where they end along an axis."""
-    if by >= 0:
-        return slice(0, max(count - by, 0)), slice(by, None)
-    return slice(-by, None), slice(0, max(count + by, 0))
 
 
 def hull_m(places_m: FloatArray) -> FloatArray:

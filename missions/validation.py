@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
     Field,
     GetCoreSchemaHandler,
     GetPydanticSchema,
     PlainSerializer,
+    TypeAdapter,
     ValidationError,
 )
 from pydantic_core import CoreSchema, core_schema
@@ -87,11 +87,11 @@ def one_of(names: Iterable[str]) -> GetPydanticSchema:
     return GetPydanticSchema(lambda *_: core_schema.literal_schema(list(names)))
 
 
-def document_of(model: type[BaseModel]) -> GetPydanticSchema:
-    """Return that an object is what a model has written and checked already: in schemas it is the model's."""
+def document_of(kind: type[object]) -> GetPydanticSchema:
+    """Return that an object is what a type has written and checked already: in schemas it is the type's."""
     return GetPydanticSchema(
         lambda _kind, _handler: core_schema.dict_schema(),
-        lambda _schema, handler: handler(model.__pydantic_core_schema__),
+        lambda _schema, handler: handler(TypeAdapter(kind).core_schema),
     )
 
 

@@ -9,21 +9,10 @@
 Importing this package is cheap; the first plan, or ``warm_up``, loads the compiled kernels.
 """
 
-from planner.bounds import explain_infeasibility
-from planner.energy import (
-    CLIMB_SHARE_PER_M_S,
-    PRESETS,
-    Drone,
-    pct_per_s,
-    power_w,
-    top_speed_m_s,
-)
+from planner.energy import CLIMB_SHARE_PER_M_S, PRESETS, Drone, pct_per_s, power_w, top_speed_m_s
 from planner.errors import InstanceError, PlanError, PlannerError
 from planner.evaluate import (
-    BUDGET_TOLERANCE_PCT,
     Cost,
-    CriticalLoss,
-    RepairStatus,
     ReplanWindow,
     Result,
     completion_times_s,
@@ -32,30 +21,17 @@ from planner.evaluate import (
     route_duration_s,
     route_energy_pct,
 )
-from planner.exact import EXACT_SEGMENTS, find_covering_plan, solve_exact
+from planner.exact import solve_exact
 from planner.grasp import solve_grasp
 from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
-from planner.moves import (
-    ComputedMoves,
-    Dynamics,
-    MoveGeometry,
-    Moves,
-    MoveTables,
-    SteadyWind,
-    Travel,
-    Visits,
-    build_steady_wind,
-    travel_for,
-)
-from planner.params import DEFAULT_PARAMS, AnnealingParams, ExactParams, LargeParams, SearchParams, WindowSearchParams
+from planner.moves import ComputedMoves, Moves, MoveTables, SteadyWind, Travel, Visits, build_steady_wind, travel_for
+from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.replan import (
     OnboardPlan,
-    PlanRating,
     RemainingProblem,
     build_onboard_plan,
     build_remaining_problem,
     grant_onboard_budgets,
-    is_better_rating,
     rate_plan,
     replan,
     select_best_plan,
@@ -63,11 +39,9 @@ from planner.replan import (
 )
 from planner.risk import (
     FlightChunk,
-    ProbabilityEstimate,
     RiskCampaign,
     RiskEstimate,
     build_risk_campaign,
-    estimate_probability,
     estimate_risks,
     simulate_chunk,
     split_flights,
@@ -84,5 +58,5 @@ from planner.stop_rules import (
     Stopwatch,
     combine_stop_rules,
 )
-from planner.window import find_repairs_at, iterate_losses, replan_window
+from planner.window import find_repairs_at, replan_window
 from planner.window_search import ParetoPlan, find_pareto_front, solve_window

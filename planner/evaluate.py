@@ -96,9 +96,9 @@ def evaluate(instance: Instance, plan: Plan, cost: Cost) -> Evaluation:
     Visits that the instance does not have are violations and count for nothing else.
 
     Raises:
-        PlanError: the plan is for another number of vehicles.
+        PlanError: the plan has not one route for each vehicle.
     """
-    if len(plan.routes) != len(instance.vehicles):
+    if [route.vehicle for route in plan.routes] != list(range(len(instance.vehicles))):
         raise PlanError(f"the plan has {len(plan.routes)} routes, the instance {len(instance.vehicles)} vehicles")
     known = Plan(tuple(
         Route(route.vehicle, tuple(visit for visit in route.visits if 0 <= segment_of(visit) < instance.segments))

@@ -17,7 +17,7 @@ from planner.evaluate import (
     route_energy_pct,
 )
 from planner.exact import find_covering_plan
-from planner.kernels.arrays import FloatArray, Problem, State
+from planner.kernels.arrays import FloatArray, Problem, State, allocate
 from planner.kernels.repair import (
     SAME_TIME_S,
     Loss,
@@ -29,7 +29,7 @@ from planner.kernels.repair import (
     try_loss,
 )
 from planner.model import Instance, Plan, Route, renumber_visits, segment_of
-from planner.plan_search import build_kernel_problem, build_random_state, build_state, copy_state
+from planner.plan_search import build_kernel_problem, build_random_state, build_state
 from planner.replan import RemainingProblem, build_remaining_problem
 
 EXACT_UP_TO = 13
@@ -55,7 +55,7 @@ class LossScan:
         self._clock = clock_of(self._problem, self._timing, self._base)
         self._loss = loss_of(self._problem)
         self._repairs = build_empty_repairs(self._problem, len(plan.routes))
-        self._desk = workspace_of(self._base)
+        self._desk = allocate(RepairWorkspace, k=len(plan.routes), n=instance.segments)
         self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
         self._durations_s = [route_duration_s(instance, route) for route in plan.routes]
         self._energies_pct = [route_energy_pct(instance, route) for route in plan.routes]
@@ -185,7 +185,7 @@ def timing_of(instance: Instance) -> LossTiming:
 
 def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
     """Return when the visits of a measured state end."""
-    clock = LossClock(np.zeros(base.visits.shape), np.zeros(base.visits.shape), np.zeros(len(base.lengths)))
+    clock = allocate(LossClock, k=len(base.lengths), n=len(base.route_of))
     for route in range(len(base.lengths)):
         set_clock(problem, timing, base, clock, route)
     return clock
@@ -202,28 +202,11 @@ def loss_of(problem: Problem) -> Loss:
     return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
 
 
-def workspace_of(base: State) -> RepairWorkspace:
-    """Return work space for repairs, and for walks, over states of this size."""
-    fleet, segments = len(base.lengths), len(base.route_of)
-    rooms = [np.zeros(segments, dtype=np.int64) for _ in range(4)]
-    return RepairWorkspace(
-        opened=rooms[0], missing=rooms[1], pending=rooms[2], keys=np.zeros(segments),
-        touched=np.zeros(fleet, dtype=np.int64), came_from=np.zeros((segments, 2), dtype=np.int64), spare=rooms[3],
-        current=copy_state(base), trial=copy_state(base), other=copy_state(base),
-    )  # fmt: skip
-
-
 def build_empty_repairs(problem: Problem, losses: int) -> Repairs:
     """Return room for the repairs of a number of losses, none of them known."""
-    fleet, segments = len(problem.budget), len(problem.value)
-    return Repairs(
-        visits=np.zeros((losses, fleet, segments), dtype=np.int64),
-        legs=np.zeros((losses, fleet, segments + 1)),
-        lengths=np.zeros((losses, fleet), dtype=np.int64),
-        loads=np.zeros((losses, fleet)),
-        route_of=np.full((losses, segments), -1, dtype=np.int64),
-        known=np.zeros(losses, dtype=np.int64),
-    )
+    repairs = allocate(Repairs, losses=losses, k=len(problem.budget), n=len(problem.value))
+    repairs.route_of[:] = -1
+    return repairs
 
 
 def _to_contiguous(rows: FloatArray) -> FloatArray:

@@ -137,30 +137,43 @@ class Instance:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """One vehicle's ordered visits, from where it starts to the depot."""
+    """One sortie of one vehicle: its ordered visits, from where it starts to where it lands.
+
+    In a single flight each vehicle has one, from its start to the depot.
+    """
 
     vehicle: int
     visits: tuple[int, ...]
+    base: int = 0
+    """Of days: where it begins."""
+    lands: int = 0
+    """Of days: the base where it ends."""
+    start_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A route for every vehicle, in the order of the instance's vehicles, and the segments that nobody inspects."""
+    """Routes in the order of the instance's vehicles, each one's in the order of time, and what nobody inspects."""
 
     routes: tuple[Route, ...]
     uncovered: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that routes are numbered and no segment occurs twice.
+        """Check that routes are in order and no segment occurs twice.
 
         Raises:
             PlanError: routes are not in the vehicles' order, or a segment is visited twice or both visited and left.
         """
-        if [route.vehicle for route in self.routes] != list(range(len(self.routes))):
-            raise PlanError("routes must be in the order of the vehicles, one each")
+        numbers = [route.vehicle for route in self.routes]
+        if numbers != sorted(numbers):
+            raise PlanError("routes must be in the order of the vehicles")
         seen = [segment_of(visit) for route in self.routes for visit in route.visits] + list(self.uncovered)
         if len(seen) != len(set(seen)):
             raise PlanError("a segment occurs twice in the plan")
+
+    def routes_of(self, vehicle: int) -> tuple[Route, ...]:
+        """Return one vehicle's."""
+        return tuple(route for route in self.routes if route.vehicle == vehicle)
 
 
 def build_instance(

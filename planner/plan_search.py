@@ -14,7 +14,7 @@ import numpy as np
 from planner.bounds import explain_infeasibility
 from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Evaluation, Result, evaluate
 from planner.kernels.anneal import anneal, compute_objective, uncovered_value
-from planner.kernels.arrays import Problem, RandomState, SearchWorkspace, State, Weights
+from planner.kernels.arrays import Problem, RandomState, SearchWorkspace, State, Weights, allocate
 from planner.kernels.tours import copy_all, insert_by_regret, measure
 from planner.model import Instance, Plan, Route, segment_of
 from planner.moves import FloatArray
@@ -32,7 +32,8 @@ class PlanStart(SearchStart[State]):
         """(2,) float64: the value that the best plan leaves out, then the cost function's: less is better."""
         self._problem = problem
         self._truth = truth
-        self._memory = build_search_workspace(problem)
+        self._memory = allocate(SearchWorkspace, k=len(problem.budget), n=len(problem.value))
+        self._memory.versions[:] = 1
 
     @property
     def rank(self) -> list[float]:
@@ -207,14 +208,9 @@ def build_true_weights(problem: Problem, cost: Cost, *, all_vehicles: bool) -> W
 
 def build_empty_state(problem: Problem) -> State:
     """Return the state in which nobody visits anything."""
-    fleet, segments = len(problem.budget), len(problem.value)
-    state = State(
-        visits=np.zeros((fleet, segments), dtype=np.int64),
-        legs=np.zeros((fleet, segments + 1)),
-        lengths=np.zeros(fleet, dtype=np.int64),
-        loads=np.zeros(fleet),
-        route_of=np.full(segments, -1, dtype=np.int64),
-    )
+    fleet = len(problem.budget)
+    state = allocate(State, k=fleet, n=len(problem.value))
+    state.route_of[:] = -1
     for route in range(fleet):
         measure(problem, state, route)
     return state
@@ -226,22 +222,6 @@ def build_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:
     for route, visits in enumerate(routes):
         set_route(problem, state, route, visits)
     return state
-
-
-def build_search_workspace(problem: Problem) -> SearchWorkspace:
-    """Return the work space of an annealing that has not begun."""
-    fleet, segments = len(problem.budget), len(problem.value)
-    return SearchWorkspace(
-        waiting=np.zeros(segments, dtype=np.int64),
-        pending=np.zeros(segments, dtype=np.int64),
-        keys=np.zeros(segments),
-        touched=np.zeros(fleet, dtype=np.int64),
-        came_from=np.zeros((segments, 2), dtype=np.int64),
-        versions=np.ones(fleet, dtype=np.int64),
-        version=np.zeros((segments, fleet), dtype=np.int64),
-        added=np.zeros((segments, fleet)),
-        place=np.zeros((segments, fleet), dtype=np.int64),
-    )
 
 
 def build_kernel_state(problem: Problem, routes: Iterable[Sequence[int]]) -> State:

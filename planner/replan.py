@@ -41,7 +41,7 @@ from planner.model import (
     visit_of,
 )
 from planner.moves import FloatArray
-from planner.solve import check_tails, solve
+from planner.solve import check_routes, check_tails, solve
 from planner.stop_rules import StopRule
 
 SAME_TIME_S = 1e-9
@@ -110,7 +110,7 @@ def build_remaining_problem(
     Raises:
         PlanError: the plan is not one for the instance, the vehicle or time does not exist, or nobody survives.
     """
-    check_tails(instance, [route.visits for route in plan.routes])
+    check_routes(instance, plan)
     if not 0 <= lost < len(plan.routes):
         raise PlanError(f"vehicle {lost} is not in the plan of {len(plan.routes)}")
     if len(plan.routes) == 1:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.evaluate import Cost, WindowResult, evaluate, route_duration_s, route_energy_pct
-from planner.kernels.arrays import FloatArray, RandomState, State
+from planner.kernels.arrays import FloatArray, RandomState, State, allocate
 from planner.kernels.repair import Loss, Repairs, RepairWorkspace, find_broken_interval, set_clock
 from planner.kernels.robust_walk import (
     RobustWalk,
@@ -20,7 +20,7 @@ from planner.kernels.robust_walk import (
     assess_repairs,
     take_repairs,
 )
-from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of, workspace_of
+from planner.loss_scan import build_empty_repairs, clock_of, loss_of, timing_of
 from planner.model import Instance, Plan, Route
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import build_kernel_problem, build_plan, build_random_state, build_state, copy_state, set_route
@@ -259,22 +259,19 @@ class RobustSearch(Search):
     def _build_walker(self, seed: int, best: FoundPlan) -> Walker:
         fleet = len(self._instance.vehicles)
         base = build_state(self._problem, [()] * fleet)
+        desk, own = (allocate(RepairWorkspace, k=fleet, n=self._instance.segments) for _ in range(2))
         return Walker(
             here=self._build_walk(base), there=self._build_walk(copy_state(base)), loss=loss_of(self._problem),
-            desk=workspace_of(base), own=workspace_of(base), full=build_empty_repairs(self._problem, fleet),
+            desk=desk, own=own, full=build_empty_repairs(self._problem, fleet),
             rng=build_random_state(seed), best=best, start=best, step=self._params.first_step,
             probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,
         )  # fmt: skip
 
     def _build_walk(self, base: State) -> RobustWalk:
         slots = self._params.probes * len(base.lengths)
-        return RobustWalk(
-            base, clock_of(self._problem, self._timing, base), build_empty_repairs(self._problem, slots),
-            np.zeros(slots),
-            opened=np.zeros((slots, len(base.route_of)), dtype=np.int64),
-            begun=np.zeros((slots, len(base.lengths)), dtype=np.int64),
-            left=np.zeros((slots, len(base.lengths))), order=np.zeros(slots, dtype=np.int64),
-        )  # fmt: skip
+        walk = allocate(RobustWalk, losses=slots, k=len(base.lengths), n=len(base.route_of))
+        repairs = build_empty_repairs(self._problem, slots)
+        return walk._replace(base=base, clock=clock_of(self._problem, self._timing, base), repairs=repairs)
 
     def _place_walker(self, walker: Walker, routes: Sequence[tuple[int, ...]]) -> None:
         """Put both plans of a walker at given routes, without repairs."""

@@ -48,7 +48,7 @@ def solve(  # noqa: PLR0913 - what is asked for, how long to search, and from wh
     if starts < 1:
         raise PlanError(f"starts is {starts}, expected 1 or more")
     if initial is not None:
-        check_tails(instance, [route.visits for route in initial.routes])
+        check_routes(instance, initial)
     if instance.segments == 0:
         return _build_empty_result(instance, cost)
     # Only here: numba takes a second to load, and whoever imports the planner may never make a plan.
@@ -73,6 +73,17 @@ def warm_up() -> None:
     )
     for cost in Cost:
         solve(instance, cost=cost, stop=Iterations(1))
+
+
+def check_routes(instance: Instance, plan: Plan) -> None:
+    """Check that a plan has one route for each vehicle of an instance, over its visits.
+
+    Raises:
+        PlanError: it has not.
+    """
+    if [route.vehicle for route in plan.routes] != list(range(len(plan.routes))):
+        raise PlanError("routes must be in the order of the vehicles, one each")
+    check_tails(instance, [route.visits for route in plan.routes])
 
 
 def check_tails(instance: Instance, tails: Sequence[Sequence[int]]) -> None:

@@ -24,7 +24,7 @@ from planner.evaluate import (
 )
 from planner.model import Instance, Plan
 from planner.replan import SAME_TIME_S, RemainingProblem, build_remaining_problem
-from planner.solve import check_tails
+from planner.solve import check_routes
 
 EFFORT = 10_000
 """Iterations of ruin and recreate for one loss, as a default: some 50 ms where there is no re-plan."""
@@ -48,7 +48,7 @@ def replan_window(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    check_tails(instance, [route.visits for route in plan.routes])
+    check_routes(instance, plan)
     check_fleet(instance)
     evaluation = evaluate(instance, plan, Cost.MINMAX)
     longest_s, events = evaluation.longest_route_s, event_times_s(instance, plan)
@@ -91,7 +91,7 @@ def iterate_losses(
     Raises:
         PlanError: the plan is not one for the instance, or has one vehicle only.
     """
-    check_tails(instance, [route.visits for route in plan.routes])
+    check_routes(instance, plan)
     check_fleet(instance)
     if instance.segments == 0:
         return iter(())

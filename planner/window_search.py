@@ -17,7 +17,7 @@ from planner.errors import PlanError
 from planner.evaluate import Cost, ReplanWindow, WindowResult, evaluate
 from planner.model import Instance, Plan
 from planner.params import DEFAULT_PARAMS, SearchParams
-from planner.solve import check_tails
+from planner.solve import check_routes
 from planner.stop_rules import (
     Iterations,
     Progress,
@@ -75,7 +75,7 @@ def solve_window(  # noqa: PLR0913 - what is asked for, how long to search, and 
     if not stretch >= 0:
         raise PlanError(f"the stretch is {stretch}, expected zero or more")
     for plan in initial:
-        check_tails(instance, [route.visits for route in plan.routes])
+        check_routes(instance, plan)
     # Only here, as in solve.py: it loads numba.
     from planner.robust_search import RobustSearch
 

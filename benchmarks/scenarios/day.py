@@ -13,9 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.scenarios.road_graph import RoadGraph, build_road_graph
-from planner import InstanceError, MoveTables, PlanError
+from planner import InstanceError, MoveTables, PlanError, Route
 from planner.moves import FloatArray
-from planner.sorties import Sortie, SortieBase, SortieInstance, SortieVehicle
+from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 LONG_S = 1e15
 """No day is over before."""
@@ -106,7 +106,7 @@ class Day:
         edges = [(int(a), int(b), float(direct_s[a, b])) for a, b in ends if a != b]
         return build_road_graph(depots, edges), direct_s
 
-    def list_walks(self, tasks: Sequence[int], base: int, sorties: Iterable[Sortie]) -> Iterator[tuple[int, ...]]:
+    def list_walks(self, tasks: Sequence[int], base: int, sorties: Iterable[Route]) -> Iterator[tuple[int, ...]]:
         """Yield the places of a vehicle's trips, those without a task included.
 
         Args:

@@ -12,8 +12,8 @@ from itertools import pairwise
 from math import inf
 
 from benchmarks.scenarios.day import Day, TimedTrip, Timeline, TripStart, build_day_instance
-from planner import PlanError, Stopwatch
-from planner.sorties import Sortie, SortieInstance, SortiePlan
+from planner import Plan, PlanError, Route, Stopwatch
+from planner.sorties import SortieInstance
 
 SAME_TIME_S = 1e-6
 """Times nearer to each other than this are the same."""
@@ -31,7 +31,7 @@ class DayLeft:
     """Which of the day's tasks the instance's tasks are."""
     instance: SortieInstance | None
     """None where nobody survives, or nothing is left to do."""
-    tails: tuple[tuple[Sortie, ...], ...]
+    tails: tuple[Route, ...]
     """What the survivors were to fly next, of the tasks that are open."""
 
 
@@ -94,12 +94,13 @@ def open_tasks(day: Day, timelines: Sequence[Timeline]) -> tuple[int, ...]:
     return tuple(number for number in range(len(day.tasks)) if number not in done)
 
 
-def day_after(day: Day, left: DayLeft, plan: SortiePlan) -> tuple[Timeline, ...]:
+def day_after(day: Day, left: DayLeft, plan: Plan) -> tuple[Timeline, ...]:
     """Return everybody's trips, those of a plan for what was left included."""
     timelines = list(left.kept)
     if left.instance is not None:
-        for vehicle, own, sorties in zip(left.survivors, left.instance.vehicles, plan.sorties, strict=True):
-            timelines[vehicle] += day.time_walks(day.list_walks(left.open, own.base, sorties), own.ready_s)
+        for number, (vehicle, own) in enumerate(zip(left.survivors, left.instance.vehicles, strict=True)):
+            walks = day.list_walks(left.open, own.base, plan.routes_of(number))
+            timelines[vehicle] += day.time_walks(walks, own.ready_s)
     return tuple(timelines)
 
 
@@ -107,7 +108,7 @@ def replan_losses(
     day: Day,
     timelines: Sequence[Timeline],
     losses: Sequence[tuple[int, float]],
-    solve: Callable[[SortieInstance, tuple[tuple[Sortie, ...], ...]], SortiePlan],
+    solve: Callable[[SortieInstance, tuple[Route, ...]], Plan],
     took: Callable[[float], None] = lambda _: None,
 ) -> tuple[tuple[Timeline, ...], ...]:
     """Return the timelines after each loss, in the order of their times.
@@ -151,16 +152,15 @@ def _find_trip_start(day: Day, timeline: Timeline, vehicle: int, at_s: float) ->
 
 def _tails(
     day: Day, timelines: Sequence[Timeline], kept: Sequence[Timeline], survivors: Sequence[int], waiting: Sequence[int]
-) -> tuple[tuple[Sortie, ...], ...]:
+) -> tuple[Route, ...]:
     """Return the waiting tasks on the survivors' trips to come, in order, each where it comes first."""
     open_visits = {
         step: 2 * number + turned for number, task in enumerate(waiting)
         for turned, step in enumerate((day.tasks[task], day.tasks[task][::-1]))
     }  # fmt: skip
     bases = day.bases
-    tails: list[tuple[Sortie, ...]] = []
-    for vehicle in survivors:
-        tail: list[Sortie] = []
+    tails: list[Route] = []
+    for place, vehicle in enumerate(survivors):
         for trip in timelines[vehicle][len(kept[vehicle]) :]:
             visits = []
             for step in pairwise(trip.places):
@@ -170,6 +170,5 @@ def _tails(
                     visits.append(visit)
             if visits:
                 base, lands = bases.index(trip.places[0]), bases.index(trip.places[-1])
-                tail.append(Sortie(base, tuple(visits), lands, trip.start_s))
-        tails.append(tuple(tail))
+                tails.append(Route(place, tuple(visits), base, lands, trip.start_s))
     return tuple(tails)

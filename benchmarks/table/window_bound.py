@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner import BUDGET_TOLERANCE_PCT, Instance, PlanError
+from planner import Instance, PlanError
 from planner.bounds import compute_tree_bound_pct
+from planner.evaluate import BUDGET_TOLERANCE_PCT
 
 
 def earliest_window_bound_s(instance: Instance) -> float:

@@ -410,14 +410,7 @@ def read_head(path: Path) -> LogHeader:
 
 def total_clock_step_s(path: Path, since: LogPlace | None = None) -> float:
     """Return by how many seconds the time of day was set while a log was written, as far as its notes say."""
-    total_s = 0.0
-    with path.open("rb") as file:
-        file.seek(0 if since is None else since.size)
-        for line in file:
-            if CLOCK_SET.encode() in line:
-                with suppress(ValueError, TypeError, AttributeError, OverflowError, RecursionError):
-                    total_s += float(json.loads(line).get(CLOCK_SET, 0.0))
-    return total_s
+    return sum(step_s for note in read_notes(path, since) if is_time(step_s := note.get(CLOCK_SET)))
 
 
 def _expect_format(path: Path, line: bytes) -> dict[str, Any]:

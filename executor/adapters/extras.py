@@ -19,8 +19,6 @@ class Extra(Enum):
     IMAGES = "images", "PIL"
     MAVSDK = "mavsdk", "mavsdk"
     LOGS = "logs", "pyulog"
-    WEB = "web", "starlette", "uvicorn"
-    MQTT = "mqtt", "aiomqtt"
     DASK = "dask", "distributed"
     GEO = "geo", "openpyxl", "shapefile"
     MAPS = "maps", "rasterio", "PIL", "contourpy"

@@ -63,6 +63,11 @@ class SegmentRecord:
         """What people call it."""
         return self.name or str(self.id)
 
+    @property
+    def line_m(self) -> tuple[Place, Place]:
+        """Easts, and norths, of both ends."""
+        return (self.a_m[0], self.b_m[0]), (self.a_m[1], self.b_m[1])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VehicleRecord:
@@ -165,7 +170,7 @@ def build_launch_revision(content: PlanFile) -> PlanRevision:
     """Return the plan that a flight begins with."""
     instance = content.build_instance()
     routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return PlanRevision(0, 0.0, tuple(routes), list_uncovered_ids(content))
+    return PlanRevision(0, 0.0, tuple(routes), content.uncovered)
 
 
 def build_planned_route(
@@ -214,11 +219,6 @@ def _find_turns_m(content: PlanFile, route: planner.Route) -> Iterator[tuple[Pla
         yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, begin_m))
         here_m = end_m
     yield tuple((float(east), float(north)) for east, north in around.way_m(here_m, np.array(base_m)))
-
-
-def list_uncovered_ids(content: PlanFile) -> tuple[int, ...]:
-    """Return the ids of the segments that a plan file does not cover."""
-    return tuple(content.segments[index].id for index in content.plan.uncovered)
 
 
 def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, str]]:
@@ -505,4 +505,4 @@ def _build_replan_revision(
             began_s = take_off_time_s(vehicle.track, uploaded_s)
         used_pct = draw_at_pct(vehicle, began_s)
         routes.append(build_planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return PlanRevision(number, decided_s, tuple(routes), list_uncovered_ids(content))
+    return PlanRevision(number, decided_s, tuple(routes), content.uncovered)

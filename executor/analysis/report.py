@@ -209,7 +209,7 @@ def build_report(
         ),
         seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
-        min_separation_m=None if state.progress.separation is None else state.progress.separation.least_m,
+        min_separation_m=state.progress.separation_m,
         inspection_speed_m_s=context.inspection_speed_m_s,
         inspections=tuple(
             _build_inspection_row(context, state, segment)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
+from typing import Annotated, Any, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -77,7 +77,7 @@ def load_command(name: str) -> Any:  # noqa: ANN401 - typer does not export what
     if isinstance(defined, typer.Typer):
         return get_command(defined)
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(name)(defined)
+    app.command(name, context_settings=HELP)(defined)
     return get_command(app)
 
 
@@ -100,10 +100,32 @@ class _LazyCommand(TyperCommand):
         return load_command(str(self.name)).make_context(info_name, args, *more, **named)
 
 
-cli = TyperGroup(
+def _print_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"faultline {version('faultline')}")
+        raise typer.Exit
+
+
+HELP = {"help_option_names": ["-h", "--help"]}
+_app = typer.Typer(
     name="faultline",
     help="Flies a fleet of UAVs along a power line, and finishes the inspection when one of them is lost.",
     no_args_is_help=True,
     rich_markup_mode=None,
-    commands=[_LazyCommand(name, rich_markup_mode=None) for name in COMMANDS],
+    context_settings=HELP,
 )
+
+
+@_app.callback()
+def _start(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Take the options that belong to no command."""
+
+
+cli = cast("TyperGroup", get_command(_app))
+cli.commands.update({name: _LazyCommand(name, rich_markup_mode=None) for name in COMMANDS})

@@ -31,7 +31,6 @@ from missions.files import write_whole
 from missions.geo import FloatArray
 from missions.inspection_height import build_first_paths
 from missions.plan_file import setup_of_plan
-from planner import is_reversed, segment_of, visit_of
 
 SAME_PAD_M = 1.0
 """Pads that are farther apart are two."""
@@ -101,17 +100,13 @@ def _build_replanned_ways(
     run: Path, record: FlightRecord, setup: missions.FlightSetup, first: missions.PlanFile
 ) -> Iterator[exports.MapLine]:
     """Yield what was put on board in flight, from where the vehicle began it."""
-    numbers = {segment.id: number for number, segment in enumerate(first.segments)}
     for revision in record.revisions[1:]:
         content = missions.read_plan(RunDirectory(run).plan_path(revision.number))
         on_board = {route.vehicle for route in revision.routes}
-        for route in content.plan.routes:
-            vehicle = content.vehicles[route.vehicle]
+        for vehicle, route in zip(content.vehicles, content.routes, strict=True):
             if vehicle.name not in on_board:
                 continue
-            visits = tuple(
-                visit_of(numbers[content.segments[segment_of(visit)].id], is_reversed(visit)) for visit in route.visits
-            )
+            visits = first.visits_of(route)
             if vehicle.airborne:
                 up_m = vehicle.start_up_m if content.pricing is not None else None
                 path = _build_path_from_air(setup, vehicle.name, vehicle.start_m, up_m, visits)
@@ -275,8 +270,7 @@ def _build_paths(
                     f"{source}: {name} stands on a pad of its site: expected --site with the site file that the plan "
                     "was made of"
                 )
-    routes = {content.vehicles[route.vehicle].name: route.visits for route in content.plan.routes}
-    paths = site_model.build_paths(setup, routes)
+    paths = site_model.build_paths(setup, {route.vehicle: content.visits_of(route) for route in content.routes})
     for line in (*find_low_places(setup, list(paths.values())), *check_mission_ceiling(setup, paths.values())):
         raise SiteError(f"{source}: heights: {line}")
     return setup, paths
@@ -326,7 +320,7 @@ def _mission_text(
 
 def _autopilot_of(content: missions.PlanFile, name: str, asked: AutopilotName | None) -> str:
     """Return in whose dialect a vehicle's mission is written, and say where that is not what the plan says."""
-    planned = content.autopilots.get(name)
+    planned = next(vehicle.autopilot for vehicle in content.vehicles if vehicle.name == name)
     if asked is None and planned is None:
         _warn(f"{name}: the plan does not say its autopilot; written for {FIRST_AUTOPILOT.value}, or see --autopilot")
     elif asked is not None and planned is not None and asked.value != planned:

@@ -30,13 +30,7 @@ from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
 from executor.flight.open_links import check_backends
-from executor.flight.restore_vehicles import (
-    build_parameter_rows,
-    check_run,
-    find_open_parameters,
-    read_kept_lists,
-    read_kept_parameters,
-)
+from executor.flight.restore_vehicles import LISTS, PARAMETERS, build_parameter_rows, check_run, find_open_parameters
 from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
 from executor.simulated import simulated_fleet
 from executor.simulated.injected_faults import read_injected_faults
@@ -384,8 +378,7 @@ def _draw_flight(run: Path, record: FlightRecord) -> None:
     save_figure(draw_battery_figure(record), RunDirectory(run).battery)
     if RunDirectory(run).terrain.exists():
         begun = read_run_start(run)
-        routes = site_model.name_routes(begun.ground, begun.plan.build_task(), begun.plan.plan)
-        save_figure(draw_profile_figure(begun.context.setup, routes), RunDirectory(run).profile)
+        save_figure(draw_profile_figure(begun.context.setup, begun.plan.network_routes), RunDirectory(run).profile)
 
 
 def _read_kept_ground(run: Path) -> GroundView | None:
@@ -408,9 +401,7 @@ def restore(
 
     _, waiting, lists = restoring.read_open_changes(directory)
     if not waiting and not lists:
-        _finish(
-            directory, read_kept_parameters(directory) or (), read_kept_lists(directory), as_json=as_json, quiet=quiet
-        )
+        _finish(directory, PARAMETERS.read(directory), LISTS.read(directory), as_json=as_json, quiet=quiet)
         return
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     for words in (*(one.words for one in waiting), *(one.words for one in lists)):

@@ -97,7 +97,7 @@ def _run(given: Sequence[str]) -> int:
     from executor.cli.commandline import cli
 
     try:
-        return int(cli(args=list(given), standalone_mode=False) or DONE)
+        return int(cli(args=list(given), prog_name="faultline", standalone_mode=False) or DONE)
     except BaseExceptionGroup as group:
         _exit_for_group(group, _load_own_errors())
     except TyperException as error:

@@ -29,6 +29,7 @@ from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions.files import json_text
+from missions.plan_parts import DayLoss
 from planner import Progress, sorties, split_flights
 
 
@@ -119,7 +120,7 @@ def _select_next_day(
     if day is None:
         console.say(Level.INFO, f"{content.source}: everything is inspected; nothing is left to fly")
         raise typer.Exit
-    left = format_count(len(day.plan.uncovered), "segment")
+    left = format_count(len(day.uncovered), "segment")
     return day, f"day {day.first_day} of {len(content.days)}, with {left} in nobody's sorties yet,"
 
 
@@ -318,7 +319,7 @@ def plan_day(
         return build_day_document(content, spares, shares, mtbf_h) | heights.to_json()
 
     print_result(document, lines, as_json=as_json)
-    if content.plan.uncovered or content.unreachable:
+    if content.uncovered or content.unreachable:
         raise typer.Exit(ANSWER_IS_NO)
 
 
@@ -340,22 +341,22 @@ def plan_day_and_report(
         )
 
     content = solve_day(content, wanted, list_spares(ground), progressed)
-    for line in missions.check_day_plan(content):
+    for line in missions.check_plan(content):
         raise SiteError(f"the day plan is invalid: {line}")
     return add_loss_windows(content, console, wanted.seed)
 
 
 def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, seed: int) -> missions.DayPlanFile:
     """Return a day plan with the time from which on each vehicle may be lost, where everything is inspected."""
-    if content.plan.uncovered or not content.evaluation.count:
+    if content.uncovered or not content.routes:
         return content
 
     def told(done: int, of: int) -> None:
         console.show_progress(f"losses checked: {done} of {of}")
 
-    return replace(
-        content, windows=sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
-    )
+    found = sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
+    windows = tuple(DayLoss(content.names[one.vehicle], one.from_s, one.breaks) for one in found)
+    return replace(content, windows=windows)
 
 
 def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:
@@ -383,7 +384,7 @@ def _evaluate_spares(
     if asked.mtbf_hours is None:
         return []
     instance, found = content.build_instance(), list[sorties.SparesEstimate]()
-    busy_s = [sum(own) for own in content.evaluation.lasts_s]
+    busy_s = [sum(one.duration_s for one in content.routes_of(name)) for name in content.names]
     order = sorted(range(len(busy_s)), key=lambda row: -busy_s[row])
     for count in range(MOST_SPARES + 1):
 
@@ -406,19 +407,17 @@ def build_day_document(
     """Return what `--json` says of days: the plan of them, and what it asks for."""
     document = missions.build_plan_document(content)
     # What plans of days called these before there was one format.
-    document |= {"objective": content.objective.value, "sorties": document["routes"]}
+    document |= {"objective": content.cost.name, "sorties": document["routes"]}
     document["needs"] = [asdict(one) for one in plan_summary.compute_base_needs(content)]
     document["left_over"] = [asdict(one) for one in plan_summary.find_left_over(content)]
     if mtbf_h is None:
         return document
-    fleet = sum(1 for own in content.plan.sorties if own)
+    fleet = content.flying
     document["mtbf_h"] = mtbf_h
-    document["rule_packs"] = {
-        place.name: plan_summary.compute_rule_packs(content, number) for number, place in enumerate(content.bases)
-    }
+    document["rule_packs"] = {place.name: plan_summary.compute_rule_packs(content, place) for place in content.bases}
     document["fleets"] = [
         {
-            "vehicles": fleet + len(one.spares), "spares": [content.vehicles[row].name for row in one.spares],
+            "vehicles": fleet + len(one.spares), "spares": [content.names[row] for row in one.spares],
             "probability": one.lives.finished.estimate, "low_95": one.lives.finished.low,
             "high_95": one.lives.finished.high, "expected_losses": one.lives.losses, "samples": one.lives.samples,
         }
@@ -430,7 +429,7 @@ def build_day_document(
             "probability": share,
             "vehicles": None if one is None else fleet + len(one.spares),
             "packs": None if one is None else dict(
-                zip((place.name for place in content.bases), one.lives.packs_for_share(share), strict=True)
+                zip(content.base_names, one.lives.packs_for_share(share), strict=True)
             ),
         }
         for share, one in enough

@@ -118,23 +118,18 @@ def plan(
         return
     below = None if picture is None else view_for(ground, site.parent)
     content = plan_inputs.plan_and_report(ground, console, wanted, left)
-    heights = _compute_heights(ground, content)
+    heights = plan_summary.compute_planned_heights(ground, [content.network_routes])
     plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
     plan_inputs.draw_named_file(picture, lambda pictures: pictures.draw_plan_figure(content, below))
-    routes = site_model.name_routes(ground, content.build_task(), content.plan)
-    plan_inputs.draw_named_file(profile, lambda pictures: pictures.draw_profile_figure(ground.setup, routes))
+    plan_inputs.draw_named_file(
+        profile, lambda pictures: pictures.draw_profile_figure(ground.setup, content.network_routes)
+    )
     _print_plan(content, as_json=as_json, heights=heights)
     if output is not None and not as_json:
         known = () if learned is None else ("--learned", learned)
         print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
-    if content.plan.uncovered or content.unreachable:
+    if content.uncovered or content.unreachable:
         raise typer.Exit(ANSWER_IS_NO)
-
-
-def _compute_heights(ground: site_model.SiteModel, content: missions.PlanFile) -> plan_summary.PlannedHeights:
-    return plan_summary.compute_planned_heights(
-        ground, [site_model.name_routes(ground, content.build_task(), content.plan)]
-    )
 
 
 NOT_BY_DAY = ("cost", "solver", "stretch", "all_vehicles", "search", "front", "profile")
@@ -167,7 +162,7 @@ def _plan_front(
         plan_inputs.announce_planning(console, wanted, (len(ground.network.segments), len(ground.names))),
     )
     console.show_progress("")
-    heights = [_compute_heights(ground, content) for content in plans]
+    heights = [plan_summary.compute_planned_heights(ground, [content.network_routes]) for content in plans]
     if not plans:
         raise SiteError("--front: no plan covers every segment within the budgets, so there is nothing to choose from")
     plan_inputs.write_named_file(output, lambda path: path.mkdir(parents=True, exist_ok=True))
@@ -197,10 +192,7 @@ def _describe_trade(name: str, content: missions.PlanFile) -> str:
 
 def check(plan: options.PlanArgument, as_json: options.JsonOption = False) -> None:
     """Recompute every figure of a plan file, or a day plan, from its own network and report errors."""
-    content = missions.read_any_plan(plan)
-    wrong = (
-        missions.check_day_plan(content) if isinstance(content, missions.DayPlanFile) else missions.check_plan(content)
-    )
+    wrong = missions.check_plan(missions.read_any_plan(plan))
     plan_inputs.print_result(
         lambda: {"ok": not wrong, "wrong": wrong}, wrong or ["every figure is right"], as_json=as_json
     )
@@ -275,7 +267,7 @@ def _build_window_document(content: missions.PlanFile, found: planner.ReplanWind
     breaking = found.breaking
     return {key: getattr(found, key) for key in figures} | {
         "breaking": None if breaking is None else {
-            "vehicle": content.vehicles[breaking.vehicle].name, "from_s": breaking.from_s, "to_s": breaking.to_s,
+            "vehicle": content.names[breaking.vehicle], "from_s": breaking.from_s, "to_s": breaking.to_s,
         },
     }  # fmt: skip
 
@@ -287,7 +279,7 @@ def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWind
         f"any one vehicle{plan_summary.but_left_over(content)} (longest route {found.longest_route_s:.0f} s)"
     )
     if breaking is not None:
-        name = content.vehicles[breaking.vehicle].name
+        name = content.names[breaking.vehicle]
         yield (
             f"worst case before: no re-plan was found for a loss of {name} between {breaking.from_s:.0f} s and "
             f"{breaking.to_s:.0f} s"
@@ -307,7 +299,7 @@ def _print_plan(
 
     lines = (
         *plan_summary.describe_routes(content), plan_summary.summarise_plan(content),
-        f"{content.cost_name} {content.cost_value:.3f}, found in {content.solved.seconds:.1f} s",
+        f"{content.cost.name} {content.cost.value:.3f}, found in {content.seconds:.1f} s",
         *plan_summary.describe_window(content), *plan_summary.describe_distances(content),
         *(() if heights is None else heights.lines), *plan_summary.describe_left_over(content),
     )  # fmt: skip
@@ -335,7 +327,7 @@ def risk(
     """
     plan_inputs.check_can_draw("--picture", picture)
     content = missions.read_plan(plan)
-    names = [vehicle.name for vehicle in content.vehicles]
+    names = content.names
     console = TerminalConsole(quiet=as_json, yes=True)
     swept: tuple[planner.RiskEstimate, ...] = ()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -23,7 +22,7 @@ from executor.errors import LogError
 from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
 from executor.replay.open_log import is_log_by_content, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
-from executor.replay.run_replay import DecisionComparison, replay_run
+from executor.replay.run_replay import DecisionComparison, RunReplay, replay_run
 from executor.site.learned_files import PacksDocument, read_packs
 from executor.site.site_file import Site, read_site
 from executor.site.site_model import drone_of
@@ -37,15 +36,6 @@ LogsArgument = Annotated[
 NOT_SHOWN = {"samples", "packs"}
 """What the JSON leaves out of a vehicle."""
 SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
-
-
-@dataclass(frozen=True, slots=True)
-class _ReplayedLog:
-    """One log, replayed."""
-
-    replay: LogReplay
-    comparison: DecisionComparison | None = None
-    """Of a run directory: whether it decided the same."""
 
 
 def replay_logs(
@@ -91,20 +81,20 @@ def replay_logs(
     lines = [line for one in done for line in _describe(one)]
     lines += [] if history is None else format_pack_lines(history)
     print_result(lambda: build_replay_document(done), lines, as_json=as_json)
-    nothing = all(not one.replay.vehicles for one in done)
-    if nothing or any(one.comparison is not None and not one.comparison.is_same for one in done):
+    differs = any(isinstance(one, RunReplay) and not one.comparison.is_same for one in done)
+    if differs or not any(one.vehicles for one in done):
         raise typer.Exit(ANSWER_IS_NO)
 
 
-def _update_packs(done: Sequence[_ReplayedLog], path: Path, site: Site | None) -> PacksDocument:
+def _update_packs(done: Sequence[LogReplay], path: Path, site: Site | None) -> PacksDocument:
     """Add what the flights say of their packs to a file, and return all that stands in it."""
     known = merge_packs((), read_packs(path) if path.exists() else None)
     for one in done:
-        run = RunDirectory(one.replay.path)
+        run = RunDirectory(one.path)
         own = read_site(run.site) if site is None and run.site.exists() else site
         tables = () if own is None else own.vehicle
         labels = {table.sysid: table.pack for table in tables if table.pack is not None}
-        known = merge_packs([one.replay], known, labels)
+        known = merge_packs([one], known, labels)
     write_named_file(path, known.write)
     return known
 
@@ -125,48 +115,47 @@ def find_logs(path: Path) -> list[Path]:
     return found
 
 
-def _replay_or_report(path: Path, rules: ReplayRules) -> _ReplayedLog:
+def _replay_or_report(path: Path, rules: ReplayRules) -> LogReplay:
     try:
         return _replay(path, rules)
     except LogError as error:
-        return _ReplayedLog(LogReplay(path, (), SkippedRecords(), 0, 0.0, (str(error).removeprefix(f"{path}: "),)))
+        return LogReplay(path, (), SkippedRecords(), 0, 0.0, (str(error).removeprefix(f"{path}: "),))
 
 
-def _replay(path: Path, rules: ReplayRules) -> _ReplayedLog:
-    if path.is_dir():
-        done = replay_run(path)
-        return _ReplayedLog(done.log, done.comparison)
-    return _ReplayedLog(replay_log(open_log(path), rules))
+def _replay(path: Path, rules: ReplayRules) -> LogReplay:
+    return replay_run(path) if path.is_dir() else replay_log(open_log(path), rules)
 
 
-def build_replay_document(done: Sequence[_ReplayedLog]) -> dict[str, object]:
+def build_replay_document(done: Sequence[LogReplay]) -> dict[str, object]:
     """Return what was found as JSON has it."""
     total = SkippedRecords()
     for one in done:
-        for name, count in one.replay.skipped.counts().items():
+        for name, count in one.skipped.counts().items():
             setattr(total, name, getattr(total, name) + count)
     return {
-        "vehicles": [vehicle for one in done for vehicle in _build_vehicle_entries(one.replay)],
+        "vehicles": [vehicle for one in done for vehicle in _build_vehicle_entries(one)],
         "skipped": total.counts(),
         "logs": [
             {
-                "log": str(one.replay.path),
-                "began_usec": one.replay.began_usec,
-                "lasted_s": round(one.replay.lasted_s, 3),
-                "vehicles": _build_vehicle_entries(one.replay),
-                "skipped": one.replay.skipped.counts(),
-                "notes": list(one.replay.notes),
-                "commands": None
-                if one.comparison is None
-                else {
-                    "logged": one.comparison.logged,
-                    "replayed": one.comparison.replayed,
-                    "same": one.comparison.is_same,
-                    "first_difference": one.comparison.first_difference,
-                },
+                "log": str(one.path),
+                "began_usec": one.began_usec,
+                "lasted_s": round(one.lasted_s, 3),
+                "vehicles": _build_vehicle_entries(one),
+                "skipped": one.skipped.counts(),
+                "notes": list(one.notes),
+                "commands": _build_comparison_entry(one.comparison) if isinstance(one, RunReplay) else None,
             }
             for one in done
         ],
+    }
+
+
+def _build_comparison_entry(found: DecisionComparison) -> dict[str, object]:
+    return {
+        "logged": found.logged,
+        "replayed": found.replayed,
+        "same": found.is_same,
+        "first_difference": found.first_difference,
     }
 
 
@@ -192,13 +181,12 @@ BY: Mapping[Actor, str] = MappingProxyType(
 """Who changed a mode, for people."""
 
 
-def _describe(done: _ReplayedLog) -> Iterator[str]:
-    found = done.replay
+def _describe(found: LogReplay) -> Iterator[str]:
     yield f"{found.path}: {found.lasted_s / 60:.1f} min"
     for note in found.notes:
         yield f"  {note}"
-    if done.comparison is not None and done.comparison.is_same:
-        yield f"  the same {done.comparison.logged} decisions as the flight"
+    if isinstance(found, RunReplay) and found.comparison.is_same:
+        yield f"  the same {found.comparison.logged} decisions as the flight"
 
     def at(usec: int) -> str:
         return f"{(usec - found.began_usec) / 1e6:.1f} s"
@@ -224,15 +212,15 @@ def _describe_vehicle(vehicle: VehicleReplay, at: Callable[[int], str]) -> Itera
         yield "    no declaration"
 
 
-def _write(done: Sequence[_ReplayedLog], folder: Path) -> None:
+def _write(done: Sequence[LogReplay], folder: Path) -> None:
     from executor.replay.timeline import draw_replay, write_replay_page
 
     write_named_file(folder, lambda path: path.mkdir(parents=True, exist_ok=True))
     for one in done:
-        picture = folder / f"{one.replay.path.resolve().name}.png"
-        page = folder / f"{one.replay.path.resolve().name}.html"
-        write_named_file(picture, partial(draw_replay, one.replay))
-        write_named_file(page, partial(write_replay_page, one.replay, picture))
+        picture = folder / f"{one.path.resolve().name}.png"
+        page = folder / f"{one.path.resolve().name}.html"
+        write_named_file(picture, partial(draw_replay, one))
+        write_named_file(page, partial(write_replay_page, one, picture))
 
 
 def _learn(paths: Sequence[Path], site: Site | None, output: Path | None, *, as_json: bool) -> None:

@@ -156,7 +156,7 @@ class DayRules:
 
 @dataclass(frozen=True, slots=True)
 class Context(Scene):
-    """Everything that `fleet.step` may look at besides the state and the event."""
+    """Everything that `fleet_step.step` may look at besides the state and the event."""
 
     setup: FlightSetup
     pricing: Pricing

@@ -22,6 +22,7 @@ from executor.core.inflight.custody import mission_check, mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
 from executor.core.interface import events, messages
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import AskStreams, Command, Finish, HandsOff, Level, ReadMission, Say, SendHome
 from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, link, takeoff
@@ -33,7 +34,6 @@ from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import (
     KEPT_LINES,
     Briefing,
-    CheckLine,
     CrewDialogue,
     FleetState,
     LossOutlook,
@@ -61,7 +61,7 @@ from missions.fences import Fence
 
 def build_initial_state(
     boards: Mapping[str, OnboardMission | None],
-    checks: tuple[CheckLine, ...] = (),
+    checks: tuple[Check, ...] = (),
     fences: Mapping[str, Fence] = MappingProxyType({}),
     ahead: Mapping[str, tuple[PlannedSortie, ...]] = MappingProxyType({}),
 ) -> FleetState:
@@ -91,7 +91,8 @@ def step(context: Context, state: FleetState, event: events.Event, now_s: float)
     state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
         return state, commands
-    lines = tuple(OperatorLine(now_s, command.level, command.text) for command in commands if isinstance(command, Say))
+    at_s = round(now_s, 2)
+    lines = tuple(OperatorLine(at_s, command.level, command.text) for command in commands if isinstance(command, Say))
     return (state.with_crew(said=(*state.crew.said, *lines)[-KEPT_LINES:]) if lines else state), commands
 
 
@@ -119,10 +120,8 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
             return _record_loss_judgement(state, event, now_s), ()
         case events.IntentReceived(intent):
             return intent_handling.apply_intent(context, state, intent, now_s)
-        case events.OrderEnded():
+        case events.OrderEnded() | events.ReturnEnded():
             return intent_handling.apply_order_result(context, state, event, now_s)
-        case events.ReturnEnded():
-            return intent_handling.apply_return_result(state, event, now_s)
         case events.ReturnAllOrdered():
             return intent_handling.recall_fleet(context, state, now_s)
         case events.Reopened():
@@ -430,7 +429,7 @@ def _finish_flight_if_over(context: Context, state: FleetState, now_s: float) ->
     waiting = {Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT}
     if state.progress.finished or state.progress.launched_s is None or state.replanning.replan is not None:
         return state, ()
-    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or takeoff_offers.is_offer_open(state):
+    if any(vehicle.stage in waiting for vehicle in state.vehicles.values()) or state.crew.offer is not None:
         return state, ()
     awaited = lower_to_inspection_height.is_clearance_awaited(context, state, now_s)
     if awaited or turnaround.find_awaited_vehicles(context, state, now_s):

@@ -15,11 +15,13 @@ from executor.core.context import Context
 from executor.core.ground import turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
+from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
-from executor.core.state.fleet_state import CheckLine, FleetState, Question
+from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
+from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_position import accuracy_of
 from executor.core.state.vehicle_state import FaultCode, Stage, VehicleState, current_setup_of
 from missions import Phase
@@ -34,35 +36,28 @@ WHOLE_PCT = 1.0 / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, slots=True)
-class LastFixView:
-    """The last place of a vehicle that is by GPS."""
-
-    lat_deg: float
-    lon_deg: float
-    relative_alt_m: float
-    accuracy_m: float | None
-    age_s: float
-    ground_speed_m_s: float
-    """There: it has flown on."""
-
-
-@dataclass(frozen=True, slots=True)
-class PositionView:
-    """Where a vehicle is."""
+class PlaceView:
+    """A place of a vehicle, and how fast it was there."""
 
     lat_deg: float
     lon_deg: float
     relative_alt_m: float
     """Over its own home."""
-    heading_deg: float | None
     ground_speed_m_s: float
     age_s: float
-    known: str = "unsaid"
-    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
     accuracy_m: float | None = None
     """By so much it may be off; a reckoned one by this or more."""
-    last_fix: LastFixView | None = None
-    """Of one that is reckoned: where it was by GPS last. That is where to look for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionView(PlaceView):
+    """Where a vehicle is."""
+
+    heading_deg: float | None = None
+    known: str = "unsaid"
+    """fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS."""
+    last_fix: PlaceView | None = None
+    """Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,15 +205,6 @@ class ReplanView:
 
 
 @dataclass(frozen=True, slots=True)
-class SaidView:
-    """A decision, in one line."""
-
-    at_s: float
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class IntentView:
     """What an operator asked for, and what became of it."""
 
@@ -255,11 +241,11 @@ class FleetView:
     finished: bool
     min_separation_m: float | None
     vehicles: tuple[VehicleView, ...]
-    said: tuple[SaidView, ...]
+    said: tuple[OperatorLine, ...]
     """The last decisions, the oldest first."""
     intents: tuple[IntentView, ...]
     """The last ones, the oldest first."""
-    checks: tuple[CheckLine, ...]
+    checks: tuple[Check, ...]
     """The checklist, in the order in which a crew reads it."""
     question: Question | None
     """What the crew is asked now, before the flight."""
@@ -284,11 +270,11 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         all_silent=state.listening.silent_since_s is not None,
         recalled=state.progress.recalled,
         finished=state.progress.finished,
-        min_separation_m=None if state.progress.separation is None else round(state.progress.separation.least_m, 2),
+        min_separation_m=None if state.progress.separation_m is None else round(state.progress.separation_m, 2),
         vehicles=tuple(
             _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
         ),
-        said=tuple(SaidView(round(one.at_s, 2), one.level.value, one.text) for one in state.crew.said[-SAID_LINES:]),
+        said=state.crew.said[-SAID_LINES:],
         intents=tuple(
             IntentView(
                 one.intent.id, one.intent.action.value, one.intent.vehicle, one.intent.source, one.outcome.value,
@@ -388,46 +374,31 @@ def vehicle_state_word(context: Context, vehicle: VehicleState) -> str:
 
 def position_view(context: Context, vehicle: VehicleState, now_s: float) -> PositionView | None:
     """Return where a vehicle is, and how that is known; None where nobody knows."""
-    fix = vehicle.motion.fix
-    if fix is None:
+    fix, how = vehicle.motion.fix, accuracy_of(vehicle)
+    if fix is None or how is None:
         return None
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
-    east_m_s, north_m_s, _ = fix.velocity_m_s
-    speed_m_s = math.hypot(east_m_s, north_m_s)
-    heading_deg = fix.heading_deg
-    if heading_deg is None and speed_m_s > MOVING_M_S:
+    (east_m_s, north_m_s, _), heading_deg = fix.velocity_m_s, fix.heading_deg
+    if heading_deg is None and math.hypot(east_m_s, north_m_s) > MOVING_M_S:
         heading_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
-    how = accuracy_of(vehicle)
-    known, off_m = ("unsaid", None) if how is None else (how.known, None if how.known == "unsaid" else how.off_m)
-    decimals = formatting.place_decimals(off_m)
+    off_m, last_off_m = None if how.known == "unsaid" else how.off_m, vehicle.sensors.positioning.accuracy_m
+    last = vehicle.sensors.positioning.fixed if fix.reckoned else None
     return PositionView(
-        round(lat_deg, decimals),
-        round(lon_deg, decimals),
-        round(fix.alt_rel_m, 1),
-        None if heading_deg is None else round(heading_deg, 0),
-        round(speed_m_s, 1),
-        round(max(0.0, now_s - fix.at_s), 1),
-        known,
+        *_list_place(context, fix, off_m, now_s),
         None if off_m is None else round(off_m, 1),
-        _last_fix(context, vehicle, now_s) if fix.reckoned else None,
+        None if heading_deg is None else round(heading_deg, 0),
+        how.known,
+        None if last is None else PlaceView(*_list_place(context, last, last_off_m, now_s), last_off_m),
     )
 
 
-def _last_fix(context: Context, vehicle: VehicleState, now_s: float) -> LastFixView | None:
-    known = vehicle.sensors.positioning
-    fixed = known.fixed
-    if fixed is None:
-        return None
-    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fixed.place_m)
-    decimals = formatting.place_decimals(known.accuracy_m)
-    return LastFixView(
-        round(lat_deg, decimals),
-        round(lon_deg, decimals),
-        round(fixed.alt_rel_m, 1),
-        known.accuracy_m,
-        round(max(0.0, now_s - fixed.at_s), 1),
-        round(math.hypot(*fixed.velocity_m_s[:2]), 1),
-    )
+def _list_place(
+    context: Context, fix: PositionFix, off_m: float | None, now_s: float
+) -> tuple[float, float, float, float, float]:
+    """Return latitude, longitude, height, speed over ground and age of a position, as far as they are worth showing."""
+    lat_deg, lon_deg = context.frame.to_wgs84_deg(*fix.place_m)
+    decimals, speed_m_s = formatting.place_decimals(off_m), math.hypot(*fix.velocity_m_s[:2])
+    place = round(lat_deg, decimals), round(lon_deg, decimals), round(fix.alt_rel_m, 1)
+    return *place, round(speed_m_s, 1), round(max(0.0, now_s - fix.at_s), 1)
 
 
 def _build_battery_view(context: Context, vehicle: VehicleState) -> BatteryView:

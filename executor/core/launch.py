@@ -14,14 +14,15 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, turnaround
 from executor.core.ground.turnaround import PLACELESS_S
-from executor.core.inflight import homing
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import is_coming_home, is_on_mission
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, HandsOff, Start
 from executor.core.interface.events import StartEnded, UploadEnded
+from executor.core.interface.intents import IntentReason
 from executor.core.lines import replanning, sorties, takeoff
-from executor.core.replanning import new_missions, survivors
+from executor.core.replanning import survivors
+from executor.core.replanning.new_missions import end_replan_if_done, has_left_mission
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
@@ -261,13 +262,13 @@ def apply_upload_result(context: Context, state: FleetState, event: UploadEnded,
     state, more = _continue_after_upload(context, state, vehicle, plan, event, now_s)
     commands.extend(more)
     state = state.with_replanning(replan=plan)
-    if event.mixed and not event.accepted and not mission.fresh and not _has_left_mission(context, vehicle):
+    if event.mixed and not event.accepted and not mission.fresh and not has_left_mission(context, vehicle):
         unknown = event.code is Ending.NO_ANSWER
         why = replanning.MAY_BE_MIXED if unknown else replanning.MIXED
         fault = Fault(FaultKind.INTERRUPTION, why, now_s, FaultCode.MISSION_MIXED)
         state, more = declare_fault(context, state, state.vehicles[vehicle.name], fault)
         commands.extend(more)
-    state, more = new_missions.end_replan_if_done(state, now_s)
+    state, more = end_replan_if_done(state, now_s)
     return state, (*commands, *more)
 
 
@@ -288,7 +289,7 @@ def _apply_failed_upload(
     context: Context, state: FleetState, vehicle: VehicleState, plan: Replan, event: UploadEnded, now_s: float
 ) -> Stepped:
     mission, sortie = plan.missions[vehicle.name], plan.solve.sortie == vehicle.name
-    if _has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
+    if has_left_mission(context, vehicle) or (state.listening.silent_since_s is not None and not event.mixed):
         # Nobody hears us, or it has left its mission meanwhile: that is not its refusal.
         state = state.put(vehicle)
         return state if sortie else state.want_replan(plan.solve.trigger, plan.begun_s), ()
@@ -313,17 +314,12 @@ def _continue_after_upload(
         return state, (start,)
     if sortie:
         why = sorties.TOO_LATE if event.accepted else sorties.UPLOAD_FAILED.format(reason=event.reason)
-        return turnaround.end_failed_turnaround(state, vehicle.name, why, now_s)
+        return turnaround.end_turnaround(state, state.vehicles[vehicle.name], IntentReason.NOT_READY, why, now_s)
     if mission.fresh and event.accepted:
         return state, (replanning.STAYS_UNCLEARED.say(vehicle=vehicle.name),)
     if vehicle.stage is Stage.STARTING and not event.mixed:
         return resume_start(context, state, state.vehicles[vehicle.name], now_s)
     return state, ()
-
-
-def _has_left_mission(context: Context, vehicle: VehicleState) -> bool:
-    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
-    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or homing.is_coming_down(context, vehicle)
 
 
 def record_declined_mission(
@@ -360,7 +356,12 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
             carried = replace(vehicle.assignment.carried, told_s=now_s)
             state = state.put(vehicle.with_assignment(carried=carried))
             continue
-        return _replan_with(state, ready, now_s)
+        trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
+        given_up = state.coverage.given_up - state.list_uncovered_last()
+        state = state.put(ready).with_replanning(ordered=True).with_coverage(given_up=given_up)
+        if not state.replanning.urgent:
+            state = state.with_replanning(trigger=trigger, trigger_s=now_s)
+        return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)
     return state, ()
 
 
@@ -372,12 +373,3 @@ def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: 
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
         return False
     return beat_s is not None and beat_s > refused.at_s and now_s - refused.at_s >= AGAIN_S
-
-
-def _replan_with(state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    trigger = replanning.ANSWERS.format(vehicle=vehicle.name)
-    given_up = state.coverage.given_up - state.list_uncovered_last()
-    state = state.put(vehicle).with_replanning(ordered=True).with_coverage(given_up=given_up)
-    if not state.replanning.urgent:
-        state = state.with_replanning(trigger=trigger, trigger_s=now_s)
-    return state, (replanning.ANSWERS_AGAIN.say(trigger=trigger),)

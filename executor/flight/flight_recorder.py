@@ -12,14 +12,13 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -30,7 +29,7 @@ from executor.adapters.solver import REPLAN_COST, build_replan_task
 from executor.core.context import Context
 from executor.core.interface.commands import Command, Level, Say, Solve, Upload
 from executor.core.interface.events import Event, SolveEnded, Tick
-from executor.core.state.fleet_state import Coverage, CrewDialogue, FleetState, Replan, ReplanningState
+from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
 from executor.errors import LogError
 from executor.flight import preparation
@@ -56,9 +55,24 @@ FORMAT = "faultline-checkpoint/2"
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
-_MAPPING = (Coverage, ReplanningState, CrewDialogue, Replan)
-"""What of the state of a flight holds mappings."""
-T = TypeVar("T", bound=FleetState | Coverage | ReplanningState | CrewDialogue | Replan)
+
+
+@dataclass(frozen=True, slots=True)
+class InheritedRecord:
+    """What an earlier process leaves to the one that takes its flight up."""
+
+    unkept: tuple[Planned, ...] = ()
+    """Plans that it found, and that may be in no file."""
+    solve: Solve | None = None
+    """The last that was to be solved."""
+    set_s: float = 0.0
+    """By how much the computer's time of day was set in the flight so far."""
+    checkpoint: str = ""
+    """The file that the flight was taken up from."""
+
+
+NOTHING_LEFT = InheritedRecord()
+"""Of a flight that begins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +81,7 @@ class Checkpoint:
 
     place: LogPlace
     state: FleetState
-    solve: Solve | None
-    """The last that was to be solved."""
-    unkept: tuple[Planned, ...]
-    """Plans that were found, and may be in no file."""
-    set_s: float
-    """By how much the computer's time of day was set in the flight."""
+    legacy: InheritedRecord = NOTHING_LEFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +115,7 @@ class _Head(_Part):
 class _Fleet(_Part):
     state: FleetState
     """Without the vehicles, which have a line each."""
-    solve: Solve | None
-    unkept: tuple[Planned, ...]
-    set_s: float
+    legacy: InheritedRecord
 
 
 class _Vehicle(_Part):
@@ -144,7 +151,7 @@ def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
         checkpoint: What to write.
         plan: The file of the flight's first plan.
     """
-    body = _encode_body(checkpoint.state, checkpoint.solve, checkpoint.unkept, checkpoint.set_s)
+    body = _encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
         format=FORMAT,
         program=describe_program(),
@@ -200,39 +207,27 @@ def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Check
         raise ValueError("it is torn or damaged")
     if not is_place_in_log(log, head.place):
         raise ValueError("the log does not reach as far, or is another one")
-    fleet, state = _decode_body(body)
-    return Checkpoint(head.place, state, fleet.solve, fleet.unkept, fleet.set_s)
+    state, legacy = _decode_body(body)
+    return Checkpoint(head.place, state, legacy)
 
 
 def round_trip_state(state: FleetState) -> FleetState:
     """Return a state as it is once a checkpoint was made of it and read again."""
-    return _decode_body(_encode_body(state, None, (), 0.0))[1]
+    return _decode_body(_encode_body(state, NOTHING_LEFT))[0]
 
 
-def _encode_body(state: FleetState, solve: Solve | None, unkept: tuple[Planned, ...], set_s: float) -> bytes:
-    plain = replace(_convert_mappings(state, dict), vehicles={})
-    fleet = _Fleet.model_construct(state=plain, solve=solve, unkept=unkept, set_s=set_s)
+def _encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
+    fleet = _Fleet.model_construct(state=replace(state, vehicles={}), legacy=legacy)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
-    return b"".join(part.model_dump_json().encode() + b"\n" for part in parts)
+    # What pydantic does not know of the state are read-only mappings.
+    return b"".join(part.model_dump_json(fallback=dict, warnings=False).encode() + b"\n" for part in parts)
 
 
-def _decode_body(body: bytes) -> tuple[_Fleet, FleetState]:
+def _decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
-    return fleet, replace(_convert_mappings(fleet.state, MappingProxyType), vehicles=MappingProxyType(vehicles))
-
-
-def _convert_mappings(value: T, kind: Callable[[Mapping[Any, Any]], Mapping[Any, Any]]) -> T:
-    """Return a state in whose parts every mapping is of one kind: dictionaries can be written, proxies not changed."""
-    changes: dict[str, Any] = {}
-    for field in fields(value):
-        held = getattr(value, field.name)
-        if isinstance(held, Mapping):
-            changes[field.name] = kind(held)
-        elif isinstance(held, _MAPPING):
-            changes[field.name] = _convert_mappings(held, kind)
-    return replace(value, **changes)
+    return replace(fleet.state, vehicles=MappingProxyType(vehicles)), fleet.legacy
 
 
 def _compute_digest(content: bytes) -> str:
@@ -331,24 +326,6 @@ SETTLE_S = 60.0
 """Real seconds that the plans may take to be kept at the end of a flight."""
 
 
-@dataclass(frozen=True, slots=True)
-class InheritedRecord:
-    """What an earlier process leaves to the one that takes its flight up."""
-
-    unkept: tuple[Planned, ...] = ()
-    """Plans that it found, and did not keep in a file."""
-    solve: Solve | None = None
-    """The last that was to be solved."""
-    set_s: float = 0.0
-    """By how much the computer's time of day was set in the flight so far."""
-    checkpoint: str = ""
-    """The file that the flight was taken up from."""
-
-
-NOTHING_LEFT = InheritedRecord()
-"""Of a flight that begins."""
-
-
 class FlightRecorder:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
@@ -435,7 +412,8 @@ class FlightRecorder:
     def _build_checkpoint(self, place: LogPlace) -> Checkpoint:
         if self._state is None:
             raise RuntimeError("a checkpoint is due after an event")
-        return Checkpoint(place, self._state, self._solve, tuple(self._in_no_file), self._noted_set_s)
+        legacy = InheritedRecord(tuple(self._in_no_file), self._solve, self._noted_set_s)
+        return Checkpoint(place, self._state, legacy)
 
     def _warn(self, text: str) -> None:
         self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
@@ -499,8 +477,8 @@ def _build_plan_file(request: FlightRequest, pricing: Pricing, planned: Planned)
     solved = SolverRecord(seed=request.plan.solved.seed, solver="search", seconds=event.solve_s)
     content = make_plan_file(
         ground.network, task, ground.travel, plan, REPLAN_COST, solved, inspection=ground.inspection,
-    )  # fmt: skip
-    content = replace(content.with_site_of(request.plan), says_distances=not ground.inspection.same_distance)
+        says_distances=False,
+    ).with_site_of(request.plan)  # fmt: skip
     with suppress(OSError):
         write_plan(plan_path_of(request.run, planned), content)
     return content

@@ -59,7 +59,7 @@ def select_next_day(content: DayPlanFile, after: Path, ground: SiteModel, site: 
         return None
     for number in range(flown, len(content.days)):
         day = select_day(content, number, inspected, ground.names)
-        if any(day.plan.sorties):
+        if day.routes:
             return day
     command = command_line("plan", site, "--day", "--after", after, "-o", "FILE")
     left = f"no day of it is left for {format_count(len(open_), 'open segment')}"

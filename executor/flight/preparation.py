@@ -20,13 +20,12 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists
-from executor.core.preflight.onboard_failsafes import LinkFailsafe, read_link_failsafe
+from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
+from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
     Answers,
     ChangeStage,
     ParameterProposal,
-    build_board_record,
     check_return_height,
     propose_return_changes,
 )
@@ -36,23 +35,15 @@ from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
 from executor.flight import open_links
 from executor.flight.open_links import AT_ONCE, follow_fleet_time, run_concurrently, run_for_each
-from executor.flight.restore_vehicles import (
-    Links,
-    open_list_record,
-    open_parameter_record,
-    read_kept_lists,
-    read_kept_parameters,
-    write_kept_lists,
-)
+from executor.flight.restore_vehicles import LISTS, PARAMETERS, BoardRecord, Links
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
 from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_file import Site
 from executor.site.site_keys import VehicleTable
-from executor.site.site_model import SiteModel
 from executor.site.site_parts import base_places_m, build_places
-from missions import FlightSetup, MissionKind, dialect_for, encode
+from missions import MissionKind, Pad, dialect_for, encode
 from missions.fences import Fence, build_fence_items
 
 
@@ -99,77 +90,29 @@ async def connect_and_interview(
 def build_context_and_checklist(
     request: FlightRequest, facts: Mapping[str, VehicleFacts]
 ) -> tuple[Context, Mapping[str, OnboardMission | None], list[Check]]:
-    """Return the context of the flight, everybody's first mission, and the checklist."""
-    ground = request.ground
-    setup = _build_setup(ground, facts)
-    dialects = {table.name: dialect_for(table.autopilot) for table in request.site.vehicle}
+    """Return the context of the flight, everybody's first mission, and the checklist.
+
+    Pads are where the vehicles really stand, as they will land there.
+    """
+    ground, site = request.ground, request.site
+    frame, pads = ground.network.frame, []
+    for name in ground.names:
+        here = facts[name].position
+        pads.append(Pad(name, *frame.to_local_m(here.lat_deg, here.lon_deg), here.alt_msl_m - here.alt_rel_m))
+    dialects = {table.name: dialect_for(table.autopilot) for table in site.vehicle}
     own = {name: read_link_failsafe(dialects[name], fact.parameters, fact.unread) for name, fact in facts.items()}
     parameters = {name: fact.parameters for name, fact in facts.items()}
-    context, boards = build_context_and_boards(ground, setup, request.plan, request.day, own, parameters)
-    return context, boards, build_checklist(request, context, facts, own, boards, shutil.disk_usage(request.run).free)
-
-
-def _build_setup(ground: SiteModel, facts: Mapping[str, VehicleFacts]) -> FlightSetup:
-    frame = ground.network.frame
-    pads = []
-    for name in ground.names:
-        position = facts[name].position
-        east_m, north_m = frame.to_local_m(position.lat_deg, position.lon_deg)
-        pads.append(vehicle_checks.pad_from(facts[name], east_m, north_m))
-    return replace(ground.setup, pads=tuple(pads))
-
-
-async def upload_first_missions(
-    context: Context,
-    links: Mapping[str, OpenLink],
-    clock: SystemClock,
-    boards: Mapping[str, OnboardMission | None],
-    console: Console,
-) -> None:
-    """Put everybody's first mission on board.
-
-    Raises:
-        VehicleRefused: a vehicle did not take its mission.
-    """
-    carried = {name: board for name, board in boards.items() if board is not None}
-
-    async def load(name: str) -> None:
-        dialect = context.vehicles[name].dialect
-        mission = encode(carried[name].path, dialect)
-        await asking.load_mission(name, links[name], clock, dialect, mission, partial(console.say, Level.WARNING))
-        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
-
-    await run_for_each(carried, load)
-
-
-def build_checklist(
-    request: FlightRequest,
-    context: Context,
-    facts: Mapping[str, VehicleFacts],
-    own: Mapping[str, LinkFailsafe],
-    boards: Mapping[str, OnboardMission | None],
-    free_bytes: int,
-) -> list[Check]:
-    """Return what was found.
-
-    Args:
-        request: What is to be flown.
-        context: Of the flight.
-        facts: What each vehicle said.
-        own: What each vehicle does by itself when it does not hear us.
-        boards: The first mission of each vehicle.
-        free_bytes: On the disk that takes the record.
-    """
+    setup_now = replace(ground.setup, pads=tuple(pads))
+    context, boards = build_context_and_boards(ground, setup_now, request.plan, request.day, own, parameters)
     paths = {name: board.path for name, board in boards.items() if board is not None}
-    site, plan = request.site, request.plan
-    found = mission_checks.check_flight_heights(context.setup, list(paths.values()), request.ground.worth_a_look)
+    found = mission_checks.check_flight_heights(context.setup, list(paths.values()), ground.worth_a_look)
     stated_m = {pad.vehicle: (pad.east_m, pad.north_m) for pad in build_places(site, context.frame)[0]}
     pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
-    found.append(vehicle_checks.check_disk_space(free_bytes, paths, context))
+    found.append(vehicle_checks.check_disk_space(shutil.disk_usage(request.run).free, paths, context))
     found += vehicle_checks.check_layer_separation(
         list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m
     )
@@ -199,7 +142,31 @@ def build_checklist(
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     later = frozenset[int]() if request.day is None else day_plans.find_later_segments(request.day)
-    return found + build_plan_checks(plan, len(context.setup.network.segments), later)
+    found += build_plan_checks(request.plan, len(context.setup.network.segments), later)
+    return context, boards, found
+
+
+async def upload_first_missions(
+    context: Context,
+    links: Mapping[str, OpenLink],
+    clock: SystemClock,
+    boards: Mapping[str, OnboardMission | None],
+    console: Console,
+) -> None:
+    """Put everybody's first mission on board.
+
+    Raises:
+        VehicleRefused: a vehicle did not take its mission.
+    """
+    carried = {name: board for name, board in boards.items() if board is not None}
+
+    async def load(name: str) -> None:
+        dialect = context.vehicles[name].dialect
+        mission = encode(carried[name].path, dialect)
+        await asking.load_mission(name, links[name], clock, dialect, mission, partial(console.say, Level.WARNING))
+        console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
+
+    await run_for_each(carried, load)
 
 
 async def run_checklist_only(request: FlightRequest, console: Console) -> list[Check]:
@@ -210,32 +177,29 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
     Raises:
         ConnectionFailed: a connection cannot be opened.
     """
-    with supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), None):
-        async with follow_fleet_time(request.site, console) as fleet:
-            return await _interview_and_check(
-                request, console, SystemClock.start_on(request.site.flight.speedup, fleet.steady_s)
-            )
+    site = request.site
 
-
-async def _interview_and_check(request: FlightRequest, console: Console, clock: SystemClock) -> list[Check]:
-    async def one(table: VehicleTable, link: OpenLink) -> VehicleFacts | Check:
+    async def one(table: VehicleTable, link: OpenLink, clock: SystemClock) -> VehicleFacts | Check:
         try:
-            return await connect_and_interview(request.site, table, link, clock, console)
+            return await connect_and_interview(site, table, link, clock, console)
         except ExecutorError as error:
             return Check(Severity.STOP, table.name, str(error).removeprefix(f"{table.name}: "), CheckCode.NOT_READY)
 
-    async with open_links.open_links(request, clock, recorded=False) as links:
-        answers = await asyncio.gather(*(one(table, links[table.name]) for table in request.site.vehicle))
-        facts = {answer.name: answer for answer in answers if isinstance(answer, VehicleFacts)}
-        found = [answer for answer in answers if isinstance(answer, Check)]
-        if not found:
-            context, boards, found_of = build_context_and_checklist(request, facts)
-            found_of += check_fences_on_board(context, facts, boards, await read_fences(context, links, clock))
-            return [*found_of, *(await read_changes(context, links, clock)).checks]
+    with supervised.watch_internal_errors(lambda text: console.say(Level.FAULT, text), None):
+        async with follow_fleet_time(site, console) as fleet:
+            clock = SystemClock.start_on(site.flight.speedup, fleet.steady_s)
+            async with open_links.open_links(request, clock, recorded=False) as links:
+                answers = await asyncio.gather(*(one(table, links[table.name], clock) for table in site.vehicle))
+                facts = {answer.name: answer for answer in answers if isinstance(answer, VehicleFacts)}
+                found = [answer for answer in answers if isinstance(answer, Check)]
+                if not found:
+                    context, boards, found = build_context_and_checklist(request, facts)
+                    found += check_fences_on_board(context, facts, boards, await read_fences(context, links, clock))
+                    return [*found, *(await read_changes(context, links, clock)).checks]
     found += build_plan_checks(request.plan, len(request.ground.network.segments))
     # Without everybody's place there are no pads, and no paths to look at.
     frame = request.ground.network.frame
-    for table in request.site.vehicle:
+    for table in site.vehicle:
         if table.name in facts:
             fact, dialect = facts[table.name], dialect_for(table.autopilot)
             found += vehicle_checks.check_identity(
@@ -287,8 +251,7 @@ async def apply_changes(
             clear of the others, or what its fence needs.
         LogError: there is a record of an earlier attempt, and it cannot be read.
     """
-    kept = build_board_record(proposal.changes, read_kept_parameters(run) or ())
-    record = open_parameter_record(run, console, kept)
+    record = BoardRecord.open(PARAMETERS, run, console, proposal.changes)
     record.write_first("nothing was changed on board")
     checks: list[Check] = []
     unfenced: list[str] = []
@@ -340,27 +303,28 @@ def check_fences_on_board(
     Raises:
         LogError: that record cannot be read.
     """
-    kept = [] if run is None else [one for one in read_kept_lists(run) if one.is_open]
-
-    def ours(name: str, kind: MissionKind, items: fence_changes.Items | None) -> fence_changes.Items | None:
-        known = next((one for one in kept if one.vehicle == name and one.kind is kind), None)
-        return items if known is not None and items is not None and known.is_ours(items) else None
-
+    kept = {} if run is None else {one.key: one for one in LISTS.read(run) if one.is_open}
     told: list[Check] = []
     for name, lists in found.items():
-        known = OnboardLists(ours(name, MissionKind.FENCE, lists.fence), ours(name, MissionKind.RALLY, lists.rally))
+        ours = {
+            kind: items
+            for kind, items in lists.items()
+            if items is not None and (known := kept.get((name, kind.name.lower()))) is not None and known.is_ours(items)
+        }
         board = boards[name]
         told += fence_changes.check_onboard_lists(
-            context, facts[name], None if board is None else board.path, lists, known
+            context, facts[name], None if board is None else board.path, lists, ours
         )
     return told
 
 
-def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, OnboardLists]:
+def build_wanted_lists(context: Context, first: Mapping[str, Fence]) -> dict[str, WantedLists]:
     """Return what is put on board, by vehicle; nothing where the site wants none."""
+    fences = {name: {MissionKind.FENCE: build_fence_items(fence, context.frame)} for name, fence in first.items()}
+    rally = {name: build_rally_list(context, name) for name in first}
     return {
-        name: OnboardLists(build_fence_items(fence, context.frame), build_rally_list(context, name))
-        for name, fence in first.items()
+        name: fence if (points := rally[name]) is None else {**fence, MissionKind.RALLY: points}
+        for name, fence in fences.items()
     }
 
 
@@ -370,10 +334,10 @@ def describe_fence_changes(
     """Return what is replaced on board, for the crew to confirm."""
     told = []
     for name, lists in build_wanted_lists(context, first).items():
-        had = found.get(name, OnboardLists())
-        fence = f"fence of {len(lists.fence or ())} corners (had {len(had.fence or ()) or 'none'})"
-        rally = "" if lists.rally is None else f", its pad as rally point (had {len(had.rally or ()) or 'none'})"
-        told.append(f"{name}: {fence}{rally}")
+        had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
+        fence = f"fence of {len(lists[MissionKind.FENCE])} corners (had {had.get(MissionKind.FENCE, 'none')})"
+        rally = f", its pad as rally point (had {had.get(MissionKind.RALLY, 'none')})"
+        told.append(f"{name}: {fence}{rally if MissionKind.RALLY in lists else ''}")
     return told
 
 
@@ -397,23 +361,22 @@ async def upload_wanted_lists(
     if not lists:
         return
     planned = [
-        KeptList(name, setup.sysid, setup.dialect.name, what, old, new)
+        KeptList(name, setup.sysid, setup.dialect.name, kind.name.lower(), old, new)
         for name, wanted in lists.items()
         for setup in (context.vehicles[name],)
-        for what, old, new in (("fence", found[name].fence, wanted.fence), ("rally", found[name].rally, wanted.rally))
-        if old is not None and new is not None
+        for kind, new in wanted.items()
+        if (old := found[name][kind]) is not None
     ]
-    record = open_list_record(run, console, build_board_record(planned, read_kept_lists(run)))
+    record = BoardRecord.open(LISTS, run, console, planned)
     record.write_first("no fence was put on board")
 
     async def load(name: str) -> None:
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = "" if new.rally is None else ", and its pad as rally point"
-        console.say(
-            Level.INFO, f"{name}: fence of {len(new.fence or ())} corners on board{rally}, verified by read-back"
-        )
+        rally = ", and its pad as rally point" if MissionKind.RALLY in new else ""
+        corners = len(new[MissionKind.FENCE])
+        console.say(Level.INFO, f"{name}: fence of {corners} corners on board{rally}, verified by read-back")
 
     await run_for_each(lists, load)
 
@@ -432,6 +395,6 @@ def record_wider_fence(run: Path, context: Context, command: Upload) -> None:
         replace(one, new=items, earlier=(*one.earlier, one.new), stage=ChangeStage.PLANNED)
         if one.vehicle == command.vehicle and one.kind is MissionKind.FENCE and items not in (*one.earlier, one.new)
         else one
-        for one in read_kept_lists(run)
+        for one in LISTS.read(run)
     ]
-    write_kept_lists(run, kept)
+    LISTS.write(run, kept)

@@ -1,6 +1,6 @@
 """What a flight shows outside, as its site says: over MQTT, and on its page; neither may delay it.
 
-What needs the extras mqtt and web is loaded only where the site asks for it.
+The libraries of both are loaded only where the site asks for them: that takes long.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.extras import Extra, describe_missing_extra
 from executor.core.fleet_view import FleetView
 from executor.core.imaging.asset_status import AssetView
 from executor.core.interface.commands import Level, Say
@@ -89,8 +88,8 @@ class Publication:
         if self._settings is None or self._publisher is None:
             yield
             return
-        from executor.adapters.mqtt.broker import IntentIntake
         from executor.adapters.mqtt.client import FLUSH_S, MqttClient
+        from executor.adapters.mqtt.intent_intake import IntentIntake
 
         settings, loop = self._settings, asyncio.get_running_loop()
         intake = IntentIntake(
@@ -142,10 +141,6 @@ async def serve_page(
     It shows the flight before its beginning, too: while the operator is asked, nobody reads what comes to the loop.
     """
     if not table.enabled:
-        yield
-        return
-    if line := describe_missing_extra(Extra.WEB, "the page"):
-        console.say(Level.WARNING, f"{line}; the flight goes on without it")
         yield
         return
     from executor.adapters.web import WebServer, WebSettings

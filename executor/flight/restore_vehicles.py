@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mappin
 from contextlib import asynccontextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Generic, Literal
+from typing import Annotated, Any, Generic, Literal
 
 from pydantic import Field
 
@@ -20,13 +20,13 @@ from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
-from executor.core.preflight import fence_changes, parameter_changes
 from executor.core.preflight.fence_changes import Items, KeptList
 from executor.core.preflight.parameter_changes import (
     Change,
     ChangeStage,
     KeptParameter,
-    Present,
+    ValueOrigin,
+    build_board_record,
     list_return_parameters,
 )
 from executor.errors import LogError, PreflightFailed
@@ -34,10 +34,10 @@ from executor.flight.open_links import AT_ONCE, follow_fleet_time
 from executor.flight.run_start import Console
 from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to
-from executor.runtime.vehicle_preflight import read_parameters
+from executor.runtime.vehicle_preflight import read_parameters, upload_list
 from executor.site.site_file import Site, read_signing_key, read_site
 from executor.site.site_keys import AutopilotKey
-from missions import Dialect, MissionItem, MissionKind, dialect_for
+from missions import Dialect, MissionItem, dialect_for
 from missions.fences import number_items
 
 
@@ -88,65 +88,6 @@ class _ListFile(Document):
     lists: tuple[_ListRow, ...]
 
 
-def read_kept_parameters(run: Path) -> tuple[KeptParameter, ...] | None:
-    """Return what is on record of a flight's parameters; None if none was ever changed from there.
-
-    Raises:
-        LogError: the record cannot be read.
-    """
-    path = RunDirectory(run).parameters
-    if not path.exists():
-        return None
-    content = _ParameterFile.read(path, "what was changed on board")
-    return tuple(
-        KeptParameter(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in content.parameters
-    )
-
-
-def read_kept_lists(run: Path) -> tuple[KeptList, ...]:
-    """Return what is on record of a flight's fences and rally points; nothing if it never changed one.
-
-    Raises:
-        LogError: the record cannot be read.
-    """
-    path = RunDirectory(run).fences
-    if not path.exists():
-        return ()
-    made = []
-    for row in _ListFile.read(path, "fences and rally points that were replaced on board").lists:
-        *earlier, new = (_parse_items(one) for one in row.new)
-        about = (row.vehicle, row.sysid, row.autopilot, row.list)
-        made.append(KeptList(*about, _parse_items(row.old), new, stage=row.state, earlier=tuple(earlier)))
-    return tuple(made)
-
-
-def write_kept_parameters(run: Path, kept: Iterable[KeptParameter]) -> None:
-    """Write the record of parameters; once this returns it outlives a power loss.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    rows = (_ParameterRow(**{**asdict(one), "state": one.stage}) for one in kept)
-    _ParameterFile(format="faultline-parameters/1", parameters=tuple(rows)).write(RunDirectory(run).parameters)
-
-
-def write_kept_lists(run: Path, kept: Iterable[KeptList]) -> None:
-    """Write the record of fences and rally points; once this returns it outlives a power loss.
-
-    Raises:
-        OSError: it cannot be written.
-    """
-    rows = tuple(
-        _ListRow(
-            vehicle=one.vehicle, sysid=one.sysid, autopilot=one.autopilot,
-            list="fence" if one.kind is MissionKind.FENCE else "rally", old=_build_rows(one.old),
-            new=tuple(_build_rows(items) for items in (*one.earlier, one.new)), state=one.stage,
-        )
-        for one in kept
-    )  # fmt: skip
-    _ListFile(format="faultline-fences/1", lists=rows).write(RunDirectory(run).fences)
-
-
 def _parse_items(rows: Iterable[_Item]) -> Items:
     return tuple(MissionItem(seq, **row.model_dump()) for seq, row in enumerate(rows))
 
@@ -160,67 +101,43 @@ def _build_rows(items: Iterable[MissionItem]) -> tuple[_Item, ...]:
     )
 
 
+def _parse_parameters(path: Path) -> tuple[KeptParameter, ...]:
+    rows = _ParameterFile.read(path, "what was changed on board").parameters
+    return tuple(KeptParameter(**{**row.model_dump(exclude={"state"}), "stage": row.state}) for row in rows)
+
+
+def _build_parameter_file(kept: Iterable[KeptParameter]) -> Document:
+    rows = tuple(_ParameterRow(**{**asdict(one), "state": one.stage}) for one in kept)
+    return _ParameterFile(format="faultline-parameters/1", parameters=rows)
+
+
+def _parse_lists(path: Path) -> tuple[KeptList, ...]:
+    made = []
+    for row in _ListFile.read(path, "fences and rally points that were replaced on board").lists:
+        *earlier, new = (_parse_items(one) for one in row.new)
+        about = (row.vehicle, row.sysid, row.autopilot, row.list)
+        made.append(KeptList(*about, _parse_items(row.old), new, stage=row.state, earlier=tuple(earlier)))
+    return tuple(made)
+
+
+def _build_list_file(kept: Iterable[KeptList]) -> Document:
+    rows = tuple(
+        _ListRow(
+            vehicle=one.vehicle, sysid=one.sysid, autopilot=one.autopilot,
+            list="fence" if one.name == "fence" else "rally", old=_build_rows(one.old),
+            new=tuple(_build_rows(items) for items in (*one.earlier, one.new)), state=one.stage,
+        )
+        for one in kept
+    )  # fmt: skip
+    return _ListFile(format="faultline-fences/1", lists=rows)
+
+
 def build_parameter_rows(kept: Sequence[KeptParameter]) -> list[ParameterRow]:
     """Return what a report says of the parameters that were changed."""
     return [
         ParameterRow(vehicle=one.vehicle, name=one.name, old=one.old, new=one.new, restored=not one.is_open)
         for one in kept
     ]
-
-
-@dataclass(slots=True)
-class BoardRecord(Generic[Change]):
-    """What is on record, and where."""
-
-    path: Path
-    write_changes: Callable[[Sequence[Change]], None]
-    console: Console
-    kept: list[Change]
-    told: bool = False
-
-    def write_first(self, nothing: str) -> None:
-        """Write it down before anything is sent.
-
-        Args:
-            nothing: What was not done if it cannot be written, in words.
-
-        Raises:
-            PreflightFailed: it cannot be written.
-        """
-        try:
-            self.write_changes(self.kept)
-        except OSError as error:
-            raise PreflightFailed(f"{self.path}: cannot be written: {error.strerror}; {nothing}") from error
-
-    def update(self, changed: Iterable[Change]) -> None:
-        """Take over what has changed, and write it down where there is room.
-
-        An older record gives everything back as well, it only asks again.
-        """
-        known = {one.key: one for one in changed}
-        self.kept = [known.get(one.key, one) for one in self.kept]
-        try:
-            self.write_changes(self.kept)
-        except OSError as error:
-            if not self.told:
-                self.told = True
-                self.console.say(Level.WARNING, f"{self.path}: cannot be written: {error.strerror}")
-
-    def set_stage(self, vehicle: str, names: Iterable[str], stage: ChangeStage) -> None:
-        """Note how far a vehicle's changes have come."""
-        known = set(names)
-        self.update([replace(one, stage=stage) for one in self.kept if one.vehicle == vehicle and one.name in known])
-
-
-def open_parameter_record(run: Path, console: Console, kept: Iterable[KeptParameter]) -> BoardRecord[KeptParameter]:
-    """Return the record of parameters that a run directory keeps from now on; nothing is written yet."""
-    path = RunDirectory(run).parameters
-    return BoardRecord(path, lambda rows: write_kept_parameters(run, rows), console, list(kept))
-
-
-def open_list_record(run: Path, console: Console, kept: Iterable[KeptList]) -> BoardRecord[KeptList]:
-    """Return the record of fences and rally points that a run directory keeps from now on; nothing is written yet."""
-    return BoardRecord(RunDirectory(run).fences, lambda rows: write_kept_lists(run, rows), console, list(kept))
 
 
 HEARD_S = 5.0
@@ -232,16 +149,6 @@ ROUNDS = 4
 """Of looking at what is on board, while something is given back."""
 SETTLE_S = 1.0
 """Between two rounds: what is under way by then, such as a setting that comes twice, has arrived."""
-
-
-@dataclass(frozen=True, slots=True)
-class RestoreResult(Generic[parameter_changes.Change]):
-    """What became of what was changed on one vehicle."""
-
-    kept: tuple[parameter_changes.Change, ...]
-    """Each as it is on record now."""
-    problems: tuple[str, ...] = ()
-    """Why something stays; empty if all was given back."""
 
 
 @dataclass(slots=True)
@@ -312,101 +219,196 @@ def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
     return ""
 
 
-async def restore_parameters(
-    link: Link, clock: Clock, kept: Sequence[parameter_changes.KeptParameter], vehicle: RestingVehicle
-) -> RestoreResult[parameter_changes.KeptParameter]:
-    """Give one vehicle its parameters back; what somebody else set since stays.
-
-    Looks and sets until everything is as it was in a round after the one that set it.
-
-    Args:
-        link: To it.
-        clock: The flight's.
-        kept: What is on record of it, and open.
-        vehicle: It at rest.
-    """
-    waiting = {one.name: one for one in kept}
-    ended: dict[str, parameter_changes.KeptParameter] = {}
-    problems: list[str] = []
-    said: Present = {}
-    for turn in range(ROUNDS):
-        if turn:
-            await asyncio.sleep(SETTLE_S / clock.speedup)
-        said = (await read_parameters(link, clock, waiting)).present
-        for name, value in said.items():
-            one = waiting[name]
-            what = one.classify(value.value)
-            if what is parameter_changes.ValueOrigin.OTHER:
-                ended[name] = replace(waiting.pop(name), stage=parameter_changes.ChangeStage.LEFT)
-                problems.append(
-                    f"{name} is {parameter_changes.format_number(value.value)}, which somebody set since: left as it is"
-                )
-            elif what is parameter_changes.ValueOrigin.OLD and turn:
-                ended[name] = replace(waiting.pop(name), stage=parameter_changes.ChangeStage.RESTORED)
-            elif what is parameter_changes.ValueOrigin.OURS:
-                if not vehicle.is_at_rest:
-                    return _build_result(kept, ended, [*problems, "was armed meanwhile"])
-                await procedures.set_parameter(link, clock, name, one.old, value.kind)
-        if not (waiting and said):
-            break
-    for name in waiting:
-        stays = f"stays {parameter_changes.format_number(said[name].value)}" if name in said else "does not answer"
-        problems.append(f"{name} {stays}")
-    return _build_result(kept, ended, problems)
+Links = Mapping[str, OpenLink]
 
 
-async def restore_lists(
-    link: Link, clock: Clock, kept: Sequence[fence_changes.KeptList], vehicle: RestingVehicle
-) -> RestoreResult[fence_changes.KeptList]:
-    """Give one vehicle its fence and its rally points back; what somebody else put on board since stays.
+@dataclass(frozen=True, slots=True)
+class RecordFile(Generic[Change]):
+    """A file of the record: what is in it, and how it is read from vehicles and put back."""
 
-    Args:
-        link: To it.
-        clock: The flight's.
-        kept: What is on record of it, and open.
-        vehicle: It at rest.
-    """
-    ended: dict[str, fence_changes.KeptList] = {}
-    problems: list[str] = []
-    for one in kept:
-        if not vehicle.is_at_rest:
-            problems.append("was armed meanwhile")
-            break
-        found = await procedures.read_list(link, clock, one.kind)
-        if found is None:
-            problems.append(f"{one.words_open} cannot be read")
-            continue
-        what = one.classify(found)
-        if what is parameter_changes.ValueOrigin.OTHER:
-            ended[one.name] = replace(one, stage=parameter_changes.ChangeStage.LEFT)
-            problems.append(f"somebody has changed the {one.words_open} since: left as found")
-            continue
-        problem = "" if what is parameter_changes.ValueOrigin.OLD else await _put_list_back(link, clock, one)
-        if problem:
-            problems.append(problem)
-        else:
-            ended[one.name] = replace(one, stage=parameter_changes.ChangeStage.RESTORED)
-    return _build_result(kept, ended, problems)
+    path_in: Callable[[Path], Path]
+    parse: Callable[[Path], tuple[Change, ...]]
+    build_document: Callable[[Iterable[Change]], Document]
+    read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, Mapping[str, Any]]]
+    """What is on board now, by name, as far as the vehicle says it."""
+    put_back: Callable[[Link, Clock, Change], Coroutine[None, None, str]]
+    """Puts on board what was there before; returns why that is not there then, where it is known at once."""
+
+    def read(self, run: Path) -> tuple[Change, ...]:
+        """Return what is on record of a flight; nothing if it never changed anything.
+
+        Raises:
+            LogError: the record cannot be read.
+        """
+        path = self.path_in(run)
+        return self.parse(path) if path.exists() else ()
+
+    def write(self, run: Path, kept: Iterable[Change]) -> None:
+        """Write the record; once this returns it outlives a power loss.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self.build_document(kept).write(self.path_in(run))
 
 
-async def _put_list_back(link: Link, clock: Clock, one: fence_changes.KeptList) -> str:
-    """Send a vehicle the fence, or the rally points, that it had; returns why it does not have them."""
-    dialect, items = dialect_for(one.autopilot), number_items(one.old)
-    if one.kind is MissionKind.FENCE:
-        done = await procedures.upload_and_verify_fence(link, clock, dialect, items)
-    else:
-        done = await procedures.upload_and_verify(link, clock, dialect, items, kind=one.kind)
+async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> Mapping[str, float]:
+    return {name: one.value for name, one in (await read_parameters(link, clock, wanted)).present.items()}
+
+
+async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -> str:
+    await procedures.set_parameter(link, clock, change.name, change.old, change.kind)
+    return ""  # what is read in the next round tells
+
+
+async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> Mapping[str, Items]:
+    lists = {name: await procedures.read_list(link, clock, one.kind) for name, one in wanted.items()}
+    return {name: items for name, items in lists.items() if items is not None}
+
+
+async def _put_list_back(link: Link, clock: Clock, change: KeptList) -> str:
+    done = await upload_list(link, clock, dialect_for(change.autopilot), change.kind, number_items(change.old))
     return "" if done.accepted else done.reason
 
 
-def _build_result(
-    kept: Sequence[parameter_changes.Change], ended: Mapping[str, parameter_changes.Change], problems: Sequence[str]
-) -> RestoreResult[parameter_changes.Change]:
-    return RestoreResult(tuple(ended.get(one.name, one) for one in kept), tuple(problems))
+PARAMETERS = RecordFile(
+    lambda run: RunDirectory(run).parameters, _parse_parameters, _build_parameter_file, _read_parameter_values,
+    _put_parameter_back,
+)  # fmt: skip
+LISTS = RecordFile(lambda run: RunDirectory(run).fences, _parse_lists, _build_list_file, _read_lists, _put_list_back)
 
 
-Links = Mapping[str, OpenLink]
-Restore = Callable[[Link, Clock, Sequence[Change], RestingVehicle], Coroutine[None, None, RestoreResult[Change]]]
+@dataclass(slots=True)
+class BoardRecord(Generic[Change]):
+    """One file of the record of a run directory, as it is kept."""
+
+    file: RecordFile[Change]
+    run: Path
+    console: Console
+    kept: tuple[Change, ...]
+    told: bool = False
+
+    @classmethod
+    def open(
+        cls, file: RecordFile[Change], run: Path, console: Console, planned: Iterable[Change] = ()
+    ) -> BoardRecord[Change]:
+        """Return the record that a run directory keeps from now on; nothing is written yet.
+
+        Args:
+            file: Which of them.
+            run: The directory.
+            console: Where it is said what cannot be written.
+            planned: What is going to be changed.
+
+        Raises:
+            LogError: there is a record of an earlier attempt, and it cannot be read.
+        """
+        return cls(file, run, console, tuple(build_board_record(planned, file.read(run))))
+
+    def write_first(self, nothing: str) -> None:
+        """Write it down before anything is sent.
+
+        Args:
+            nothing: What was not done if it cannot be written, in words.
+
+        Raises:
+            PreflightFailed: it cannot be written.
+        """
+        try:
+            self.file.write(self.run, self.kept)
+        except OSError as error:
+            text = f"{self.file.path_in(self.run)}: cannot be written: {error.strerror}; {nothing}"
+            raise PreflightFailed(text) from error
+
+    def update(self, changed: Iterable[Change]) -> None:
+        """Take over what has changed, and write it down where there is room.
+
+        An older record gives everything back as well, it only asks again.
+        """
+        known = {one.key: one for one in changed}
+        self.kept = tuple(known.get(one.key, one) for one in self.kept)
+        try:
+            self.file.write(self.run, self.kept)
+        except OSError as error:
+            if not self.told:
+                self.told = True
+                self.console.say(Level.WARNING, f"{self.file.path_in(self.run)}: cannot be written: {error.strerror}")
+
+    def set_stage(self, vehicle: str, names: Iterable[str], stage: ChangeStage) -> None:
+        """Note how far a vehicle's changes have come."""
+        known = set(names)
+        self.update([replace(one, stage=stage) for one in self.kept if one.vehicle == vehicle and one.name in known])
+
+    async def restore(self, links: Links, clock: Clock, heard_s: float) -> None:
+        """Give back all that is open to every vehicle that answers and is not armed."""
+        waiting: dict[str, list[Change]] = defaultdict(list)
+        for change in self.kept:
+            if change.is_open:
+                waiting[change.vehicle].append(change)
+        turn = asyncio.Semaphore(AT_ONCE)
+
+        async def one(name: str, kept: Sequence[Change]) -> None:
+            problems = ["is not in the site file"]
+            if name in links:
+                async with turn, wait_for_rest(links[name], clock, kept[0].autopilot, heard_s) as rest:
+                    problems = [rest.problem]
+                    if not rest.problem:
+                        problems = await self._restore_vehicle(links[name], clock, kept, rest)
+            waiting.pop(name)
+            self._report(kept, problems)
+
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for name, kept in tuple(waiting.items()):
+                    tasks.create_task(one(name, kept))
+        except asyncio.CancelledError:
+            for kept in waiting.values():
+                self._report(kept, ["interrupted"])
+            raise
+
+    async def _restore_vehicle(
+        self, link: Link, clock: Clock, kept: Sequence[Change], vehicle: RestingVehicle
+    ) -> list[str]:
+        """Give one vehicle back what it had, and return why something stays; what somebody else put there since does.
+
+        Looks and sets until everything is as it was in a round after the one that set it.
+        """
+        waiting, ended = {one.name: one for one in kept}, list[Change]()
+        problems, refused, found = list[str](), dict[str, str](), dict[str, Any]()
+        for turn in range(ROUNDS):
+            if turn:
+                await asyncio.sleep(SETTLE_S / clock.speedup)
+            found = await self.file.read_board(link, clock, waiting)
+            for name, value in found.items():
+                change = waiting[name]
+                origin = change.classify(value)
+                if origin is ValueOrigin.OTHER:
+                    ended.append(replace(waiting.pop(name), stage=ChangeStage.LEFT))
+                    problems.append(change.describe_other(value))
+                elif origin is ValueOrigin.OLD and turn:
+                    ended.append(replace(waiting.pop(name), stage=ChangeStage.RESTORED))
+                elif origin is ValueOrigin.OURS and not vehicle.is_at_rest:
+                    self.update(ended)
+                    return [*problems, "was armed meanwhile"]
+                elif origin is ValueOrigin.OURS:
+                    refused[name] = await self.file.put_back(link, clock, change)
+            if not (waiting and found):
+                break
+        self.update(ended)
+        stay = (refused.get(name) or one.describe_stay(found.get(name)) for name, one in waiting.items())
+        return [*problems, *stay]
+
+    def _report(self, asked: Iterable[Change], problems: Iterable[str]) -> None:
+        """Say of one vehicle what it has again of what it was asked for, and what stays."""
+        keys = {one.key for one in asked}
+        back = [one.words_back for one in self.kept if one.key in keys and not one.is_open]
+        stays = [one.words_open for one in self.kept if one.key in keys and one.is_open]
+        [name] = {vehicle for vehicle, _ in keys}
+        if back:
+            self.console.say(Level.INFO, f"{name}: {', '.join(back)} restored")
+        if stays:
+            self.console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(problems)}")
+            self.console.say(Level.WARNING, f"{name}: to restore them: {command_line('restore', self.run)}")
 
 
 def read_open_changes(run: Path) -> tuple[Site, list[KeptParameter], list[KeptList]]:
@@ -416,17 +418,20 @@ def read_open_changes(run: Path) -> tuple[Site, list[KeptParameter], list[KeptLi
         LogError: the directory holds no record, or one that cannot be read.
         SiteError: site.toml cannot be used.
     """
-    kept, lists = read_kept_parameters(run), read_kept_lists(run)
-    if kept is None and not lists:
+    kept, lists = PARAMETERS.read(run), LISTS.read(run)
+    if not lists and not PARAMETERS.path_in(run).exists():
         raise LogError(f"{run}: expected a run directory with parameters.json; no parameter was changed from here")
-    still = [one for one in kept or () if one.is_open]
-    return read_site(RunDirectory(run).site), still, [one for one in lists if one.is_open]
+    return (
+        read_site(RunDirectory(run).site),
+        [one for one in kept if one.is_open],
+        [one for one in lists if one.is_open],
+    )
 
 
 def find_open_parameters(run: Path) -> list[KeptParameter]:
     """Return which parameters are not given back; a record that cannot be read is left to `restore` to say."""
     with suppress(LogError):
-        return [one for one in read_kept_parameters(run) or () if one.is_open]
+        return [one for one in PARAMETERS.read(run) if one.is_open]
     return []
 
 
@@ -437,7 +442,7 @@ def check_run(run: Path, site: Site) -> None:
         LogError: it is so, or the record cannot be read.
     """
     systems = {table.name: table.sysid for table in site.vehicle}
-    for one in read_kept_parameters(run) or ():
+    for one in PARAMETERS.read(run):
         if one.is_open and systems.get(one.vehicle) != one.sysid:
             record = RunDirectory(run).parameters
             raise LogError(
@@ -487,64 +492,15 @@ async def restore_board(
         The records of parameters and of lists as they are now; empty if nothing was ever changed, or one cannot be
         read.
     """
-    about = (run, links, clock, console, heard_s)
-    lists = await _restore_record(lambda: open_list_record(run, console, read_kept_lists(run)), restore_lists, *about)
-    parameters = await _restore_record(
-        lambda: open_parameter_record(run, console, read_kept_parameters(run) or ()), restore_parameters, *about
-    )
-    return parameters, lists
 
+    async def restore(file: RecordFile[Change]) -> tuple[Change, ...]:
+        try:
+            record = BoardRecord.open(file, run, console)
+        except LogError as error:
+            console.say(Level.WARNING, str(error))
+            return ()
+        await record.restore(links, clock, heard_s)
+        return record.kept
 
-async def _restore_record(
-    open_record: Callable[[], BoardRecord[Change]],
-    restore: Restore[Change],
-    run: Path,
-    links: Links,
-    clock: Clock,
-    console: Console,
-    heard_s: float,
-) -> tuple[Change, ...]:
-    """Give back all that is open on one record."""
-    try:
-        record = open_record()
-    except LogError as error:
-        console.say(Level.WARNING, str(error))
-        return ()
-    waiting: dict[str, list[Change]] = defaultdict(list)
-    for change in record.kept:
-        if change.is_open:
-            waiting[change.vehicle].append(change)
-    turn = asyncio.Semaphore(AT_ONCE)
-
-    async def one(name: str, kept: Sequence[Change]) -> None:
-        if name not in links:
-            given = RestoreResult(tuple(kept), ("is not in the site file",))
-        else:
-            async with turn, wait_for_rest(links[name], clock, kept[0].autopilot, heard_s) as rest:
-                given = RestoreResult(tuple(kept), (rest.problem,))
-                if not rest.problem:
-                    given = await restore(links[name], clock, kept, rest)
-        record.update(given.kept)
-        waiting.pop(name)
-        _report_restored(run, console, name, given)
-
-    try:
-        async with asyncio.TaskGroup() as tasks:
-            for name, kept in tuple(waiting.items()):
-                tasks.create_task(one(name, kept))
-    except asyncio.CancelledError:
-        for name, kept in waiting.items():
-            _report_restored(run, console, name, RestoreResult(tuple(kept), ("interrupted",)))
-        raise
-    return tuple(record.kept)
-
-
-def _report_restored(run: Path, console: Console, name: str, given: RestoreResult[Change]) -> None:
-    """Say of one vehicle what it has again, and what stays."""
-    back = [one.words_back for one in given.kept if not one.is_open]
-    if back:
-        console.say(Level.INFO, f"{name}: {', '.join(back)} restored")
-    stays = [one.words_open for one in given.kept if one.is_open]
-    if stays:
-        console.say(Level.WARNING, f"{name}: {', '.join(stays)} not restored: {'; '.join(given.problems)}")
-        console.say(Level.WARNING, f"{name}: to restore them: {command_line('restore', run)}")
+    lists = await restore(LISTS)
+    return await restore(PARAMETERS), lists

@@ -14,7 +14,6 @@ from pathlib import Path
 from executor import supervised
 from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
-from executor.adapters.extras import Extra, describe_missing_extra
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.analysis.documents import (
     AskedVehicles,
@@ -38,7 +37,7 @@ from executor.flight.flight_recorder import (
     plan_path_of,
 )
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.restore_vehicles import build_parameter_rows, read_kept_parameters
+from executor.flight.restore_vehicles import PARAMETERS, build_parameter_rows
 from executor.simulated.injected_faults import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
@@ -96,15 +95,12 @@ def read_resume_plan(run: Path) -> run_start.FlightRequest | ResumePlan:
     path = RunDirectory(run).events
     found = find_newest_checkpoint(run, path)
     launched = found.checkpoint is not None or _is_launched(run)
-    request = _build_request(run, *run_start.read_site_and_plan(run), launched=launched)
+    request = _build_request(run, *run_start.read_site_and_plan(run))
     if not launched:
         return request
     known = found.checkpoint
-    set_s = (
-        eventlog.total_clock_step_s(path)
-        if known is None
-        else known.set_s + eventlog.total_clock_step_s(path, known.place)
-    )
+    set_s = 0.0 if known is None else known.legacy.set_s
+    set_s += eventlog.total_clock_step_s(path, None if known is None else known.place)
     last_s = eventlog.read_last_event_s(path) or 0.0
     return ResumePlan(request, eventlog.read_head(path), found, last_s, set_s)
 
@@ -128,8 +124,8 @@ def replay_interrupted_run(run: Path, known: ResumePlan, stopped: Callable[[], b
     planned: list[Planned] = []
     if checkpoint is not None:
         state, place, last_s = checkpoint.state, checkpoint.place, checkpoint.place.at_s
-        solves = {} if checkpoint.solve is None else {checkpoint.solve.revision: checkpoint.solve}
-        planned = list(checkpoint.unkept)
+        planned, solve = list(checkpoint.legacy.unkept), checkpoint.legacy.solve
+        solves = {} if solve is None else {solve.revision: solve}
     replayed = 0
     latest: tuple[Command, ...] = ()
     for last_s, event in eventlog.read_events(path, notes.append, place):
@@ -203,7 +199,7 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     with suppress(LogError):
         return read_report(run)
     # It died between the end of the flight and its report.
-    parameters = build_parameter_rows(read_kept_parameters(run) or ())
+    parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
         left.begun.context, left.state, left.last_s, said=_read_preflight_record(run), parameters=parameters
     )
@@ -212,10 +208,9 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
     return report
 
 
-def _build_request(run: Path, ground: SiteModel, plan: PlanFile, *, launched: bool) -> run_start.FlightRequest:
-    """Return the order to fly what a run directory describes; one in the air goes on though it cannot be published."""
-    silent = launched and describe_missing_extra(Extra.MQTT, "[mqtt]")
-    mqtt = None if silent else run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
+def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.FlightRequest:
+    """Return the request to fly what a run directory describes."""
+    mqtt = run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
     truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
@@ -266,9 +261,6 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
         if isinstance(known, run_start.FlightRequest):
             raise LogError(f"{run}: expected a flight that was launched")
         request = known.request
-        if request.mqtt is None and request.site.mqtt is not None:
-            why = describe_missing_extra(Extra.MQTT, f"[mqtt] in {RunDirectory(run).site}")
-            console.say(Level.WARNING, f"{why}; the flight goes on unpublished")
         async with AsyncExitStack() as stack:
             fleet = await stack.enter_async_context(follow_fleet_time(request.site, console))
             head = known.head

@@ -31,7 +31,7 @@ from executor.core.interface.intents import Action
 from executor.core.interface.ports import OpenLink
 from executor.core.preflight.fence_changes import OnboardLists
 from executor.core.preflight.parameter_changes import ParameterProposal
-from executor.core.state.fleet_state import CheckLine, FleetState
+from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
@@ -219,7 +219,7 @@ async def _check_and_supervise(
     fences = build_first_fences(context, boards)
     state = fleet_step.build_initial_state(
         boards,
-        tuple(CheckLine(one.severity.value, one.subject, one.text, one.code) for one in found),
+        tuple(found),
         fences,
         {} if request.day is None else day_plans.sorties_ahead_of(request.day),
     )

@@ -11,8 +11,8 @@ from secrets import token_hex
 from typing import Protocol
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.extras import Extra, require_extra
-from executor.adapters.mqtt.broker import BrokerAddress, IntakeRules, MqttTopics
+from executor.adapters.mqtt.intent_intake import IntakeRules
+from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
 from executor.adapters.run_directory import RunDirectory, today, write_site
 from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
 from executor.analysis.report import InjectedFault
@@ -96,12 +96,10 @@ def read_mqtt_settings(
         environment: Where the secrets are.
 
     Raises:
-        ExtraMissing: there is a broker, and nothing installed to speak to it with.
         SiteError: a secret is not set, or the authority's certificate cannot be used.
     """
     if table is None:
         return None
-    require_extra(Extra.MQTT, f"[mqtt] in {source}")
     broker = BrokerAddress(
         table.host,
         table.port or (8883 if table.tls else 1883),
@@ -282,7 +280,7 @@ def build_context_and_boards(
     context = site_model.build_context(ground, setup, task, own, performances)
     if day is not None:
         context = replace(context, day=day_plans.build_day_rules(day))
-    routes = site_model.name_routes(ground, task, plan.plan)
+    routes = plan.network_routes
     paths = site_model.build_paths(context.setup, routes, context.vehicles)
     return context, {
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None

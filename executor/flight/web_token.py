@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 
-from executor.adapters.extras import Extra, describe_missing_extra
 from executor.errors import SiteError
 from executor.site.mqtt_and_web_keys import WebTable
 
@@ -20,8 +19,6 @@ def check_web(table: WebTable) -> None:
     """
     if table.enabled:
         read_token(table)
-        if describe_missing_extra(Extra.WEB, "the page"):
-            return  # said beside the flight, which goes on without
         import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
 
 

@@ -11,12 +11,11 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from executor.adapters.run_directory import RunDirectory
+from executor.adapters.run_directory import Document, RunDirectory
 from executor.core.context import Context
 from executor.core.imaging.asset_status import describe_unseen_parts
 from executor.core.payload.camera_state import Picture
@@ -28,8 +27,7 @@ from missions.files import write_document, write_whole
 EXPECTED = "the index of a flight with cameras, which is written when it ends"
 
 
-@dataclass(frozen=True, slots=True)
-class ImageRow:
+class ImageRow(Document):
     """One picture."""
 
     asset: str
@@ -64,8 +62,7 @@ class ImageRow:
         return datetime.fromtimestamp(self.unix_s, UTC).isoformat(timespec="milliseconds")
 
 
-@dataclass(frozen=True, slots=True)
-class AssetRow:
+class AssetRow(Document):
     """What one span asked of one camera, and what became of it."""
 
     asset: str
@@ -86,8 +83,8 @@ class AssetRow:
     """Latitude and longitude of both pylons."""
 
 
-_IMAGE = tuple(field.name for field in fields(ImageRow))
-_ASSET = tuple(field.name for field in fields(AssetRow) if field.name != "line")
+_IMAGE = tuple(ImageRow.model_fields)
+_ASSET = tuple(name for name in AssetRow.model_fields if name != "line")
 
 
 def build_image_rows(context: Context, state: FleetState, began_unix_s: float) -> list[ImageRow]:
@@ -107,25 +104,14 @@ def build_image_rows(context: Context, state: FleetState, began_unix_s: float) -
 
 
 def _build_image_row(context: Context, vehicle: str, picture: Picture, began_unix_s: float) -> ImageRow:
-    return ImageRow(
+    return ImageRow.build_from(
+        picture,
         asset="" if picture.segment is None else context.segment_name(picture.segment),
-        segment=picture.segment,
         viewpoint=_describe_viewpoint(picture),
         vehicle=vehicle,
-        camera=picture.camera,
-        sequence=picture.sequence,
         unix_s=began_unix_s + picture.at_s,
         camera_unix_s=picture.unix_s,
-        lat_deg=picture.lat_deg,
-        lon_deg=picture.lon_deg,
-        alt_msl_m=picture.alt_msl_m,
-        alt_rel_m=picture.alt_rel_m,
-        pitch_deg=picture.pitch_deg,
-        yaw_deg=picture.yaw_deg,
-        speed_m_s=picture.speed_m_s,
         proof=picture.source.value,
-        file=picture.file,
-        flaw=picture.flaw,
     )
 
 
@@ -138,7 +124,7 @@ def _describe_viewpoint(picture: Picture) -> str:
 def build_asset_rows(context: Context, state: FleetState) -> Iterator[AssetRow]:
     """Yield what every span of this flight asked for, and what became of it."""
     looks = context.setup.looks
-    network, past = context.setup.network, {one.segment for one in state.coverage.not_seen}
+    network, past = context.setup.network, state.coverage.not_seen
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
         lacks = describe_unseen_parts(context, state, segment)
@@ -267,21 +253,11 @@ def read_index(run: Path) -> ImageIndex:
             images = tables.execute(f"SELECT {', '.join(_IMAGE)} FROM image").fetchall()  # noqa: S608 - ours
             assets = tables.execute(f"SELECT {', '.join((*_ASSET, 'line'))} FROM asset").fetchall()  # noqa: S608
         return ImageIndex(
-            tuple(ImageRow(*row) for row in images),
-            tuple(_parse_asset(row) for row in assets),
+            tuple(ImageRow(**dict(zip(_IMAGE, row, strict=True))) for row in images),
+            tuple(AssetRow(**dict(zip(_ASSET, row[:-1], strict=True)), line=json.loads(row[-1])) for row in assets),
         )
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise LogError(f"{path}: {error}; expected {EXPECTED}") from error
-
-
-def _parse_asset(row: tuple[Any, ...]) -> AssetRow:
-    *known, line = row
-    return AssetRow(**dict(zip(_ASSET, known, strict=True)), line=_parse_line(json.loads(line)))
-
-
-def _parse_line(pair: list[list[float]]) -> tuple[tuple[float, float], tuple[float, float]]:
-    (a_lat, a_lon), (b_lat, b_lon) = pair
-    return (a_lat, a_lon), (b_lat, b_lon)
 
 
 def write_file_matches(run: Path, columns: Sequence[str], rows: Sequence[tuple[object, ...]]) -> None:

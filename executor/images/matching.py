@@ -67,8 +67,6 @@ class PictureFile:
     path: Path
     taken_s: float | None
     """Seconds since 1970 by the camera's clock; as if it stood at UTC where it does not say its zone."""
-    zoned: bool
-    """Whether it says its time zone."""
     lat_deg: float | None
     lon_deg: float | None
     camera: str
@@ -100,32 +98,30 @@ def read_picture(path: Path) -> PictureFile:
         with Image.open(path) as image:
             exif = image.getexif()
             details, gps = exif.get_ifd(DETAILS), exif.get_ifd(GPS)
-        taken_s, zoned = _read_time(details)
+        taken_s = _read_time(details)
         lat_deg, lon_deg = _read_degrees(gps, 2, 1, "S"), _read_degrees(gps, 4, 3, "W")
         camera = " ".join(
             str(part).strip("\0 ") for part in (exif.get(MAKE), exif.get(MODEL), details.get(SERIAL)) if part
         )
-        return PictureFile(path, taken_s, zoned, lat_deg, lon_deg, camera, _to_number(details.get(EXPOSURE)), digest)
+        return PictureFile(path, taken_s, lat_deg, lon_deg, camera, _to_number(details.get(EXPOSURE)), digest)
     except (OSError, UnidentifiedImageError, ValueError, SyntaxError, TypeError, KeyError) as error:
         why = " ".join(str(error).split())[:200] or type(error).__name__
-        return PictureFile(path, None, False, None, None, "", None, "", f"expected a picture: {why}")
+        return PictureFile(path, None, None, None, "", None, "", f"expected a picture: {why}")
 
 
-def _read_time(details: dict[int, object]) -> tuple[float | None, bool]:
+def _read_time(details: dict[int, object]) -> float | None:
     text = str(details.get(ORIGINAL) or "").strip("\0 ")
-    if not text:
-        return None, False
     try:
         local = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")  # noqa: DTZ007 - its zone stands elsewhere, if anywhere
     except ValueError:
-        return None, False
+        return None
     fraction = re.sub(r"\D", "", str(details.get(SUBSECOND) or ""))
     part_s = float(f"0.{fraction}") if fraction else 0.0
     zone = re.fullmatch(r"([+-])(\d\d):(\d\d)", str(details.get(OFFSET) or "").strip("\0 "))
     away = timedelta()
     if zone is not None:
         away = timedelta(hours=int(zone[2]), minutes=int(zone[3])) * (-1 if zone[1] == "-" else 1)
-    return local.replace(tzinfo=timezone(away)).timestamp() + part_s, zone is not None
+    return local.replace(tzinfo=timezone(away)).timestamp() + part_s
 
 
 def _to_number(value: object) -> float | None:
@@ -357,11 +353,19 @@ def match_files(index: ImageIndex, files: Sequence[PictureFile], folder: Path) -
     groups: dict[Key, list[ImageRow]] = {}
     for row in index.images:
         groups.setdefault((row.vehicle, row.camera), []).append(row)
-    cards = _assign_owners(_group_by_card(once, folder), groups, index)
+    frame = _frame_of(index)
+    pictures = {
+        key: build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
+        for key, rows in groups.items()
+    }
+    cards = _assign_owners(_group_by_card(once, folder), pictures, frame)
     matches: list[FileMatch] = []
     for card in cards:
         if card.key is not None and card.offset is not None:
-            matches += _match_card(card, card.offset, groups[card.key], _frame_of(index))
+            timed, times = _select_timed(card, frame)
+            ahead_s, rows = card.offset.ahead_s, groups[card.key]
+            pairs = match_times(times, pictures[card.key], ahead_s)
+            matches += (FileMatch(timed[file], rows[picture], ahead_s) for file, picture in pairs)
     have = {id(match.image) for match in matches}
     used = {match.file.path for match in matches}
     return Matching(
@@ -406,28 +410,30 @@ def _frame_of(index: ImageIndex) -> LocalFrame:
     return LocalFrame(0.0, 0.0) if first is None else LocalFrame(first.lat_deg, first.lon_deg)
 
 
-def _select_timed(card: MemoryCard) -> list[PictureFile]:
-    return sorted((file for file in card.files if file.taken_s is not None), key=lambda file: file.taken_s or 0.0)
+def _select_timed(card: MemoryCard, frame: LocalFrame) -> tuple[list[PictureFile], PlacedTimes]:
+    """Return the files of a card that know their time, in its order, and when and where they were taken."""
+    known = [(file.taken_s, file) for file in card.files if file.taken_s is not None]
+    known.sort(key=lambda pair: pair[0])
+    times = build_placed_times(frame, [(taken_s, file.lat_deg, file.lon_deg) for taken_s, file in known])
+    return [file for _, file in known], times
 
 
-def _assign_owners(cards: list[MemoryCard], groups: dict[Key, list[ImageRow]], index: ImageIndex) -> list[MemoryCard]:
+def _assign_owners(cards: list[MemoryCard], pictures: dict[Key, PlacedTimes], frame: LocalFrame) -> list[MemoryCard]:
     """Return whose each card is: of all pairs, those that fall together best come first.
 
     A camera may have filled several cards; a card has pictures of one camera.
     """
-    frame = _frame_of(index)
     tried: list[tuple[float, int, Key, ClockOffset]] = []
     for number, card in enumerate(cards):
-        files = build_placed_times(
-            frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in _select_timed(card)]
-        )
-        for key, rows in groups.items():
-            pictures = build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
-            found = find_clock_offset(files, pictures) if len(files.times_s) else None
-            if found is not None and found.pairs >= _count_matches_needed(len(files.times_s), len(rows)):
+        _, files = _select_timed(card, frame)
+        for key, own in pictures.items():
+            found = find_clock_offset(files, own) if len(files.times_s) else None
+            # Any two rows of times have some pairs at some offset.
+            needed = max(1, min(len(files.times_s), len(own.times_s)) // 2)
+            if found is not None and found.pairs >= needed:
                 tried.append((found.score, number, key, found))
     owned: dict[int, tuple[Key, ClockOffset]] = {}
-    left = {key: len(rows) for key, rows in groups.items()}
+    left = {key: len(own.times_s) for key, own in pictures.items()}
     for _, number, key, found in sorted(tried, key=lambda one: (-one[0], one[1], one[2])):
         if number not in owned and left[key] >= found.pairs / 2:
             owned[number] = (key, found)
@@ -436,19 +442,6 @@ def _assign_owners(cards: list[MemoryCard], groups: dict[Key, list[ImageRow]], i
         MemoryCard(card.name, card.files, *owned[number]) if number in owned else card
         for number, card in enumerate(cards)
     ]
-
-
-def _count_matches_needed(files: int, rows: int) -> int:
-    """Return how many must fall together: any two rows of times have some pairs at some offset."""
-    return max(1, min(files, rows) // 2)
-
-
-def _match_card(card: MemoryCard, offset: ClockOffset, rows: list[ImageRow], frame: LocalFrame) -> Iterator[FileMatch]:
-    timed = _select_timed(card)
-    files = build_placed_times(frame, [(file.taken_s or 0.0, file.lat_deg, file.lon_deg) for file in timed])
-    pictures = build_placed_times(frame, [(row.unix_s, row.lat_deg, row.lon_deg) for row in rows])
-    for file, picture in match_times(files, pictures, offset.ahead_s):
-        yield FileMatch(timed[file], rows[picture], offset.ahead_s)
 
 
 def _is_blurred(match: FileMatch) -> bool:

@@ -164,7 +164,7 @@ class UploadDialogue(DialogueMachine):
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
-        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
     def _answer(self, seq: int, now_s: float) -> tuple[Self, Sent]:
         state = replace(self, heard_s=now_s, refusal=None, early=False, repeats=0)
@@ -209,7 +209,7 @@ class UploadDialogue(DialogueMachine):
 def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
     period_s = max(COUNT_PERIOD_S, state.round_trip.waits_s)
     state = replace(state, counts_sent=state.counts_sent + 1, deadline_s=now_s + period_s)
-    return state, (messages.SendMissionCount(len(state.items), state.kind),)
+    return state, (messages.MissionCount(len(state.items), state.kind),)
 
 
 def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
@@ -230,7 +230,7 @@ def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, m
     )
     highest = max([state.highest, *(one.seq for one in sent)])
     state = replace(state, under_way=(*kept, *fresh), highest=highest)
-    return _wait_for_answer(state, now_s), tuple(messages.SendMissionItem(one, state.kind) for one in sent)
+    return _wait_for_answer(state, now_s), tuple(messages.MissionItemInt(one, state.kind) for one in sent)
 
 
 def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip:
@@ -320,7 +320,7 @@ class DownloadDialogue(DialogueMachine):
                 proven = checksum is not None and checksum == self.checksum
                 trip = self.round_trip.record_round_trip(now_s - self.asked_s) if self.tries == 1 else self.round_trip
                 return _go_on(replace(self, count=count, proven=proven, round_trip=trip), now_s)
-            case messages.MissionItemReceived(item, kind) if kind is self.kind:
+            case messages.MissionItemInt(item, kind) if kind is self.kind:
                 asked = next((one for one in self.under_way if one.seq == item.seq), None)
                 return (self, ()) if asked is None else self._take_item(item, asked, now_s)
             case messages.MissionAck(result, kind) if kind is self.kind and result != 0:
@@ -364,7 +364,7 @@ class DownloadDialogue(DialogueMachine):
         return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
 
     def _build_farewell(self) -> Sent:
-        return (messages.SendMissionAck(RESULT_CANCELLED, self.kind),)
+        return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
     @property
     def _open(self) -> str:
@@ -379,14 +379,14 @@ def _go_on(state: D, now_s: float) -> tuple[D, Sent]:
     state = replace(state, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
     if state.proven or state.first + len(state.items) >= (state.count or 0):
         done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
-        return done, (messages.SendMissionAck(0, state.kind),)
+        return done, (messages.MissionAck(0, state.kind),)
     return _ask_items(state, now_s)
 
 
 def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
     deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
     state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)
-    return state, (messages.SendMissionRequestList(state.kind),)
+    return state, (messages.MissionRequestList(state.kind),)
 
 
 def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
@@ -402,4 +402,4 @@ def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tup
     state = replace(
         state, under_way=under_way, tries=state.tries + bool(asks), deadline_s=min(deadline_s, state.heard_s + SILENT_S)
     )
-    return state, tuple(messages.SendMissionRequest(one.seq, state.kind) for one in asks)
+    return state, tuple(messages.MissionRequest(one.seq, state.kind) for one in asks)

@@ -214,7 +214,7 @@ class _Player:
     def __init__(self, rules: ReplayRules, file: RecordedFile) -> None:
         self._rules, self._file = rules, file
         self._scene = _build_empty_scene(rules)
-        self._state = passive_watch.start_watch(())
+        self._state = passive_watch.PassiveWatch()
         self._names: dict[int, str] = {}
         self._others: dict[int, str] = {}
         """Systems that are not followed, and why."""
@@ -369,7 +369,7 @@ class _Player:
         self._others.pop(system, None)  # what it said before it knew its frame
         setup = _build_setup(self._rules, system, dialect, on_board=self._file.on_board)
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
-        self._state = passive_watch.add_watched_vehicle(self._state, setup.name)
+        self._state = replace(self._state, fleet=self._state.fleet.put(VehicleState(setup.name)))
         self._names[system] = setup.name
         self._followed[setup.name] = _Followed()
         return setup.name

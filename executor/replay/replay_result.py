@@ -23,11 +23,6 @@ TRACE_S = 3.0
 MOST_SAMPLES = 4000
 LEAST_USED_PCT = 15.0
 """By its voltage so much must be used before a capacity is worth a figure: 10 mV of a cell are a percent."""
-DIGITS = {
-    "minutes": 2, "rest_cell_v": 3, "end_cell_v": 3, "sag_cell_v": 3, "ohm": 4, "ohm_sd": 4, "counted_ah": 3,
-    "set_ah": 3, "least_ah": 2, "most_ah": 2,
-}  # fmt: skip
-"""To which figures are rounded in packs.json."""
 ANOTHER_PCT = 20.0
 """A percentage that is so much higher at the next take-off is that of another pack, or of a charged one."""
 
@@ -244,7 +239,10 @@ def merge_packs(
         for vehicle in replayed.vehicles:
             label = labels.get(vehicle.sysid) if all(flight.pack == 1 for flight in vehicle.packs) else None
             for flight in vehicle.packs:
-                entry = _complete_entry(replayed, vehicle.name, flight)
+                began_usec = replayed.began_usec + flight.began_usec
+                entry = PackEntry.build_from(
+                    flight, log=replayed.path.name, vehicle=vehicle.name, began_usec=began_usec
+                )
                 was = known.get(_key_of(entry))
                 told = label if label is not None or was is None else was.label
                 known[_key_of(entry)] = entry.model_copy(update={"label": told})
@@ -253,16 +251,6 @@ def merge_packs(
 
 def _key_of(entry: PackEntry) -> tuple[str, str, int]:
     return entry.vehicle, entry.log, entry.began_usec
-
-
-def _complete_entry(replayed: LogReplay, vehicle: str, flight: PackEntry) -> PackEntry:
-    """Return a flight as packs.json has it."""
-    known = {name: (getattr(flight, name), digits) for name, digits in DIGITS.items()}
-    figures = {name: None if value is None else round(value, digits) for name, (value, digits) in known.items()}
-    began_usec = replayed.began_usec + flight.began_usec
-    return PackEntry(
-        **{**flight.model_dump(), **figures, "log": replayed.path.name, "vehicle": vehicle, "began_usec": began_usec}
-    )
 
 
 def format_pack_lines(document: PacksDocument) -> Iterable[str]:

@@ -49,13 +49,13 @@ class DecisionComparison:
         return not self.first_difference
 
 
-@dataclass(frozen=True, slots=True)
-class RunReplay:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunReplay(LogReplay):
     """A run directory, replayed."""
 
-    log: LogReplay
     comparison: DecisionComparison
     state: FleetState
+    """At the end of its log."""
 
 
 Decided = tuple[float, object]
@@ -88,8 +88,8 @@ def replay_run(run: Path) -> RunReplay:
     notes = () if comparison.is_same else (f"not what the flight decided: {comparison.first_difference}",)
     if comparison.is_same and comparison.reworded:
         notes = (f"recorded by a version with other words: {comparison.reworded}",)
-    log = LogReplay(run, vehicles, SkippedRecords(), round(head.began_unix_s * 1e6), at_s, notes)
-    return RunReplay(log, comparison, state)
+    began_usec = round(head.began_unix_s * 1e6)
+    return RunReplay(run, vehicles, SkippedRecords(), began_usec, at_s, notes, comparison=comparison, state=state)
 
 
 def _to_plain(command: Command) -> object:
@@ -149,10 +149,8 @@ class _Watch:
             if vehicle.armed and vehicle.stage is not Stage.LOST:
                 self._flown[name] += elapsed_s
             if vehicle.stage is not Stage.LOST:
-                found = passive_watch.update_degradations(
-                    WatchView(self._context, setup, vehicle, False, now_s), self._open
-                )
-                self._over += [one for one in found if isinstance(one, Degradation)]
+                view = WatchView(self._context, setup, vehicle, False, now_s)
+                self._over += passive_watch.update_degradations(view, self._open)
             self._traces[name].add(now_s, partial(sample_vehicle, self._context, vehicle, now_s))
 
     def build_vehicle_replays(
@@ -166,18 +164,18 @@ class _Watch:
         found = []
         for name, vehicle in state.vehicles.items():
             fault = vehicle.fault
-            declared = (
-                ()
-                if fault is None
-                else (Declaration(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason),)
-            )
+            declared = [] if fault is None else [(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason)]
             mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
-            degraded = build_impaired_periods(mine, usec, ended_s)
             setup = self._context.vehicles[name]
             found.append(
                 VehicleReplay(
-                    setup.sysid, name, setup.dialect.name, declared, degraded, self._flown[name],
-                    tuple(self._traces[name].samples),
+                    sysid=setup.sysid,
+                    name=name,
+                    autopilot=setup.dialect.name,
+                    declarations=tuple(Declaration(*one) for one in declared),
+                    degraded=build_impaired_periods(mine, usec, ended_s),
+                    flown_s=self._flown[name],
+                    samples=tuple(self._traces[name].samples),
                 )
-            )  # fmt: skip
+            )
         return tuple(found)

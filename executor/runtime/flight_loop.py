@@ -1,4 +1,4 @@
-"""The flight loop: every event is written down, applied by `fleet.step`, and what was decided is carried out."""
+"""The flight loop: every event is written down, applied by `fleet_step.step`, and what was decided is carried out."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 
 from executor.core.context import Context
@@ -37,6 +37,7 @@ from executor.protocols.parameter_dialogue import ParameterReading
 from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to, run_dialogue
+from executor.runtime.procedures import ProcedureResult
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
 
 STEADY_S = 3.0
@@ -343,26 +344,29 @@ async def load_mission(
 
 async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return fence_changes.OnboardLists(
-        await procedures.read_list(link, clock, MissionKind.FENCE),
-        await procedures.read_list(link, clock, MissionKind.RALLY),
-    )
+    return {kind: await procedures.read_list(link, clock, kind) for kind in fence_changes.LIST_WORDS}
 
 
-async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.OnboardLists) -> None:
-    """Put a fence and rally points on board; None of either leaves what is there.
+async def upload_list(
+    link: Link, clock: Clock, dialect: Dialect, kind: MissionKind, items: tuple[MissionItem, ...]
+) -> ProcedureResult:
+    """Put a fence, or rally points, on board and read them back."""
+    if kind is MissionKind.FENCE:
+        return await procedures.upload_and_verify_fence(link, clock, dialect, items)
+    return await procedures.upload_and_verify(link, clock, dialect, items, kind=kind)
+
+
+async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, wanted: fence_changes.WantedLists) -> None:
+    """Put a fence and rally points on board.
 
     Raises:
         VehicleRefused: what is on board is not what was sent.
     """
-    if wanted.fence is not None:
-        done = await procedures.upload_and_verify_fence(link, clock, dialect, wanted.fence)
+    for kind, items in wanted.items():
+        done = await upload_list(link, clock, dialect, kind, items)
         if not done.accepted:
-            raise VehicleRefused(f"{name}: the fence is not on board: {done.reason}")
-    if wanted.rally is not None:
-        done = await procedures.upload_and_verify(link, clock, dialect, wanted.rally, kind=MissionKind.RALLY)
-        if not done.accepted:
-            raise VehicleRefused(f"{name}: the rally points are not on board: {done.reason}")
+            what = "the fence is" if kind is MissionKind.FENCE else "the rally points are"
+            raise VehicleRefused(f"{name}: {what} not on board: {done.reason}")
 
 
 async def examine_vehicle(
@@ -446,6 +450,8 @@ STREAMS_REAL_S = 3.0
 class _Answer:
     """What one vehicle says of itself; filled in while it speaks."""
 
+    anybody: asyncio.Event
+    """Set once any vehicle is heard."""
     heard: asyncio.Event = field(default_factory=asyncio.Event)
     seq: int | None = None
     items: tuple[MissionItem, ...] | None = None
@@ -454,6 +460,7 @@ class _Answer:
         match message:
             case messages.Heartbeat():
                 self.heard.set()
+                self.anybody.set()
             case messages.MissionCurrent(seq):
                 self.seq = seq
 
@@ -473,10 +480,19 @@ async def reconnect_vehicles(
     Raises:
         ConnectionFailed: nobody answers.
     """
-    answers = {name: _Answer() for name in links}
-    stops = [link.listen(answers[name].update) for name, link in links.items()]
-    try:
-        await _wait_for_first_answer(answers, patience_real_s)
+    anybody = asyncio.Event()
+    answers = {name: _Answer(anybody) for name in links}
+    with ExitStack() as stack:
+        for name, link in links.items():
+            stack.enter_context(listen_to(link, answers[name].update))
+        try:
+            async with asyncio.timeout(patience_real_s):
+                await anybody.wait()
+        except TimeoutError:
+            raise ConnectionFailed(
+                f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer "
+                "that they send to?"
+            ) from None
         moving = {Stage.STARTING, Stage.FLYING, Stage.RETURNING}
         expected = [name for name, one in state().vehicles.items() if _is_pending(state(), one) or one.stage in moving]
         with suppress(TimeoutError):
@@ -489,15 +505,12 @@ async def reconnect_vehicles(
                     patience_s = _patience_real_s(state(), state().vehicles[name])
                     asks = _query_vehicle(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
                     tasks.create_task(asks, name=name)
-        found = [
-            compare_onboard_mission(context, state(), name, answer.items, answer.seq)
-            if answer.heard.is_set()
-            else Found(name, heard=False, seq=None, items=None, matches=())
-            for name, answer in answers.items()
-        ]
-    finally:
-        for stop in stops:
-            stop()
+    found = [
+        compare_onboard_mission(context, state(), name, answer.items, answer.seq)
+        if answer.heard.is_set()
+        else Found(name, heard=False, seq=None, items=None, matches=())
+        for name, answer in answers.items()
+    ]
     return Resumed(tuple(found))
 
 
@@ -515,20 +528,6 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
     if vehicle.stage not in {Stage.STARTING, Stage.FLYING} or vehicle.assignment.board is None:
         return 0.0
     return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
-
-
-async def _wait_for_first_answer(answers: Mapping[str, _Answer], patience_real_s: float) -> None:
-    waits = [asyncio.ensure_future(answer.heard.wait()) for answer in answers.values()]
-    try:
-        done, _ = await asyncio.wait(waits, timeout=patience_real_s, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for one in waits:
-            one.cancel()
-    if not done:
-        raise ConnectionFailed(
-            f"no vehicle answers within {patience_real_s:g} s; is the radio plugged in, and is this the computer that "
-            "they send to?"
-        )
 
 
 async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:

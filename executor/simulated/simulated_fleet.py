@@ -16,14 +16,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-
+from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S
 from executor.adapters.run_directory import RunDirectory
 from executor.images import matching
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import Network, default_network_path, dialect_for, read_network
-from missions.geo import FloatArray
+from missions import default_network_path, dialect_for, read_network
 from simulator.camera import CapturedImage, format_picture_name
 from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle, parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
@@ -32,8 +30,8 @@ from simulator.truth import Truth, TruthWriter
 
 SIZE_PX = (160, 120)
 VIEW_DEG = 70.0
-GROUND, SKY, WIRE = (96, 120, 72), (170, 195, 220), (30, 30, 30)
-NEAREST_M = 0.5
+FOCAL_PX = SIZE_PX[0] / 2 / math.tan(math.radians(VIEW_DEG) / 2)
+GROUND, SKY, TEXT = (96, 120, 72), (170, 195, 220), (30, 30, 30)
 EXPOSURE_S = 0.001
 
 
@@ -42,7 +40,6 @@ class SimulatedCards:
     """The cards of a simulated fleet."""
 
     folder: Path
-    network: Network
     unix_s: float
     """Seconds since 1970 when the simulation begins."""
     ahead_s: Mapping[str, float] = field(default_factory=dict)
@@ -51,7 +48,7 @@ class SimulatedCards:
     """Whether the cameras know where they are."""
 
     def write(self, vehicle: str, shot: CapturedImage) -> Path:
-        """Write one picture.
+        """Write one picture: of the sky and the ground, as its camera was tilted.
 
         Raises:
             OSError: there is no room, or the folder cannot be made.
@@ -62,11 +59,9 @@ class SimulatedCards:
         folder.mkdir(parents=True, exist_ok=True)
         image = Image.new("RGB", SIZE_PX, SKY)
         draw = ImageDraw.Draw(image)
-        horizon_px = SIZE_PX[1] / 2 - _focal_px() * math.tan(math.radians(max(-80.0, min(80.0, -shot.pitch_deg))))
+        horizon_px = SIZE_PX[1] / 2 - FOCAL_PX * math.tan(math.radians(max(-80.0, min(80.0, -shot.pitch_deg))))
         draw.rectangle((0, max(0.0, horizon_px), *SIZE_PX), fill=GROUND)
-        for ends in self._project_spans(shot):
-            draw.line([tuple(end) for end in ends.tolist()], fill=WIRE, width=2)
-        draw.text((4, 4), f"{vehicle} {shot.number}", fill=WIRE)
+        draw.text((4, 4), f"{vehicle} {shot.number}", fill=TEXT)
         tags = image.getexif()
         for tag, value in ((matching.MAKE, "faultline"), (matching.MODEL, shot.camera)):
             tags[tag] = value
@@ -81,52 +76,6 @@ class SimulatedCards:
         path = folder / format_picture_name(shot.number)
         image.save(path, "JPEG", quality=60, exif=tags)
         return path
-
-    def _project_spans(self, shot: CapturedImage) -> list[FloatArray]:
-        """Return the spans that are in sight, (2, 2) float64 each, in pixels."""
-        network, frame = self.network, self.network.frame
-        here_m = np.array([*frame.to_local_m(shot.lat_deg, shot.lon_deg), shot.alt_msl_m])
-        tops_m = np.array([
-            frame.alt_m + shot.up_m - 15.0 if pylon.elevation_m is None else pylon.elevation_m + (pylon.height_m or 0.0)
-            for pylon in network.pylons
-        ])  # fmt: skip
-        seen = []
-        for segment in network.segments:
-            ends = np.column_stack((network.positions_m[[segment.a, segment.b]], tops_m[[segment.a, segment.b]]))
-            pixels = _project_leg(ends - here_m, shot.pitch_deg, shot.yaw_deg)
-            if pixels is not None:
-                seen.append(pixels)
-        return seen
-
-
-def _focal_px() -> float:
-    return SIZE_PX[0] / 2 / math.tan(math.radians(VIEW_DEG) / 2)
-
-
-def _project_leg(offsets_m: FloatArray, pitch_deg: float, yaw_deg: float) -> FloatArray | None:
-    """Return (2, 2) pixels of a leg before the camera, cut off at it; None where all of it is behind."""
-    pitch, yaw = math.radians(pitch_deg), math.radians(yaw_deg)
-    ahead = np.array([math.cos(pitch) * math.sin(yaw), math.cos(pitch) * math.cos(yaw), math.sin(pitch)])
-    right = np.array([math.cos(yaw), -math.sin(yaw), 0.0])
-    depths = offsets_m @ ahead
-    if depths.max() <= NEAREST_M:
-        return None
-    if depths.min() < NEAREST_M:
-        near, far = (0, 1) if depths[0] < depths[1] else (1, 0)
-        share = (NEAREST_M - depths[near]) / (depths[far] - depths[near])
-        offsets_m = offsets_m.copy()
-        offsets_m[near] += share * (offsets_m[far] - offsets_m[near])
-        depths = offsets_m @ ahead
-    up = np.cross(right, ahead)
-    across, above = offsets_m @ right / depths, offsets_m @ up / depths
-    focal_px = _focal_px()
-    return np.column_stack((SIZE_PX[0] / 2 + focal_px * across, SIZE_PX[1] / 2 - focal_px * above)).clip(-1e4, 1e4)
-
-
-SIGNING_EPOCH_UNIX_S = 1420070400
-"""2015-01-01: the times of signatures count from there."""
-TICKS_PER_S = 100_000
-"""Steps of 10 us."""
 
 
 PX4_RATE_BYTES_S = 1200.0
@@ -209,10 +158,10 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     radio: str = "",
 ) -> None:
     """Fly the simulated fleet until it is told to stop (SIGINT or SIGTERM)."""
-    written = None if outputs.cards is None else SimulatedCards(outputs.cards, ground.network, time.time())
+    written = None if outputs.cards is None else SimulatedCards(outputs.cards, time.time())
     signing = None
     if key is not None:
-        began_ticks = round((time.time() - SIGNING_EPOCH_UNIX_S) * TICKS_PER_S)
+        began_ticks = round((time.time() - EPOCH_UNIX_S) * TICKS_PER_S)
         signing = Signing(key, began_ticks, TICKS_PER_S / speedup)
     fleet = fleet_of(
         ground, speedup=speedup, faults=faults, seed=seed, wind=wind, failsafe=failsafe, signing=signing, radio=radio

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import combinations
 
 import numpy as np
@@ -36,23 +36,15 @@ from missions import (
     Task,
     build_plan_segment,
     build_priced_instance,
-    check_day_plan,
+    check_plan,
 )
-from missions.geo import FloatArray
+from missions.plan_file import FORMAT
+from missions.plan_parts import DayCost, DayVehicle, PlanRoute
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from missions.validation import Pair
-from planner import Cost, Plan, Progress, Route, Vehicle, is_reversed, segment_of, top_speed_m_s, visit_of
-from planner.sorties import (
-    Objective,
-    Sortie,
-    SortieEvaluation,
-    SortiePlan,
-    SortieVehicle,
-    evaluate_sorties,
-    solve_sorties,
-    subtract_quiet_times,
-)
+from planner import Cost, Plan, Progress, Route, Vehicle, segment_of, top_speed_m_s
+from planner.sorties import Objective, evaluate_sorties, solve_sorties, subtract_quiet_times
 
 DAY_S = 86_400.0
 
@@ -75,54 +67,62 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         (DAY_S * day + parse_clock_s(table.begin), DAY_S * day + parse_clock_s(table.end)) for day in range(table.days)
     )
     wanted, never = select_reachable(ground, segments)
-    pads = tuple(
-        tuple(
+    pads = [
+        [
             ground.setup.base_of(name) if name in base.vehicles else _build_pad(ground, name, place, at)
             for base, place, at in zip(tables, places, at_m, strict=True)
-        )
+        ]
         for name in ground.names
-    )  # fmt: skip
-    vehicles = tuple(_build_sortie_vehicles(ground, table, tables, days))
-    _check_landings(ground, vehicles, pads)
+    ]  # fmt: skip
+    vehicles = tuple(_build_day_vehicles(ground, table, tables, days, pads))
+    _check_landings(ground, vehicles, [place.name for place in places])
     pricing = build_pricing(ground, speeds_m_s=_collect_speeds_m_s(ground))
     return DayPlanFile(
+        format=FORMAT,
         frame=ground.network.frame,
-        segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
-        pricing=_bar_segments(ground, table, pricing).select_segments(wanted, ground.names),
         bases=tuple(
             replace(place, turnaround_s=base.turnaround_s, packs=base.packs, recharge_s=base.recharge_s)
             for base, place in zip(tables, places, strict=True)
         ),
         vehicles=vehicles,
-        pads=pads,
-        days=days,
-        transfer_s=_compute_transfers_s(table, [place.name for place in places], at_m),
-        stagger_s=table.stagger_s,
-        plan=SortiePlan(((),) * len(vehicles), tuple(range(len(wanted)))),
-        evaluation=SortieEvaluation(0.0, 0.0, 0, ((),) * len(vehicles), ((),) * len(vehicles), ()),
-        objective=Objective.FINISH,
-        solved=SolverRecord("search", 0, 0.0),
+        routes=(),
+        uncovered=tuple(wanted),
+        **asdict(SolverRecord("search", 0, 0.0)),
+        pricing=_bar_segments(ground, table, pricing).select_segments(wanted, ground.names),
         unreachable=never,
         terrain=build_plan_terrain(ground),
         cameras=list_cameras(ground.site),
-        autopilots={one.name: one.autopilot for one in ground.site.vehicle},
+        segments=tuple(build_plan_segment(ground.network, number) for number in wanted),
+        days=days,
+        stagger_s=table.stagger_s,
+        transfers_s=_compute_transfers_s(table, [place.name for place in places], at_m),
+        cost=DayCost(Objective.FINISH.value, 0.0),
+        finish_s=0.0,
+        flight_s=0.0,
     )
 
 
-def _build_sortie_vehicles(
-    ground: SiteModel, table: DayTable, tables: Sequence[BaseTable], days: Sequence[Pair]
-) -> Iterator[SortieVehicle]:
+def _build_day_vehicles(
+    ground: SiteModel,
+    table: DayTable,
+    tables: Sequence[BaseTable],
+    days: Sequence[Pair],
+    pads: Sequence[Sequence[Base]],
+) -> Iterator[DayVehicle]:
     """Yield who flies: from which base, on what budget and when."""
-    for own in build_vehicles(ground):
+    names = tuple(base.name for base in tables)
+    autopilots = {one.name: one.autopilot for one in ground.site.vehicle}
+    for own, at in zip(build_vehicles(ground), pads, strict=True):
         home = next(number for number, base in enumerate(tables) if own.name in base.vehicles)
-        lands = tuple(range(len(tables))) if table.lands == "any" else (home,)
         quiet = [
             (DAY_S * day + parse_clock_s(one.begin), DAY_S * day + parse_clock_s(one.end))
             for one in table.quiet if not one.vehicles or own.name in one.vehicles for day in range(table.days)
         ]  # fmt: skip
-        yield SortieVehicle(
-            own.name, home, own.budget_pct, subtract_quiet_times(days, quiet), lands, 0, own.consumption, days[0][0]
-        )
+        yield DayVehicle(
+            name=own.name, start_m=at[home].place_m[:2], budget_pct=own.budget_pct, consumption=own.consumption,
+            autopilot=autopilots[own.name], base=names[home], lands=names if table.lands == "any" else (names[home],),
+            hours=subtract_quiet_times(days, quiet), pads=tuple(at),
+        )  # fmt: skip
 
 
 def solve_day(
@@ -138,10 +138,8 @@ def solve_day(
         replace(instance, able=instance.able & flies), stop=wanted.build_stop_rule(), objective=wanted.objective,
         seed=wanted.seed, starts=wanted.threads, on_progress=on_progress,
     )  # fmt: skip
-    return replace(
-        content, plan=found.plan, evaluation=found.evaluation, objective=wanted.objective,
-        solved=SolverRecord("search", wanted.seed, found.seconds),
-    )  # fmt: skip
+    planned = content.with_plan(found.plan, found.evaluation, wanted.objective)
+    return replace(planned, **asdict(SolverRecord("search", wanted.seed, found.seconds)))
 
 
 def list_spares(ground: SiteModel) -> list[str]:
@@ -149,14 +147,13 @@ def list_spares(ground: SiteModel) -> list[str]:
     return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
 
 
-def _check_landings(ground: SiteModel, vehicles: Sequence[SortieVehicle], pads: Sequence[Sequence[Base]]) -> None:
+def _check_landings(ground: SiteModel, vehicles: Sequence[DayVehicle], bases: Sequence[str]) -> None:
     """Refuse bases of others where a vehicle may land, and that are in an area or that no way leads to."""
-    for row, own in enumerate(vehicles):
-        areas = ground.setup.obstacles_for(own.name).areas
-        for base in own.lands if areas else ():
-            begin_m, end_m = (np.array(pads[row][number].place_m[:2]) for number in (own.base, base))
-            name = base_tables(ground.site, ground.network.frame)[base].name
-            for area in ground.setup.areas_at(own.name, pads[row][base].place_m[:2]):
+    for own in vehicles:
+        areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases, own.pads, strict=True))
+        for name in own.lands if areas else ():
+            begin_m, end_m = np.array(own.start_m), np.array(pads[name].place_m[:2])
+            for area in ground.setup.areas_at(own.name, pads[name].place_m[:2]):
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
             if np.isinf(build_visibility_graph(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
@@ -193,8 +190,13 @@ def _collect_speeds_m_s(ground: SiteModel) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _compute_transfers_s(table: DayTable, names: list[str], at_m: list[tuple[float, float]]) -> FloatArray:
-    """Return seconds from base to base: roads that are named, straight distances for the others, the shortest way."""
+def _compute_transfers_s(
+    table: DayTable, names: list[str], at_m: list[tuple[float, float]]
+) -> tuple[tuple[float | None, ...], ...]:
+    """Return seconds from base to base, the shortest way; None without any.
+
+    Roads that are named count as they are, the others by their straight distances.
+    """
     number = {name: place for place, name in enumerate(names)}
     roads: dict[tuple[int, int], float] = {}
     if table.road_m_s is not None:
@@ -209,7 +211,7 @@ def _compute_transfers_s(table: DayTable, names: list[str], at_m: list[tuple[flo
     np.fill_diagonal(times_s, 0.0)
     for middle in range(len(names)):  # Floyd, Warshall 1962
         np.minimum(times_s, times_s[:, [middle]] + times_s[middle], out=times_s)
-    return times_s
+    return tuple(tuple(one if math.isfinite(one) else None for one in row) for row in times_s.tolist())
 
 
 def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Pricing:
@@ -242,13 +244,17 @@ def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFil
         PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
     """
     _check_day_plan(content, ground)
-    ids, fleet = tuple(segment.id for segment in content.segments), {own.name: own for own in content.vehicles}
+    fleet = {own.name: own for own in content.vehicles}
     vehicles = [Vehicle(name, (0.0, 0.0), fleet[name].budget_pct, fleet[name].consumption) for name in ground.names]
-    task = Task(build_priced_instance(content.pricing, vehicles), ids, content.pricing, content.unreachable)
-    first = {name: own[0].visits if own else () for name, own in _select_first_day(content).items()}
-    plan = Plan(tuple(Route(number, first[name]) for number, name in enumerate(ground.names)))
+    task = Task(
+        build_priced_instance(content.pricing, vehicles), tuple(content.positions), content.pricing, content.unreachable
+    )
+    first = {name: content.visits_of(own[0]) if own else () for name, own in _select_first_day(content).items()}
     flown = {segment_of(visit) for visits in first.values() for visit in visits}
-    plan = replace(plan, uncovered=tuple(one for one in range(len(ids)) if one not in flown))
+    plan = Plan(
+        tuple(Route(number, first[name]) for number, name in enumerate(ground.names)),
+        tuple(one for one in range(len(content.segments)) if one not in flown),
+    )
     task = site_model.adjust_task_to_layers(ground, task, plan)
     made = build_site_plan_file(ground, task, plan, Cost.MINMAX, content.solved)
     made = replace(made, terrain=content.terrain)
@@ -267,41 +273,37 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
     """
     opens_s, closes_s = content.days[number]
     kept = [place for place, segment in enumerate(content.segments) if segment.id not in inspected]
-    rows = [row for row, own in enumerate(content.vehicles) if own.name in names]
-    position = {old: new for new, old in enumerate(kept)}
-
-    def shorten(sortie: Sortie) -> Sortie:
-        open_ = (visit for visit in sortie.visits if segment_of(visit) in position)
-        return replace(sortie, visits=_renumber_visits(position, open_))
-
-    shortened = [
-        [shorten(one) for one in content.plan.sorties[row] if opens_s <= one.start_s < closes_s] for row in rows
-    ]
-    sorties = tuple(tuple(one for one in own if one.visits) for own in shortened)
-    flown = {segment_of(visit) for own in sorties for one in own for visit in one.visits}
-    vehicles = tuple(
-        replace(own, ready_s=opens_s, windows=tuple(one for one in own.windows if opens_s <= one[0] < closes_s))
-        for own in (content.vehicles[row] for row in rows)
-    )
+    vehicles = [
+        replace(own, hours=tuple(one for one in own.hours if opens_s <= one[0] < closes_s))
+        for own in content.vehicles if own.name in names
+    ]  # fmt: skip
+    shortened = (
+        replace(route, visits=tuple(visit for visit in route.visits if visit.segment not in inspected))
+        for route in content.routes_on(number) if route.vehicle in names
+    )  # fmt: skip
+    routes = tuple(route for route in shortened if route.visits)
+    segments = tuple(content.segments[place] for place in kept)
+    flown = {visit.segment for route in routes for visit in route.visits}
     part = replace(
         content,
-        segments=tuple(content.segments[place] for place in kept),
+        segments=segments,
         pricing=content.pricing.select_segments(kept, [own.name for own in vehicles]),
-        vehicles=vehicles,
-        pads=tuple(content.pads[row] for row in rows),
+        vehicles=tuple(vehicles),
+        routes=routes,
+        uncovered=tuple(one.id for one in segments if one.id not in flown),
         days=((opens_s, closes_s),),
-        plan=SortiePlan(sorties, tuple(place for place in range(len(kept)) if place not in flown)),
         windows=(),
         part_of=content.schedule_id,
     )
-    return replace(part, evaluation=evaluate_sorties(part.build_instance(), part.plan))
+    found = evaluate_sorties(part.build_instance(), part.plan)
+    return part.with_plan(part.plan, found, Objective(content.cost.name))
 
 
 def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
     """Return every vehicle's sorties of the first day, with the network's visits."""
-    ids, begins_s = [segment.id for segment in content.segments], _first_take_off_s(content)
+    begins_s = _first_take_off_s(content)
     return {
-        name: tuple(PlannedSortie(_renumber_visits(ids, one.visits), one.start_s - begins_s) for one in own)
+        name: tuple(PlannedSortie(one.network_visits, one.start_s - begins_s) for one in own)
         for name, own in _select_first_day(content).items()
     }
 
@@ -311,12 +313,12 @@ def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]
 
     Only of those that end at the base where the vehicle stands: others are not flown.
     """
-    ids, rounds = [segment.id for segment in content.segments], list[dict[str, tuple[int, ...]]]()
-    for own, sorties in zip(content.vehicles, content.plan.sorties, strict=True):
-        at_home = (one for one in sorties if (one.base, one.lands) == (own.base, own.base))
+    rounds = list[dict[str, tuple[int, ...]]]()
+    for own in content.vehicles:
+        at_home = (one for one in content.routes_of(own.name) if (one.base, one.lands) == (own.base, own.base))
         for number, one in enumerate(at_home):
             rounds += [{}] if number == len(rounds) else []
-            rounds[number][own.name] = _renumber_visits(ids, one.visits)
+            rounds[number][own.name] = one.network_visits
     return rounds
 
 
@@ -325,9 +327,9 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
         stagger_s=content.stagger_s,
-        bases={own.name: content.bases[own.base].name for own in content.vehicles},
+        bases={own.name: own.base for own in content.vehicles},
         windows_s={
-            own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.windows if begin < until_s)
+            own.name: tuple((begin - begins_s, end - begins_s) for begin, end in own.hours if begin < until_s)
             for own in content.vehicles
         },
         barred={
@@ -340,9 +342,8 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
 
 def find_later_segments(content: DayPlanFile) -> frozenset[int]:
     """Return the network's segments that are planned for a vehicle's second sortie of the day, or a later one."""
-    return frozenset(
-        segment_of(visit) for own in sorties_ahead_of(content).values() for sortie in own[1:] for visit in sortie.visits
-    )
+    later = [route for own in _select_first_day(content).values() for route in own[1:]]
+    return frozenset(visit.segment for route in later for visit in route.visits)
 
 
 def describe_later_sorties(content: DayPlanFile) -> list[str]:
@@ -355,46 +356,36 @@ def describe_later_sorties(content: DayPlanFile) -> list[str]:
 
 
 def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
-    source, names = content.source, [own.name for own in content.vehicles]
+    source, names = content.source, list(content.names)
     if sorted(names) != sorted(ground.names):
         raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)} as in the site, got {names}")
-    for line in check_day_plan(content):
+    for line in check_plan(content):
         raise PlanFileError(f"{source}: {line}; `faultline check` says more")
     check_same_segments(content, ground, source)
-    for name, sorties in _select_first_day(content).items():
-        row = names.index(name)
-        home = content.vehicles[row].base
+    for own, sorties in zip(content.vehicles, _select_first_day(content).values(), strict=True):
         for number, one in enumerate(sorties, 1):
-            if (one.base, one.lands) != (home, home):
-                place = content.bases[home].name
+            if (one.base, one.lands) != (own.base, own.base):
                 raise PlanFileError(
-                    f"{source}: sortie {number} of {name}: expected to begin and end at its base {place}, where it "
-                    'stands: plan with [day] lands = "own"'
+                    f"{source}: sortie {number} of {own.name}: expected to begin and end at its base {own.base}, where "
+                    'it stands: plan with [day] lands = "own"'
                 )
-        if math.dist(content.pads[row][home].place_m[:2], ground.setup.base_of(name).place_m[:2]) > AT_DEPOT_M:
-            raise PlanFileError(f"{source}: the site has changed: the pad of {name} is elsewhere: plan again")
+        if math.dist(own.start_m, ground.setup.base_of(own.name).place_m[:2]) > AT_DEPOT_M:
+            raise PlanFileError(f"{source}: the site has changed: the pad of {own.name} is elsewhere: plan again")
         for key, called in _SPEEDS.items():
-            said_m_s, flown_m_s = getattr(content.pricing.models[name], key), getattr(ground.inspection, called)
+            said_m_s, flown_m_s = getattr(content.pricing.models[own.name], key), getattr(ground.inspection, called)
             if abs(said_m_s - flown_m_s) > SAME_M_S:
                 raise PlanFileError(
-                    f"{source}: {name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
+                    f"{source}: {own.name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
                     f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
                 )
 
 
-def _select_first_day(content: DayPlanFile) -> dict[str, tuple[Sortie, ...]]:
+def _select_first_day(content: DayPlanFile) -> dict[str, tuple[PlanRoute, ...]]:
     """Return each vehicle's sorties of the first day."""
     until_s = content.days[0][1]
-    return {
-        own.name: tuple(one for one in content.plan.sorties[row] if one.start_s < until_s)
-        for row, own in enumerate(content.vehicles)
-    }
+    return {name: tuple(one for one in content.routes_of(name) if one.start_s < until_s) for name in content.names}
 
 
 def _first_take_off_s(content: DayPlanFile) -> float:
     starts = [one.start_s for own in _select_first_day(content).values() for one in own]
     return min(starts, default=content.days[0][0])
-
-
-def _renumber_visits(ids: Sequence[int] | Mapping[int, int], visits: Iterable[int]) -> tuple[int, ...]:
-    return tuple(visit_of(ids[segment_of(visit)], is_reversed(visit)) for visit in visits)

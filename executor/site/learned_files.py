@@ -11,7 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from executor.adapters.run_directory import Document, Number, RunDirectory, Whole
+from executor.adapters.run_directory import Document, Hundredths, Number, RunDirectory, Thousandths, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_condition import PackFlightRecord, PackHistory, build_pack_history
@@ -26,6 +26,7 @@ from missions.validation import Figure
 FORMAT: Literal["faultline-packs/1"] = "faultline-packs/1"
 UNIX_USEC = 10**15
 """A log's clock that shows less does not say on which day it was."""
+FourDigits = AfterValidator(partial(round, ndigits=4))
 
 
 class PackEntry(Document):
@@ -40,23 +41,23 @@ class PackEntry(Document):
     """What stands on the pack: `pack` of the vehicle in the site file that it was replayed with."""
     began_usec: Whole
     """By the log's clock."""
-    minutes: Number
+    minutes: Hundredths
     cells: Annotated[Whole, Field(ge=1)]
-    rest_cell_v: Number | None
+    rest_cell_v: Thousandths | None
     """Before the flight."""
-    end_cell_v: Number
+    end_cell_v: Thousandths
     """At its end, as it would rest."""
     began_pct: Number
     ended_pct: Number
     """By its own report."""
-    sag_cell_v: Number | None = None
-    ohm: Number | None = None
-    ohm_sd: Number | None = None
-    counted_ah: Number | None = None
-    set_ah: Number | None = None
+    sag_cell_v: Thousandths | None = None
+    ohm: Annotated[Number, FourDigits] | None = None
+    ohm_sd: Annotated[Number, FourDigits] | None = None
+    counted_ah: Thousandths | None = None
+    set_ah: Thousandths | None = None
     """What its autopilot counts by."""
-    least_ah: Number | None = None
-    most_ah: Number | None = None
+    least_ah: Hundredths | None = None
+    most_ah: Hundredths | None = None
     """Its capacity by its voltage, within what the chemistry and the curves leave open."""
 
 
@@ -139,15 +140,14 @@ def build_flown_packs(state: FleetState, log: str, began_unix_s: float) -> Packs
                     pack=number,
                     label=one.pack or None,
                     began_usec=round((began_unix_s + one.began_s) * USEC),
-                    minutes=round((one.ended_s - one.began_s) / 60.0, 2),
-                    rest_cell_v=None if one.rest_v is None else round(one.rest_v / one.cells, 3),
-                    end_cell_v=round(one.end_v / one.cells, 3),
+                    minutes=(one.ended_s - one.began_s) / 60.0,
+                    rest_cell_v=None if one.rest_v is None else one.rest_v / one.cells,
+                    end_cell_v=one.end_v / one.cells,
                 )
             )
     return PacksDocument(format=FORMAT, flights=tuple(entries))
 
 
-FourDigits = AfterValidator(partial(round, ndigits=4))
 Ratio = Annotated[Figure, Field(ge=BOUNDS[0], le=BOUNDS[1]), FourDigits]
 Power = Annotated[Figure, Field(ge=FACTOR_BOUNDS[0], le=FACTOR_BOUNDS[1]), FourDigits]
 Deviation = Annotated[Figure, Field(gt=0, le=1), FourDigits]

@@ -13,10 +13,9 @@ from executor.core.preflight import mission_checks
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, PlanFile, check_ceiling
+from missions import BasePlace, DayPlanFile, PlanFile, check_ceiling
 from missions.area_rules import check_areas
 from missions.geo import FloatArray
-from planner import segment_of
 from planner.sorties import SparesEstimate
 
 NAMED = 50
@@ -45,7 +44,7 @@ class LeftOver:
 
 def find_left_over(plan: PlanFile | DayPlanFile, later: Collection[int] = ()) -> tuple[LeftOver, ...]:
     """Return what a plan does not inspect, and why; without those that later sorties have."""
-    left = [number for number in plan.plan.uncovered if plan.segments[number].id not in later]
+    left = [plan.positions[segment] for segment in plan.uncovered if segment not in later]
     if not left:
         return ()
     is_day = isinstance(plan, DayPlanFile)
@@ -75,28 +74,24 @@ def _list_alone_pct(plan: PlanFile | DayPlanFile) -> FloatArray:
 
 def describe_routes(plan: PlanFile) -> Iterator[str]:
     """Yield what each vehicle does."""
-    for route in plan.plan.routes:
-        vehicle = plan.vehicles[route.vehicle]
-        minutes, energy_pct = plan.durations_s[route.vehicle] / 60, plan.energies_pct[route.vehicle]
+    for vehicle, route in zip(plan.vehicles, plan.routes, strict=True):
         if not route.visits:
             yield f"{vehicle.name}: no segments, stays where it is"
             continue
-        segments = "1 segment" if len(route.visits) == 1 else f"{len(route.visits)} segments"
         yield (
-            f"{vehicle.name}: {segments}, {minutes:.1f} min, {energy_pct:.1f} % of its battery "
-            f"(budget {vehicle.budget_pct:g} %)"
+            f"{vehicle.name}: {format_count(len(route.visits), 'segment')}, {route.duration_s / 60:.1f} min, "
+            f"{route.energy_pct:.1f} % of its battery (budget {vehicle.budget_pct:g} %)"
         )
 
 
 def summarise_plan(plan: PlanFile) -> str:
     """Return a plan in one line: what it inspects, how long it takes, by what it was chosen."""
-    flown = sum(len(route.visits) for route in plan.plan.routes)
+    flown, asked = sum(len(route.visits) for route in plan.routes), len(plan.segments) + len(plan.unreachable)
     if not flown:
-        return f"none of {len(plan.segments) + len(plan.unreachable)} segments, nobody flies"
-    longest_s = max(plan.durations_s)
-    who = plan.vehicles[plan.durations_s.index(longest_s)].name
-    asked = len(plan.segments) + len(plan.unreachable)
-    return f"{flown} of {asked} segments, longest route {longest_s / 60:.1f} min ({who}), chosen by {plan.cost_name}"
+        return f"none of {asked} segments, nobody flies"
+    longest = max(plan.routes, key=lambda route: route.duration_s)
+    route = f"longest route {longest.duration_s / 60:.1f} min ({longest.vehicle})"
+    return f"{flown} of {asked} segments, {route}, chosen by {plan.cost.name}"
 
 
 def describe_window(plan: PlanFile) -> list[str]:
@@ -115,7 +110,7 @@ def describe_window(plan: PlanFile) -> list[str]:
 
 def but_left_over(plan: PlanFile) -> str:
     """Return in words what is left over in any case; empty where the plan inspects everything."""
-    left = len(plan.plan.uncovered)
+    left = len(plan.uncovered)
     return f", with no more left over than the plan's {format_count(left, 'segment')}" if left else ""
 
 
@@ -123,13 +118,10 @@ def describe_distances(plan: PlanFile) -> list[str]:
     """Return in a line at which distance segments are inspected; none where everybody inspects in its layer."""
     if plan.inspection is None or not plan.inspection.same_distance:
         return []
-    rows = []
-    for route in plan.plan.routes:
-        name = plan.vehicles[route.vehicle].name
-        for visit in route.visits:
-            at_m = plan.inspection_height_m(name, segment_of(visit))
-            if at_m is not None:
-                rows.append((plan.segments[segment_of(visit)].display_name, name, at_m))
+    rows = [
+        (plan.segments[plan.positions[visit.segment]].display_name, route.vehicle, visit.inspected_at_m)
+        for route in plan.routes for visit in route.visits if visit.inspected_at_m is not None
+    ]  # fmt: skip
     return [mission_checks.describe_inspection_distances(plan.inspection.height_m, rows)] if rows else []
 
 
@@ -248,48 +240,39 @@ class BaseNeeds:
 def compute_base_needs(content: DayPlanFile) -> tuple[BaseNeeds, ...]:
     """Return what each base needs."""
     return tuple(
-        BaseNeeds(place.name, content.count_swaps(number), packs, _count_people(content, number))
-        for number, (place, packs) in enumerate(zip(content.bases, content.count_packs, strict=True))
+        BaseNeeds(
+            place.name, sum(one.base == place.name for one in content.routes), packs, _count_people(content, place)
+        )
+        for place, packs in zip(content.bases, content.count_packs(), strict=True)
     )
 
 
-def _count_people(content: DayPlanFile, base: int) -> int:
+def _count_people(content: DayPlanFile, base: BasePlace) -> int:
     turned = []
-    for row, own in enumerate(content.plan.sorties):
-        for number, one in enumerate(own):
-            if one.lands == base:
-                lands_s = one.start_s + content.evaluation.lasts_s[row][number]
-                turned += [(lands_s, 1), (lands_s + content.bases[base].turnaround_s, 0)]
+    for one in content.routes:
+        if one.lands == base.name:
+            lands_s = one.start_s + one.duration_s
+            turned += [(lands_s, 1), (lands_s + base.turnaround_s, 0)]
     at_once = most = 0
     for _, begins in sorted(turned):
         at_once += 1 if begins else -1
         most = max(most, at_once)
-    return 1 + most if turned or content.count_swaps(base) else 0
+    return 1 + most if any(base.name in {one.base, one.lands} for one in content.routes) else 0
 
 
 def describe_day_sorties(content: DayPlanFile) -> Iterator[str]:
     """Yield a line for each sortie, by day and take-off."""
-    rows = [
-        (one.start_s, own.name, one, lasts_s, pct)
-        for own, sorties, all_lasts_s, energies in zip(
-            content.vehicles, content.plan.sorties, content.evaluation.lasts_s, content.evaluation.energies_pct,
-            strict=True,
-        )
-        for one, lasts_s, pct in zip(sorties, all_lasts_s, energies, strict=True)
-    ]  # fmt: skip
-    rows.sort(key=lambda row: row[:2])
-    for day, (begin, end) in enumerate(content.days, 1):
-        mine = [row for row in rows if begin <= row[0] < end]
+    for day in range(len(content.days)):
+        mine = sorted(content.routes_on(day), key=lambda one: (one.start_s, one.vehicle))
         if not mine:
             continue
-        last = format_day_time(max(row[0] + row[3] for row in mine))[-5:]
-        yield f"day {day}: {len(mine)} sorties, the last one lands at {last}"
-        for start_s, name, one, lasts_s, pct in mine:
-            base, lands = content.bases[one.base].name, content.bases[one.lands].name
-            onto = "" if one.lands == one.base else f", lands at {lands}"
+        last = format_day_time(max(one.start_s + one.duration_s for one in mine))[-5:]
+        yield f"day {day + 1}: {len(mine)} sorties, the last one lands at {last}"
+        for one in mine:
+            onto = "" if one.lands == one.base else f", lands at {one.lands}"
             yield (
-                f"  {format_day_time(start_s)[-5:]}  {name:<8} {base:<8} {lasts_s / 60:6.1f} min {pct:6.1f} %  "
-                f"{len(one.visits):4d} segments{onto}"
+                f"  {format_day_time(one.start_s)[-5:]}  {one.vehicle:<8} {one.base:<8} {one.duration_s / 60:6.1f} min "
+                f"{one.energy_pct:6.1f} %  {len(one.visits):4d} segments{onto}"
             )
 
 
@@ -298,13 +281,12 @@ def describe_base_needs(content: DayPlanFile) -> Iterator[str]:
     for base, own in zip(content.bases, compute_base_needs(content), strict=True):
         there = "" if base.packs is None else f" of {base.packs}"
         yield f"base {own.name}: {own.sorties} sorties and swaps, {own.packs}{there} packs, {own.people} people"
-    found = content.evaluation
-    if not found.count:
+    if not content.routes:
         yield "nobody flies"
         return
     yield (
-        f"finished on {format_day_time(found.finish_s)}: {found.count} sorties, {found.flight_s / 3600:.1f} h in the "
-        f"air, by {sum(1 for own in content.plan.sorties if own)} vehicles"
+        f"finished on {format_day_time(content.finish_s)}: {len(content.routes)} sorties, "
+        f"{content.flight_s / 3600:.1f} h in the air, by {content.flying} vehicles"
     )
 
 
@@ -312,8 +294,8 @@ def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
     """Yield until when each vehicle must not be lost for good."""
     end = format_day_time(content.days[-1][1])
     for one in content.windows:
-        name = content.vehicles[one.vehicle].name
-        if not content.plan.sorties[one.vehicle]:
+        name = one.vehicle
+        if not content.routes_of(name):
             continue
         if one.breaks is None:
             yield f"{name} may be lost at any time: the others finish by {end}"
@@ -324,25 +306,21 @@ def describe_loss_windows(content: DayPlanFile) -> Iterator[str]:
             )
 
 
-def compute_rule_packs(content: DayPlanFile, base: int) -> int | None:
+def compute_rule_packs(content: DayPlanFile, base: BasePlace) -> int | None:
     """Return the packs of arXiv 2604.15890 for a base: m (ceil(R) + 1) for m vehicles that fly from it.
 
     R is the time a pack needs to fly again over the time that it flies. None where packs are charged overnight alone.
     """
-    recharge_s = content.bases[base].recharge_s
-    lasts_s = [
-        content.evaluation.lasts_s[row][number]
-        for row, own in enumerate(content.plan.sorties) for number, one in enumerate(own) if one.base == base
-    ]  # fmt: skip
-    flying = sum(any(one.base == base for one in own) for own in content.plan.sorties)
-    if recharge_s is None or not lasts_s:
+    own = [one for one in content.routes if one.base == base.name]
+    if base.recharge_s is None or not own:
         return None
-    return flying * (int(np.ceil(recharge_s / float(np.mean(lasts_s)))) + 1)
+    mean_s = float(np.mean([one.duration_s for one in own]))
+    return len({one.vehicle for one in own}) * (int(np.ceil(base.recharge_s / mean_s)) + 1)
 
 
 def describe_spares(content: DayPlanFile, found: list[SparesEstimate], shares: list[float]) -> Iterator[str]:
     """Yield the chance for each number of vehicles, and how many are enough."""
-    fleet = sum(1 for own in content.plan.sorties if own)
+    fleet = content.flying
     for one in found:
         lives, chance = one.lives, one.lives.finished
         yield (

@@ -32,7 +32,7 @@ from missions import (
 )
 from missions.areas import Area, AreaKind
 from missions.inspection_height import Routes, rearrange_routes
-from missions.plan_file import PlanFence
+from missions.plan_parts import PlanFence
 from planner import (
     DEFAULT_PARAMS,
     Cost,
@@ -187,7 +187,7 @@ def plan_site(
     """
     task = site_model.build_first_task(ground) if task is None else task
     wanted = wanted.adapt_to_task(task)
-    window: Window | None
+    chosen_by: Cost | Window
     if wanted.cost is None:
         stop = wanted.build_stop_rule(NoImprovement(WINDOW_SETTLED))
         found = solve_window(
@@ -195,31 +195,33 @@ def plan_site(
             all_vehicles=wanted.all_vehicles, starts=wanted.threads, params=wanted.params, on_progress=on_progress,
             fly_again=may_fly_again(ground),
         )  # fmt: skip
-        plan, seconds, window = found.plan, found.seconds, to_plan_window(found.window, task.instance)
+        plan, seconds, chosen_by = found.plan, found.seconds, to_plan_window(found.window, task.instance)
     else:
         result = _solve_task(task.instance, wanted, wanted.cost, on_progress)
-        plan, seconds, window = result.plan, result.seconds, None
+        plan, seconds, chosen_by = result.plan, result.seconds, wanted.cost
     if ground.inspection.same_distance:
-        plan = rearrange_plan(ground, task, plan, wanted.cost or Cost.MINMAX, window)
+        plan = rearrange_plan(ground, task, plan, chosen_by)
         task = site_model.adjust_task_to_layers(ground, task, plan)
-        if window is not None:
-            window = to_plan_window(replan_window(task.instance, plan, fly_again=may_fly_again(ground)), task.instance)
+        if isinstance(chosen_by, Window):
+            again = replan_window(task.instance, plan, fly_again=may_fly_again(ground))
+            chosen_by = to_plan_window(again, task.instance)
     solved = SolverRecord(solver=wanted.solver.value, seed=wanted.seed, seconds=seconds)
-    return build_site_plan_file(ground, task, plan, wanted.cost, solved, window)
+    return build_site_plan_file(ground, task, plan, chosen_by, solved)
 
 
-def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, cost: Cost, window: Window | None = None) -> Plan:
+def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | Window) -> Plan:
     """Return a plan of which routes are changed a little, so that less is inspected from layers.
 
     Args:
         ground: The site, with everybody at the asked distance.
         task: What was planned.
         plan: For it.
-        cost: What it was planned by.
-        window: Its re-plan window, which does not become smaller.
+        chosen_by: What it was planned by; its re-plan window does not become smaller.
     """
     if task.pricing is None:
         return plan
+    window = chosen_by if isinstance(chosen_by, Window) else None
+    cost = Cost.MINMAX if isinstance(chosen_by, Window) else chosen_by
     fly_again, was = may_fly_again(ground), evaluate(task.instance, plan, cost)
 
     def plan_of(routes: Routes) -> Plan:
@@ -243,17 +245,17 @@ def rearrange_plan(ground: SiteModel, task: Task, plan: Plan, cost: Cost, window
 
 
 def build_site_plan_file(
-    ground: SiteModel, task: Task, plan: Plan, cost: Cost | None, solved: SolverRecord, window: Window | None = None
+    ground: SiteModel, task: Task, plan: Plan, chosen_by: Cost | Window, solved: SolverRecord
 ) -> PlanFile:
     """Return a plan of a site's task as a plan file: with what the site says of its flights and of its ground."""
     content = make_plan_file(
-        ground.network, task, ground.travel, plan, cost, solved, window=window, inspection=ground.inspection,
+        ground.network, task, ground.travel, plan, chosen_by, solved, inspection=ground.inspection,
     )  # fmt: skip
-    fence = ground.site.fence
+    fence, autopilots = ground.site.fence, {one.name: one.autopilot for one in ground.site.vehicle}
     return replace(
         content, fly_again=may_fly_again(ground), terrain=site_model.build_plan_terrain(ground),
         cameras=site_model.list_cameras(ground.site),
-        autopilots={one.name: one.autopilot for one in ground.site.vehicle},
+        vehicles=tuple(replace(one, autopilot=autopilots.get(one.name)) for one in content.vehicles),
         fence=PlanFence(fence.margin_m, fence.rally) if fence is not None and fence.enabled else None,
     )  # fmt: skip
 
@@ -285,7 +287,7 @@ def _build_front_plan(ground: SiteModel, task: Task, entry: ParetoPlan, solved: 
     if ground.inspection.same_distance:
         task = site_model.adjust_task_to_layers(ground, task, entry.plan)
         window = replan_window(task.instance, entry.plan, fly_again=may_fly_again(ground))
-    return build_site_plan_file(ground, task, entry.plan, None, solved, to_plan_window(window, task.instance))
+    return build_site_plan_file(ground, task, entry.plan, to_plan_window(window, task.instance), solved)
 
 
 def plan_references(ground: SiteModel, wanted: PlanRequest) -> Mapping[str, PlanFile]:
@@ -383,7 +385,7 @@ def _collect_site_facts(plan: PlanFile) -> dict[str, object]:
         "areas": len(areas),
         "area": [_outline_area(area) for area in areas],
         "vehicles": {
-            vehicle.name: asdict(vehicle)
+            vehicle.name: asdict(vehicle.to_planner())
             | ({} if plan.pricing is None else {"performance": asdict(plan.pricing.models[vehicle.name].performance)})
             for vehicle in plan.vehicles
         },
@@ -439,9 +441,8 @@ def check_plan_belongs(plan: PlanFile, ground: SiteModel, source: str) -> None:
     Raises:
         PlanFileError: it has other vehicles, or segments that are not the site's.
     """
-    names = tuple(vehicle.name for vehicle in plan.vehicles)
-    if names != ground.names:
-        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(names)}")
+    if plan.names != ground.names:
+        raise PlanFileError(f"{source}: vehicles: expected {', '.join(ground.names)}, got {', '.join(plan.names)}")
     check_same_segments(plan, ground, source)
 
 
@@ -480,11 +481,10 @@ def preview_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds:
         PlanFileError: the plan has no such vehicle.
         planner.PlanError: nobody is left.
     """
-    names = [vehicle.name for vehicle in plan.vehicles]
-    if lost not in names:
-        raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(names)}, got {lost}")
+    if lost not in plan.names:
+        raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
     task = plan.build_task()
-    left = build_remaining_problem(task.instance, plan.plan, names.index(lost), at_s, fly_again=plan.fly_again)
+    left = build_remaining_problem(task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again)
     stop = combine_stop_rules(Seconds(seconds), NoImprovement(SETTLED))
     result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.select_segments(

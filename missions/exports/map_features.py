@@ -134,22 +134,19 @@ def build_plan_features(content: PlanFile, setup: FlightSetup, title: str) -> Ma
         setup: Heights and pads over its network, for its vehicles.
         title: What the drawing is called.
     """
-    names = tuple(vehicle.name for vehicle in content.vehicles)
     ways = list(build_segment_lines(setup, {}))
-    paths = build_first_paths(setup, {names[route.vehicle]: route.visits for route in content.plan.routes})
-    for route, duration_s, energy_pct in zip(
-        content.plan.routes, content.durations_s, content.energies_pct, strict=True
-    ):
-        name = names[route.vehicle]
+    paths = build_first_paths(setup, {route.vehicle: content.visits_of(route) for route in content.routes})
+    for route in content.routes:
+        name = route.vehicle
         path = paths.get(name)
         if path is not None:
             facts = {
                 "segments": len(route.visits),
-                "duration_s": round(duration_s, 1),
-                "energy_pct": round(energy_pct, 2),
+                "duration_s": round(route.duration_s, 1),
+                "energy_pct": round(route.energy_pct, 2),
             }
             ways.append(build_route_line(setup, path, f"{name} planned", facts))
-    return MapFeatures(title, names, ways, tuple(build_pad_points(setup)))
+    return MapFeatures(title, content.names, ways, tuple(build_pad_points(setup)))
 
 
 def build_route_line(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +16,19 @@ import numpy as np
 from missions.errors import NetworkError
 from missions.files import decode_text, to_printable
 from missions.geo import LocalFrame, distance_m, grid_offsets_to_wgs84_deg
-from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, Segment, part_within
+from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
 from missions.readers import geojson, layer_files, table, xml_files
 from missions.readers.archives import Archive, decode_table, naming_file, read_first_bytes, read_limited
 from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
 from missions.readers.raw_network import (
     Comparison,
     NearFilter,
+    Pole,
     RawNetwork,
     ReadOptions,
     Remark,
     RemarkTopic,
+    Span,
     explain_empty_file,
     parse_where,
 )
@@ -153,13 +155,8 @@ def import_network(
     with naming_file(path):
         frame = _frame_of(depot)
         near = _build_near_filter(frame, radius_m)
-        choice = ReadOptions(str(path), wanted.layers, wanted.where, wanted.crs, wanted.encoding, near)
+        choice = ReadOptions(str(path), wanted.layers, wanted.where, wanted.crs, wanted.encoding, near, frame, anywhere)
         drawing = _read_raw_network(path, choice)
-        if isinstance(drawing, str):
-            understood = _import_graph(drawing, choice, frame, anywhere=anywhere)
-            if radius_m is None:
-                return understood
-            return replace(understood, network=understood.network.crop_to_radius(radius_m))
         choice.check_where()
         drawing.found += choice.remarks
         return _place_network(drawing, wanted.mending, depot, radius_m, anywhere=anywhere)
@@ -170,48 +167,45 @@ def _build_near_filter(frame: LocalFrame | None, radius_m: float | None) -> Near
     return None if frame is None or radius_m is None or radius_m > MAX_DISTANCE_M else NearFilter(frame, MAX_DISTANCE_M)
 
 
-def _import_graph(text: str, choice: ReadOptions, frame: LocalFrame | None, *, anywhere: bool) -> NetworkImport:
-    """Return what a graph file shows, which holds offsets from a depot only."""
-    choice.refuse_layers(f"a {GRAPH}")
-    if choice.where:
-        raise NetworkError(f"where: expected none for a {GRAPH}, whose lines have no attributes")
-    if frame is None and (not anywhere or choice.crs is not None):
-        raise NetworkError("depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
-    network = _parse_graph(text, source=choice.source, frame=frame or LocalFrame(0.0, 0.0), crs=choice.crs)
-    words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
-    found = () if frame is not None else (Remark(RemarkTopic.FILE, GRAPH, words),)
-    return NetworkImport(network, GRAPH, choice.crs or "metres about the depot", frame is not None, {}, found)
-
-
-def _parse_graph(text: str, *, source: str, frame: LocalFrame, crs: str | None = None) -> Network:
-    """Return the network that a graph file describes.
+def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
+    """Return what a graph file shows, which holds offsets from a depot only.
 
     z is taken as the ground's height over the depot. A file whose z are all 0 is one of flat ground, by its format.
 
     Raises:
         NetworkError: one line that names the file, the place in it and what was expected.
     """
+    choice.refuse_layers(f"a {GRAPH}")
+    if choice.where:
+        raise NetworkError(f"where: expected none for a {GRAPH}, whose lines have no attributes")
+    drawing, frame = choice.create_raw_network(GRAPH, choice.crs or "metres about the depot"), choice.depot
+    if frame is not None:  # heights are counted from it, whether it has one above the sea or not
+        drawing.depot = Pole(GRAPH, "", frame.lat_deg, frame.lon_deg, frame.alt_m)
+    elif not choice.anywhere or choice.crs is not None:
+        raise NetworkError("depot: expected lat_deg, lon_deg and alt_m, for a graph file holds offsets only")
+    else:
+        words = "offsets without a depot: shown about 0, 0, which is in the sea; a depot places them"
+        drawing.found.append(Remark(RemarkTopic.FILE, GRAPH, words))
+        frame = LocalFrame(0.0, 0.0)
     settings = {name: "".join(_STRING.findall(value)) for name, value in _SETTING.findall(text)}
     for key in (POSITIONS, NEIGHBOURS):
         if key not in settings:
             raise NetworkError(f"{key}: expected a string in quotes, found none")
     offsets_m = _parse_positions_m(settings[POSITIONS])
-    segments = _parse_segments(settings[NEIGHBOURS], len(offsets_m))
+    drawing.spans = _parse_spans(settings[NEIGHBOURS], len(offsets_m))
     try:
-        if crs is None:
+        if choice.crs is None:
             lat_lon_deg = frame.many_to_wgs84_deg(offsets_m[:, :2])
         else:
-            lat_lon_deg = grid_offsets_to_wgs84_deg(frame, offsets_m[:, :2], crs)
+            lat_lon_deg = grid_offsets_to_wgs84_deg(frame, offsets_m[:, :2], choice.crs)
     except ValueError as error:
         raise NetworkError(f"crs: {error}") from error
-    knows_ground = bool(np.any(offsets_m[:, 2]))
-    pylons = tuple(
-        Pylon(
-            str(index + 1), float(lat), float(lon), frame.alt_m + float(offsets_m[index, 2]) if knows_ground else None
-        )
-        for index, (lat, lon) in enumerate(lat_lon_deg)
-    )
-    return Network(pylons, segments, frame, source, flat=not knows_ground)
+    drawing.flat = not np.any(offsets_m[:, 2])
+    places = np.column_stack((lat_lon_deg, offsets_m[:, 2]))
+    for number, (lat_deg, lon_deg, up_m) in enumerate(places.tolist(), start=1):
+        ground_m = None if drawing.flat else frame.alt_m + up_m
+        drawing.poles.append(Pole(f"{POSITIONS}, row {number}", str(number), lat_deg, lon_deg, ground_m))
+    return drawing
 
 
 def _split_rows(value: str) -> list[list[str]]:
@@ -236,7 +230,7 @@ def _parse_positions_m(value: str) -> np.ndarray[tuple[int, int], np.dtype[np.fl
     return np.array(positions, dtype=np.float64)
 
 
-def _parse_segments(value: str, pylons: int) -> tuple[Segment, ...]:
+def _parse_spans(value: str, pylons: int) -> list[Span]:
     rows = _split_rows(value)
     if len(rows) != pylons:
         raise NetworkError(f"{NEIGHBOURS}: expected {pylons} rows, one a pylon, found {len(rows)}")
@@ -248,8 +242,8 @@ def _parse_segments(value: str, pylons: int) -> tuple[Segment, ...]:
                 raise NetworkError(f"{place}: expected pylon numbers from 1 to {pylons}, got {word!r}")
             if int(word) == number:
                 raise NetworkError(f"{place}: expected other pylons' numbers, got its own")
-            pairs.add((min(number, int(word)) - 1, max(number, int(word)) - 1))
-    return tuple(Segment(index, a, b, f"{a + 1}-{b + 1}") for index, (a, b) in enumerate(sorted(pairs)))
+            pairs.add((min(number, int(word)), max(number, int(word))))
+    return [Span(NEIGHBOURS, f"{a}-{b}", str(a), str(b)) for a, b in sorted(pairs)]
 
 
 def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float | None]]:
@@ -260,8 +254,6 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
     """
     with naming_file(Path(path)):
         drawing = _read_raw_network(Path(path), ReadOptions(str(path)))
-        if isinstance(drawing, str):
-            raise NetworkError(f"content: expected a file with points, got a {GRAPH}")
     depot = drawing.depot
     found = {} if depot is None else {"depot": (depot.lat_deg, depot.lon_deg, depot.elevation_m)}
     return found | {
@@ -270,18 +262,16 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
     }
 
 
-def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork | str:
-    """Return what a file shows; of a graph file its text, which its depot gives a place to."""
+def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork:
+    """Return what a file shows."""
     drawing = _read_by_content(path, choice)
-    if choice.encoding is not None and (
-        isinstance(drawing, str) or drawing.format not in {table.CSV, layer_files.SHAPEFILE}
-    ):
-        kind = GRAPH if isinstance(drawing, str) else drawing.format
+    if choice.encoding is not None and drawing.format not in {table.CSV, layer_files.SHAPEFILE}:
+        kind = drawing.format
         raise NetworkError(f"encoding: expected none for {kind}, only for CSV and shapefiles; got {choice.encoding!r}")
     return drawing
 
 
-def _read_by_content(path: Path, choice: ReadOptions) -> RawNetwork | str:
+def _read_by_content(path: Path, choice: ReadOptions) -> RawNetwork:
     if path.suffix.lower() in BESIDE_SHP:
         raise NetworkError("file: expected the .shp, of which this is a part")
     if read_first_bytes(path) == layer_files.SQLITE_MAGIC:
@@ -297,7 +287,7 @@ def _read_by_content(path: Path, choice: ReadOptions) -> RawNetwork | str:
     if text.lstrip().startswith("{"):
         return _read_json((decode_text(content, choice.source, NetworkError) if remark else text).lstrip(), choice)
     if "pylons_position" in text:
-        return decode_text(content, choice.source, NetworkError)
+        return _parse_graph(decode_text(content, choice.source, NetworkError), choice)
     if table.is_pole_table(text) or path.suffix.lower() == ".csv":
         return table.parse_csv(text, choice, remark=remark)
     raise NetworkError(

@@ -271,11 +271,12 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[s
     """
     texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
     if encoding is not None:
-        _check_encoding(texts, encoding)
+        if (reason := _find_wrong_letters(texts, encoding)) is not None:
+            raise build_encoding_error(encoding, reason) from reason
         return encoding, ""
     by_cpg, by_dbf = _parse_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
     told = [page for page in (by_cpg, by_dbf) if page is not None]
-    fitting = next((page for page in (*told, USUAL) if all(_is_text_of(text, page) for text in texts)), None)
+    fitting = next((page for page in (*told, USUAL) if _find_wrong_letters(texts, page) is None), None)
     if fitting == (told or [USUAL])[0]:
         return fitting, ""
     fitting, names = (fitting, "") if fitting is not None else guess_code_page(b"\n".join(texts))
@@ -283,13 +284,15 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[s
     return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
 
 
-def _check_encoding(texts: Sequence[bytes], encoding: str) -> None:
+def _find_wrong_letters(texts: Sequence[bytes], encoding: str) -> Exception | None:
+    """Return why texts are not in an encoding; a field that is full may end within a letter."""
     try:
         b"abcd".decode(encoding)
         for text in texts:
-            _check_letters(text, encoding)
+            codecs.getincrementaldecoder(encoding)("strict").decode(text, False)
     except (LookupError, ValueError) as reason:
-        raise build_encoding_error(encoding, reason) from reason
+        return reason
+    return None
 
 
 def _parse_cpg(cpg: bytes | None) -> str | None:
@@ -308,19 +311,6 @@ def _parse_cpg(cpg: bytes | None) -> str | None:
         return codecs.lookup(said).name
     except (LookupError, ValueError):
         return None
-
-
-def _is_text_of(text: bytes, page: str) -> bool:
-    """Return whether bytes are letters of an encoding; a field that is full may end within one."""
-    try:
-        _check_letters(text, page)
-    except UnicodeDecodeError:
-        return False
-    return True
-
-
-def _check_letters(text: bytes, page: str) -> None:
-    codecs.getincrementaldecoder(page)("strict").decode(text, False)
 
 
 def _iterate_texts(dbf: bytes) -> Iterator[bytes]:

@@ -17,8 +17,9 @@ from missions.files import decode_text
 from missions.readers import geojson, xml_files
 from missions.readers.archives import Archive, naming_file, read_first_bytes, read_limited
 from missions.readers.attributes import name_of, read_metres
+from missions.readers.features import EMPTY, Feature
 from missions.readers.raw_network import MOST_VERTICES, Comparison, ReadOptions
-from missions.readers.xml_files import iterate_children, line_of, read_child_text, root_of, tag_of
+from missions.readers.xml_files import read_child_text, root_of, tag_of
 
 if TYPE_CHECKING:
     from lxml import etree
@@ -113,14 +114,15 @@ def _read_geojson(document: Mapping[str, object], choice: ReadOptions) -> Iterat
     geojson.check_whole(document)
     system = geojson.system_of(document)
     for feature in geojson.features_of(document):
-        if not choice.is_wanted(feature.properties):
+        if not choice.is_wanted(feature.attributes):
             continue
-        name = name_of(feature.properties, NAMES) or name_of({"id": feature.id})
+        name = name_of(feature.attributes, NAMES) or name_of({"id": feature.id})
         place = feature.place + (f" {name!r}" if name else "")
-        at, kind = f"{place}: coordinates", str(feature.kind)
+        at, kind = f"{place}: coordinates", feature.other
         if kind.removeprefix("Multi") not in {"Polygon", "LineString"}:
-            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {feature.kind or 'none'}")
-        is_line, figures = kind.endswith("LineString"), _read_figures(feature.properties, place)
+            got = "none" if kind == EMPTY else kind
+            raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {got}")
+        is_line, figures = kind.endswith("LineString"), _read_figures(feature.attributes, place)
         for part in _expect_list(feature.coordinates, at) if kind.startswith("Multi") else [feature.coordinates]:
             rings = [part] if is_line else _expect_list(part, at)
             yield _build_area(
@@ -134,22 +136,19 @@ def _read_kml(roots: Sequence[etree._Element], choice: ReadOptions, inside: Sequ
             raise AreaError(f"content: expected {FORMATS}, got XML with {tag_of(root)!r}")
     for link in xml_files.links_of(roots, inside):
         raise AreaError(f"NetworkLink {read_child_text(link, 'name')!r}: expected the areas themselves, got a link")
-    marks = list(xml_files.placemarks_of(roots, ""))
-    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
-    for mark, folder in marks:
-        name = read_child_text(mark, "name")
-        attributes = {**xml_files.attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
-        if folder in wanted and choice.is_wanted(attributes):
-            place = f"Placemark {name!r}" if name else f"Placemark in {line_of(mark)}"
-            yield from _read_placemark(mark, name, place, _read_figures(attributes, place))
+    for mark, said in xml_files.iterate_placemarks(roots, choice):
+        if choice.is_wanted(said.attributes):
+            yield from _read_placemark(mark, said)
 
 
-def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mapping[str, float]) -> Iterator[FileArea]:
+def _read_placemark(mark: etree._Element, said: Feature) -> Iterator[FileArea]:
+    place, figures = said.place, _read_figures(said.attributes, said.place)
     for geometry in list(xml_files.geometries_of(mark)) or [mark]:
         tag, lines = tag_of(geometry), [geometry]
         if tag == "Polygon":
-            sides = [side for key in ("outerBoundaryIs", "innerBoundaryIs") for side in iterate_children(geometry, key)]
-            lines = [ring for side in sides for ring in iterate_children(side, "LinearRing")]
+            keys = "{*}outerBoundaryIs", "{*}innerBoundaryIs"
+            sides = [side for key in keys for side in geometry.iterchildren(key)]
+            lines = [ring for side in sides for ring in side.iterchildren("{*}LinearRing")]
             if not lines or tag_of(sides[0]) != "outerBoundaryIs":
                 raise AreaError(f"{place}: outerBoundaryIs: expected a LinearRing, found none")
         elif tag not in {"LinearRing", "LineString"}:
@@ -157,7 +156,7 @@ def _read_placemark(mark: etree._Element, name: str, place: str, figures: Mappin
             raise AreaError(f"{place}: geometry: expected a Polygon or a LineString, got {got}")
         rings = [[(lat_deg, lon_deg) for lon_deg, lat_deg, _ in xml_files.positions_of(line, place, Counter())]
                  for line in lines]  # fmt: skip
-        yield _build_area(place, name, rings, figures, is_line=tag == "LineString")
+        yield _build_area(place, said.name, rings, figures, is_line=tag == "LineString")
 
 
 def _build_area(

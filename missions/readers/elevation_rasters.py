@@ -27,7 +27,7 @@ from pyproj.exceptions import CRSError, ProjError
 from missions.errors import ElevationError, MissionsError
 from missions.files import to_printable, write_whole
 from missions.geo import FloatArray, LocalFrame
-from missions.terrain import Elevation, Heights, Tile, sort_tiles
+from missions.terrain import Elevation, Heights, Tile
 
 if TYPE_CHECKING:
     import rasterio
@@ -215,8 +215,7 @@ class RasterOptions:
 
 @dataclass(frozen=True, slots=True)
 class _RasterPart:
-    tile: Tile | None
-    """None where the file knows nothing of the area."""
+    tile: Tile
     vertical: str
     uncertainty_m: float
     remarks: tuple[str, ...] = ()
@@ -235,10 +234,9 @@ def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
     files = _list_files(paths)
     if len(files) == 1 and files[0].suffix == KEPT_SUFFIX:
         return read_kept_ground(files[0], reading.frame)
-    found = [_read(path, reading) for path in files]
-    inside = [one for one in found if one.tile is not None]
+    found = [part for path in files if (part := _read(path, reading)) is not None]
     names = files[0].name if len(files) == 1 else f"{len(files)} rasters"
-    if not inside:
+    if not found:
         south, west = reading.frame.to_wgs84_deg(*reading.low_m)
         north, east = reading.frame.to_wgs84_deg(*reading.high_m)
         raise ElevationError(
@@ -247,11 +245,11 @@ def read_elevation(paths: Sequence[Path], reading: RasterOptions) -> Elevation:
         )
     return Elevation(
         frame=LocalFrame(reading.frame.lat_deg, reading.frame.lon_deg),
-        tiles=sort_tiles([one.tile for one in inside if one.tile is not None]),
+        tiles=tuple(sorted((one.tile for one in found), key=lambda tile: tile.cell_m)),
         source=names,
-        vertical=", ".join(dict.fromkeys(one.vertical for one in inside)),
-        uncertainty_m=max(one.uncertainty_m for one in inside),
-        remarks=tuple(dict.fromkeys(remark for one in inside for remark in one.remarks)),
+        vertical=", ".join(dict.fromkeys(one.vertical for one in found)),
+        uncertainty_m=max(one.uncertainty_m for one in found),
+        remarks=tuple(dict.fromkeys(remark for one in found for remark in one.remarks)),
     )
 
 
@@ -277,7 +275,8 @@ def _list_files(paths: Sequence[Path]) -> list[Path]:
     return files
 
 
-def _read(path: Path, reading: RasterOptions) -> _RasterPart:
+def _read(path: Path, reading: RasterOptions) -> _RasterPart | None:
+    """Return what a file knows of the area; None if that is nothing."""
     if path.suffix == KEPT_SUFFIX:
         raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
     # Nothing beside the file is looked for.
@@ -296,8 +295,10 @@ def _read(path: Path, reading: RasterOptions) -> _RasterPart:
         uncertainty_m = more_m + (product.uncertainty_m if known_m is None and product is not None else known_m or 0.0)
         unit_m = _unit_m(path, dataset, vertical_crs)
         tile = _build_tile(path, dataset, level, reading, unit_m)
+        if tile is None:
+            return None
         words = VERTICALS.get(vertical, vertical)
-        if tile is not None and vertical == ELLIPSOID:
+        if vertical == ELLIPSOID:
             tile, off_m = convert_to_sea_level(path, tile, reading.frame)
             uncertainty_m += off_m
         remarks = []

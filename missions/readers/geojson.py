@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from missions.errors import NetworkError
 from missions.files import is_figure, parse_json, to_printable
@@ -52,15 +52,11 @@ KINDS = {
 LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection")
 
 
-@dataclass(frozen=True, slots=True)
-class GeoFeature:
-    """One feature as the file has it."""
+@dataclass(frozen=True)
+class GeoFeature(Feature):
+    """One feature as the file has it; `other` is its geometry's type."""
 
-    place: str
-    kind: str | None
-    coordinates: object
-    properties: Mapping[str, object]
-    id: object
+    coordinates: object = None
 
 
 def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNetwork:
@@ -80,9 +76,9 @@ def parse_geojson(document: Mapping[str, object], choice: ReadOptions) -> RawNet
     drawing = choice.create_raw_network(FORMAT, system.words, flat=document.get(FLAT) is True)
     every = list(features_of(document))
     meant = frozenset(end for one in every if _is_span(one) for end in _read_ends(one))
-    spans = (one for one in every if _is_span(one) and is_wanted_line(drawing, _to_feature(one, meant), choice))
-    drawing.spans += map(_build_span, spans)
-    add_features(drawing, (_to_feature(one, meant) for one in every if not _is_span(one)), choice, system)
+    every = [_call_by_id(one, meant) for one in every]
+    drawing.spans += (_build_span(one) for one in every if _is_span(one) and is_wanted_line(drawing, one, choice))
+    add_features(drawing, (one for one in every if not _is_span(one)), choice, system)
     _check_names(drawing, meant)
     return drawing
 
@@ -184,7 +180,11 @@ def features_of(document: Mapping[str, object]) -> Iterator[GeoFeature]:
         kind = geometry.get("type")
         if kind not in (None, *KINDS, *LEFT_OUT):
             raise NetworkError(f"{place}.geometry.type: expected Point or LineString, got {kind!r}")
-        yield GeoFeature(place, kind, geometry.get("coordinates"), properties, feature.get("id"))
+        coordinates = geometry.get("coordinates")
+        yield GeoFeature(
+            place, KINDS.get(kind or "", GeometryKind.OTHER), _read_parts(place, kind, coordinates), properties,
+            feature.get("id"), other=kind or EMPTY, pole_names=OWN_NAMES, coordinates=coordinates,
+        )  # fmt: skip
 
 
 def _check_names(drawing: RawNetwork, meant: Container[str]) -> None:
@@ -199,47 +199,36 @@ def _check_names(drawing: RawNetwork, meant: Container[str]) -> None:
 
 
 def _read_ends(feature: GeoFeature) -> tuple[str, str]:
-    return name_of(feature.properties, ("a",)), name_of(feature.properties, ("b",))
+    return name_of(feature.attributes, ("a",)), name_of(feature.attributes, ("b",))
 
 
 def _is_span(feature: GeoFeature) -> bool:
-    return feature.kind != "Point" and all(_read_ends(feature))
+    return feature.other != "Point" and all(_read_ends(feature))
 
 
 def _build_span(feature: GeoFeature) -> Span:
-    name = name_of(feature.properties, LINE_NAMES) or name_of({"id": feature.id})
-    return Span(f"{feature.place}.properties", name, *_read_ends(feature), name_of(feature.properties, LINES))
+    name = name_of(feature.attributes, LINE_NAMES) or name_of({"id": feature.id})
+    return Span(f"{feature.place}.properties", name, *_read_ends(feature), name_of(feature.attributes, LINES))
 
 
-def _to_feature(feature: GeoFeature, meant: Container[str]) -> Feature:
-    """Return a feature for the drawing; a pole that a segment means by its id is called by that."""
-    own = name_of(feature.properties, ("id",)) or name_of({"id": feature.id})
-    kind = KINDS.get(feature.kind or "", GeometryKind.OTHER)
-    name = own if kind is GeometryKind.POINT and own in meant else ""
-    return Feature(
-        feature.place,
-        kind,
-        _read_parts(feature),
-        feature.properties,
-        feature.id,
-        name,
-        feature.kind or EMPTY,
-        OWN_NAMES,
-    )
+def _call_by_id(feature: GeoFeature, meant: Container[str]) -> GeoFeature:
+    """Return a feature; a pole that a segment means by its id is called by that."""
+    own = name_of(feature.attributes, ("id",)) or name_of({"id": feature.id})
+    return replace(feature, name=own) if feature.kind is GeometryKind.POINT and own in meant else feature
 
 
-def _read_parts(feature: GeoFeature) -> Iterator[list[Position]]:
-    place, at = f"{feature.place}.geometry.coordinates", feature.coordinates
-    if not at or (feature.kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2]))):
+def _read_parts(place: str, kind: str | None, at: object) -> Iterator[list[Position]]:
+    place = f"{place}.geometry.coordinates"
+    if not at or (kind == "Point" and isinstance(at, list) and all(map(is_blank, at[:2]))):
         return
-    if feature.kind == "Point":
+    if kind == "Point":
         yield [_read_position(at, place)]
     elif not isinstance(at, list):
         raise NetworkError(f"{place}: expected a list of lines, got {at!r}")
-    elif feature.kind == "MultiPoint":
+    elif kind == "MultiPoint":
         yield [_read_position(one, f"{place}[{number}]") for number, one in enumerate(at)]
     else:
-        yield from (_read_positions(part, place) for part in (at if feature.kind == "MultiLineString" else [at]))
+        yield from (_read_positions(part, place) for part in (at if kind == "MultiLineString" else [at]))
 
 
 def places_of(positions: object, place: str, system: Wgs84Transform) -> list[tuple[float, float]]:

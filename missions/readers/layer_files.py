@@ -17,7 +17,6 @@ import struct
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from shutil import copyfile
@@ -67,7 +66,7 @@ HEADER = 100
 
 
 class _Damaged(Exception):
-    """A geometry that is none."""
+    """A geometry that is none; or a file that is cut off, or of another state than the others of its layer."""
 
 
 def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
@@ -241,14 +240,6 @@ def _parse_wkb(blob: bytes, at: int, into: list[tuple[int, list[Position]]], dep
     return len(blob)
 
 
-@dataclass(frozen=True, slots=True)
-class _Shapes:
-    """The files of one layer, as far as they are there."""
-
-    name: str
-    files: Mapping[str, bytes]
-
-
 def read_shapefile(path: Path, choice: ReadOptions) -> RawNetwork:
     """Return what the shapefile beside whose .shp the others lie shows.
 
@@ -262,7 +253,7 @@ def read_shapefile(path: Path, choice: ReadOptions) -> RawNetwork:
         if beside is not None:
             files[part] = read_limited(beside)
     files["shp"] = read_limited(path)
-    return _read_shapes([_Shapes(path.stem, files)], choice)
+    return _read_shapes([(path.stem, files)], choice)
 
 
 def read_zipped_shapes(archive: Archive, choice: ReadOptions) -> RawNetwork:
@@ -280,42 +271,43 @@ def read_zipped_shapes(archive: Archive, choice: ReadOptions) -> RawNetwork:
             for part in PARTS
             if f"{stem}.{part}".lower() in by_name
         }
-        every.append(_Shapes(to_printable(PurePosixPath(stem).name), files))
+        every.append((to_printable(PurePosixPath(stem).name), files))
     return _read_shapes(every, choice)
 
 
-def _read_shapes(every: list[_Shapes], choice: ReadOptions) -> RawNetwork:
+def _read_shapes(every: Sequence[tuple[str, Mapping[str, bytes]]], choice: ReadOptions) -> RawNetwork:
+    """Return what layers show, by their names and their files as far as they are there."""
     if find_spec("shapefile") is None:
         raise NetworkError(f"a shapefile {NEEDS}")
     drawing = choice.create_raw_network(SHAPEFILE)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        add_layers(drawing, [_open_layer(shapes, drawing, choice) for shapes in every], choice)
+        add_layers(drawing, [_open_layer(name, files, drawing, choice) for name, files in every], choice)
     said = dict.fromkeys(to_printable(str(one.message)) for one in warned)
     drawing.found += [Remark(RemarkTopic.FILE, SHAPEFILE, words) for words in said]
     return drawing
 
 
-def _open_layer(shapes: _Shapes, drawing: RawNetwork, choice: ReadOptions) -> SourceLayer:
+def _open_layer(name: str, files: Mapping[str, bytes], drawing: RawNetwork, choice: ReadOptions) -> SourceLayer:
     import shapefile
 
-    if "dbf" not in shapes.files:
-        raise NetworkError(f"{shapes.name}.dbf: expected the names and attributes beside the .shp")
+    if "dbf" not in files:
+        raise NetworkError(f"{name}.dbf: expected the names and attributes beside the .shp")
     try:
-        _check_parts(shapes.files["shp"], shapes.files.get("shx"), shapes.files["dbf"])
-    except (PartError, struct.error) as reason:
-        raise NetworkError(f"{shapes.name}: expected a whole shapefile: {reason}") from reason
-    encoding, words = code_page_of(shapes.files["dbf"], shapes.files.get("cpg"), choice.encoding)
+        _check_parts(files["shp"], files.get("shx"), files["dbf"])
+    except (_Damaged, struct.error) as reason:
+        raise NetworkError(f"{name}: expected a whole shapefile: {reason}") from reason
+    encoding, words = code_page_of(files["dbf"], files.get("cpg"), choice.encoding)
     if words:
-        drawing.found.append(Remark(RemarkTopic.FILE, f"{shapes.name}.dbf", words))
+        drawing.found.append(Remark(RemarkTopic.FILE, f"{name}.dbf", words))
     try:
-        parts = {part: io.BytesIO(shapes.files[part]) for part in ("shp", "shx", "dbf") if part in shapes.files}
+        parts = {part: io.BytesIO(files[part]) for part in ("shp", "shx", "dbf") if part in files}
         reader = shapefile.Reader(**parts, encoding=encoding, encodingErrors="replace")
     except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
-        raise NetworkError(f"{shapes.name}: expected a shapefile: {to_printable(str(reason))}") from reason
-    system = shapes.files.get("prj", b"").decode("utf-8-sig", "replace").strip()
-    features = _iterate_shapes(reader, shapes.name)
-    return SourceLayer(shapes.name, _kind_of(reader.shapeType), len(reader), features, system, f"{shapes.name}.prj")
+        raise NetworkError(f"{name}: expected a shapefile: {to_printable(str(reason))}") from reason
+    system = files.get("prj", b"").decode("utf-8-sig", "replace").strip()
+    features = _iterate_shapes(reader, name)
+    return SourceLayer(name, _kind_of(reader.shapeType), len(reader), features, system, f"{name}.prj")
 
 
 def _kind_of(shape_type: int) -> GeometryKind:
@@ -356,27 +348,23 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
         ) from reason
 
 
-class PartError(Exception):
-    """One of the files is cut off, or of another state than the others."""
-
-
 def _check_parts(shp: bytes, shx: bytes | None, dbf: bytes) -> None:
     """Refuse files that are cut off, or of another state than the others.
 
     Raises:
-        PartError: they are.
+        _Damaged: they are.
         struct.error: one is shorter than its header.
     """
     for name, content in (("shp", shp), ("shx", shp if shx is None else shx)):
         (length,) = struct.unpack_from(">i", content, 24)
         if 2 * length > len(content):
-            raise PartError(f"the .{name} ends after {len(content)} of {2 * length} bytes")
+            raise _Damaged(f"the .{name} ends after {len(content)} of {2 * length} bytes")
     shapes = _count_shapes(shp) if shx is None else _count_indexed_shapes(shp, shx)
     rows, header, wide = struct.unpack_from("<LHH", dbf, 4)
     if wide < 1 or header + rows * wide > len(dbf):
-        raise PartError(f"the .dbf ends after {max(0, len(dbf) - header) // max(1, wide)} of {rows} rows")
+        raise _Damaged(f"the .dbf ends after {max(0, len(dbf) - header) // max(1, wide)} of {rows} rows")
     if rows != shapes:
-        raise PartError(f"the .dbf has {rows} rows and the .{'shp' if shx is None else 'shx'} {shapes} shapes")
+        raise _Damaged(f"the .dbf has {rows} rows and the .{'shp' if shx is None else 'shx'} {shapes} shapes")
 
 
 def _count_shapes(shp: bytes) -> int:
@@ -385,9 +373,9 @@ def _count_shapes(shp: bytes) -> int:
     while at + 8 <= len(shp):
         number, words = struct.unpack_from(">ii", shp, at)
         if words < 2 or at + 8 + 2 * words > len(shp):
-            raise PartError(f"the .shp ends in the middle of shape {count + 1}")
+            raise _Damaged(f"the .shp ends in the middle of shape {count + 1}")
         if number in numbers and number > 0:
-            raise PartError(f"the .shp has shape {number} twice: which one counts says the .shx, which is missing")
+            raise _Damaged(f"the .shp has shape {number} twice: which one counts says the .shx, which is missing")
         numbers.add(number)
         count, at = count + 1, at + 8 + 2 * words
     return count
@@ -398,5 +386,5 @@ def _count_indexed_shapes(shp: bytes, shx: bytes) -> int:
     for number, (offset, words) in enumerate(index, start=1):
         at, is_there = 2 * offset, HEADER <= 2 * offset <= len(shp) - 8 - 2 * words and words >= 2
         if not is_there or struct.unpack_from(">i", shp, at + 4)[0] != words:
-            raise PartError(f"the .shx is of another state than the .shp: shape {number} is not where it says")
+            raise _Damaged(f"the .shx is of another state than the .shp: shape {number} is not where it says")
     return len(index)

@@ -18,7 +18,7 @@ import numpy as np
 from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, FloatArray, IndexArray, LocalFrame
 from missions.geometry import find_bends, find_nearest_on_legs, place_distances_m
-from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment
+from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment, check_degrees
 from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
 
 SAME_POLE_M = 0.5
@@ -180,7 +180,7 @@ class Nodes:
 
 
 class PlaceIndex:
-    """PlaceIndex that are looked up by where they are."""
+    """Places that are looked up by where they are."""
 
     def __init__(self, places_m: FloatArray) -> None:
         """Sort (n, 2) places along the longer side of what they cover."""
@@ -203,35 +203,23 @@ def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int,
     """Yield pairs of (n, 2, 2) spans that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
     if not len(ends_m):
         return
-    lows, highs = ends_m.min(axis=1), ends_m.max(axis=1)
+    lows, highs, along = ends_m.min(axis=1), ends_m.max(axis=1), ends_m[:, 1] - ends_m[:, 0]
     axis = int(np.argmax(np.ptp(ends_m.reshape(-1, 2), axis=0)))
     order = np.argsort(lows[:, axis], kind="stable")
-    ends_m, nodes, lows, highs = ends_m[order], nodes[order], lows[order], highs[order]
-    other = 1 - axis
-    last = np.searchsorted(lows[:, axis], highs[:, axis], side="right")
-    for index in range(len(order)):
-        rest = np.arange(index + 1, last[index])
-        rest = rest[(lows[rest, other] <= highs[index, other]) & (highs[rest, other] >= lows[index, other])]
-        if rest.size:
-            rest = rest[~np.isin(nodes[rest], nodes[index]).any(axis=1)]
-        if rest.size:
-            yield from _find_crossings_of(ends_m, index, rest, order)
-
-
-def _find_crossings_of(
-    ends_m: FloatArray, index: int, rest: IndexArray, order: IndexArray
-) -> Iterator[tuple[int, int, tuple[float, float]]]:
-    a_m, way_m = ends_m[index, 0], ends_m[index, 1] - ends_m[index, 0]
-    from_m, ways_m = ends_m[rest, 0] - a_m, ends_m[rest, 1] - ends_m[rest, 0]
-    turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
-        theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
-        meet = (mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)
-    for number in np.flatnonzero(meet):
-        east_m, north_m = (a_m + mine[number] * way_m).tolist()
-        pair = sorted((int(order[index]), int(order[rest[number]])))
-        yield pair[0], pair[1], (east_m, north_m)
+    last = np.searchsorted(lows[order, axis], highs[:, axis], side="right")
+    for place, one in enumerate(order.tolist()):
+        rest = order[place + 1 : last[one]]
+        rest = rest[((lows[rest] <= highs[one]) & (highs[rest] >= lows[one])).all(axis=1)]
+        rest = rest[~np.isin(nodes[rest], nodes[one]).any(axis=1)] if rest.size else rest
+        from_m, way_m, ways_m = ends_m[rest, 0] - ends_m[one, 0], along[one], along[rest]
+        turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
+            theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
+        for number in np.flatnonzero((mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)):
+            east_m, north_m = (ends_m[one, 0] + mine[number] * way_m).tolist()
+            first, second = sorted((one, int(rest[number])))
+            yield first, second, (east_m, north_m)
 
 
 def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
@@ -339,11 +327,7 @@ def _frame_of(drawing: RawNetwork) -> LocalFrame:
     """Return a plane about the first position, once every position is on the Earth."""
     first = None
     for place, lat_deg, lon_deg in _iterate_positions(drawing):
-        for key, value, bound in (("lat_deg", lat_deg, 90.0), ("lon_deg", lon_deg, 180.0)):
-            if not math.isfinite(value) or abs(value) > bound:
-                swapped = key == "lat_deg" and abs(lon_deg) <= bound and math.isfinite(value)
-                hint = "; are latitude and longitude swapped, or is it a grid's?" if swapped else ""
-                raise NetworkError(f"{place}: {key}: expected -{bound:g} to {bound:g}, got {value}{hint}")
+        check_degrees(place, lat_deg, lon_deg, "; are latitude and longitude swapped, or is it a grid's?")
         first = first or (max(min(lat_deg, MAX_LATITUDE_DEG), -MAX_LATITUDE_DEG), lon_deg)
     if first is None:
         why = f"neither lines nor poles{explain_empty_file(drawing.remarks)}"

@@ -358,6 +358,10 @@ class ReadOptions:
     """Of tables in text and of shapefiles' names; None to try."""
     near: NearFilter | None = None
     """What is wanted of a country's file; None: all of it."""
+    depot: LocalFrame | None = None
+    """Of who asks, where it is known."""
+    anywhere: bool = False
+    """Whether it may be missing."""
     seen: set[str] = field(default_factory=set)
     passed: int = 0
     looked: int = 0

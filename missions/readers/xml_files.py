@@ -68,10 +68,8 @@ def root_of(content: bytes) -> etree._Element:
     Raises:
         NetworkError: it is none, too large, or declares a document type, which no format here has and bombs need.
     """
-    try:
-        from lxml import etree
-    except ImportError:  # who uses this package alone may go without
-        raise NetworkError("XML needs lxml: pip install lxml") from None
+    from lxml import etree
+
     if len(content) > MOST_BYTES:
         raise NetworkError(f"content: expected XML of at most {MOST_BYTES // 1_000_000} MB")
     _refuse_page(content)
@@ -127,15 +125,9 @@ def tag_of(element: etree._Element) -> str:
     return tag.rpartition("}")[2] if isinstance(tag, str) else ""
 
 
-def iterate_children(element: etree._Element, *tags: str) -> Iterator[etree._Element]:
-    """Yield the children of some names, in any namespace."""
-    return (child for child in element if tag_of(child) in tags)
-
-
 def read_child_text(element: etree._Element, tag: str) -> str:
-    """Return the text of the first child of a name; empty if there is none."""
-    child = next(iterate_children(element, tag), None)
-    return to_printable(child.text or "") if child is not None else ""
+    """Return the text of the first child of a name, in any namespace; empty if there is none."""
+    return to_printable(element.findtext(f"{{*}}{tag}") or "")
 
 
 def line_of(element: etree._Element) -> str:
@@ -190,11 +182,8 @@ def parse_kml(roots: Sequence[etree._Element], choice: ReadOptions, *, inside: C
     """
     choice.refuse_crs(KML)
     drawing, modes = choice.create_raw_network(KML), Counter[str]()
-    marks = list(placemarks_of(roots, ""))
-    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
-    for mark, folder in marks:
-        if folder in wanted:
-            add_features(drawing, _read_placemark(mark, folder, modes), choice)
+    for mark, said in iterate_placemarks(roots, choice):
+        add_features(drawing, _read_placemark(mark, said, modes), choice)
     for link in links_of(roots, inside):
         text = "a link to another file: not followed"
         drawing.found.append(Remark(RemarkTopic.WHOLE, read_child_text(link, "name") or line_of(link), text))
@@ -207,22 +196,33 @@ def parse_kml(roots: Sequence[etree._Element], choice: ReadOptions, *, inside: C
     return drawing
 
 
-def placemarks_of(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
+def iterate_placemarks(
+    roots: Iterable[etree._Element], choice: ReadOptions
+) -> Iterator[tuple[etree._Element, Feature]]:
+    """Yield every Placemark of the folders that are wanted, and what it says of itself, without its geometry."""
+    marks = list(_find_placemarks(roots, ""))
+    wanted = choice.select_layers(list(dict.fromkeys(folder for _, folder in marks)), "folder")
+    for mark, folder in marks:
+        if folder in wanted:
+            name = read_child_text(mark, "name")
+            place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
+            attributes = {**_read_extended_data(mark), "folder": folder, **({"name": name} if name else {})}
+            yield mark, Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=EMPTY)
+
+
+def _find_placemarks(elements: Iterable[etree._Element], folder: str) -> Iterator[tuple[etree._Element, str]]:
     """Yield every Placemark with its folder's name; the document's own name is none."""
     for child in elements:
         tag = tag_of(child)
         if tag == "Placemark":
             yield child, folder
         elif tag in KML_ROOTS:
-            yield from placemarks_of(child, read_child_text(child, "name") if tag == "Folder" else folder)
+            yield from _find_placemarks(child, read_child_text(child, "name") if tag == "Folder" else folder)
 
 
-def _read_placemark(mark: etree._Element, folder: str, modes: Counter[str]) -> Iterator[Feature]:
+def _read_placemark(mark: etree._Element, said: Feature, modes: Counter[str]) -> Iterator[Feature]:
     """Yield what a Placemark has: its points, its lines, and what is neither."""
-    name = read_child_text(mark, "name")
-    place = f"Placemark {name!r} ({line_of(mark)})" if name else f"Placemark in {line_of(mark)}"
-    attributes = {**attributes_of(mark), "folder": folder, **({"name": name} if name else {})}
-    parts: dict[str, list[list[Position]]] = {"Point": [], "LineString": []}
+    place, parts = said.place, dict[str, list[list[Position]]](Point=[], LineString=[])
     geometries = list(geometries_of(mark))
     for geometry in geometries:
         tag = tag_of(geometry)
@@ -231,27 +231,26 @@ def _read_placemark(mark: etree._Element, folder: str, modes: Counter[str]) -> I
             if tag == "LineString" and len(parts[tag][-1]) < 2:
                 raise NetworkError(f"{place}: coordinates: expected a line of at least two positions")
         else:
-            yield Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=tag)
+            yield replace(said, other=tag)
     if not geometries:
-        yield Feature(place, GeometryKind.OTHER, (), attributes, name=name, other=EMPTY)
+        yield said
     for tag, kind in (("Point", GeometryKind.POINT), ("LineString", GeometryKind.LINE)):
         if parts[tag]:
-            yield Feature(place, kind, parts[tag], attributes)
+            yield Feature(place, kind, parts[tag], said.attributes)
 
 
 def geometries_of(element: etree._Element) -> Iterator[etree._Element]:
     """Yield the geometries of a Placemark, one by one."""
-    for child in iterate_children(element, *GEOMETRIES):
+    for child in element.iterchildren(*(f"{{*}}{tag}" for tag in GEOMETRIES)):
         if tag_of(child) == "MultiGeometry":
             yield from geometries_of(child)
         else:
             yield child
 
 
-def attributes_of(mark: etree._Element) -> dict[str, object]:
-    """Return what a Placemark's ExtendedData says."""
+def _read_extended_data(mark: etree._Element) -> dict[str, object]:
     found: dict[str, object] = {}
-    for data in iterate_children(mark, "ExtendedData"):
+    for data in mark.iterchildren("{*}ExtendedData"):
         for element in data.iter("{*}Data", "{*}SimpleData"):
             text = read_child_text(element, "value") if tag_of(element) == "Data" else to_printable(element.text or "")
             found[to_printable(element.get("name") or "")] = text
@@ -265,8 +264,7 @@ def positions_of(geometry: etree._Element, place: str, modes: Counter[str]) -> l
         NetworkError: there is none, or one is no place.
     """
     mode = read_child_text(geometry, "altitudeMode") or CLAMPED
-    coordinates = next(iterate_children(geometry, "coordinates"), None)
-    words = ((coordinates.text or "") if coordinates is not None else "").split()
+    words = (geometry.findtext("{*}coordinates") or "").split()
     if not words:
         raise NetworkError(f"{place}: coordinates: expected longitude,latitude[,altitude], found none")
     positions: list[Position] = []
@@ -293,29 +291,29 @@ def parse_gpx(root: etree._Element, choice: ReadOptions) -> RawNetwork:
     choice.refuse_layers(GPX)
     choice.refuse_crs(GPX)
     drawing = choice.create_raw_network(GPX)
-    for point in iterate_children(root, "wpt"):
+    for point in root.iterchildren("{*}wpt"):
         _add_pole(drawing, point, "")
-    for line in iterate_children(root, "rte", "trk"):
+    for line in root.iterchildren("{*}rte", "{*}trk"):
         name, tag = read_child_text(line, "name"), tag_of(line)
         place = f"{tag} {name!r} ({line_of(line)})" if name else f"{tag} in {line_of(line)}"
         feature = Feature(place, GeometryKind.LINE, (), {**_read_attributes(line), "kind": tag})
         if not is_wanted_line(drawing, feature, choice):
             continue
         if tag == "rte":
-            points = list(iterate_children(line, "rtept"))
+            points = list(line.iterchildren("{*}rtept"))
             parts: Sequence[Sequence[etree._Element]] = [points]
             for point in points:
                 if read_child_text(point, "name"):
                     _add_pole(drawing, point, name)
         else:
-            parts = [list(iterate_children(segment, "trkpt")) for segment in iterate_children(line, "trkseg")]
+            parts = [list(segment.iterchildren("{*}trkpt")) for segment in line.iterchildren("{*}trkseg")]
         # Receivers write a segment of no point, or of one, whenever they lose their fix.
         short, parts = sum(len(part) < 2 for part in parts), [part for part in parts if len(part) > 1]
         if short or not parts:
             text = f"{short} parts of fewer than two points: left out" if short else "a line without points: left out"
             drawing.found.append(Remark(RemarkTopic.LEFT_OUT, name or place, text))
         if parts:
-            places = [[_read_position(point) for point in part] for part in parts]
+            places = [[_read_point(point) for point in part] for part in parts]
             add_line(drawing, replace(feature, parts=places))
     if drawing.found and not drawing.lines and drawing.far is None:
         raise NetworkError(f"{drawing.found[0].asset}: expected a line of at least two points")
@@ -325,38 +323,38 @@ def parse_gpx(root: etree._Element, choice: ReadOptions) -> RawNetwork:
 def _add_pole(drawing: RawNetwork, point: etree._Element, line: str) -> None:
     place = f"{tag_of(point)} in {line_of(point)}"
     attributes = {**_read_attributes(point), **({"line": line} if line else {})}
-    feature = Feature(place, GeometryKind.POINT, [[_read_position(point)]], attributes)
-    add_points(drawing, feature)
+    add_points(drawing, Feature(place, GeometryKind.POINT, [[_read_point(point)]], attributes))
 
 
 def _read_attributes(element: etree._Element) -> dict[str, object]:
     """Return what is said of a point or a line, in its own words and in those of the program that wrote it."""
     own = {key: read_child_text(element, key) for key in ("name", "type", "desc")}
     extensions = (
-        leaf for more in iterate_children(element, "extensions") for leaf in more.iterdescendants("*") if not len(leaf)
+        leaf for more in element.iterchildren("{*}extensions") for leaf in more.iterdescendants("*") if not len(leaf)
     )
     return {**{tag_of(leaf): to_printable(leaf.text or "") for leaf in extensions}, **own}
 
 
-def _read_position(point: etree._Element) -> Position:
-    lat_deg, lon_deg = degrees_of(point.get("lat"), NORTH_SOUTH), degrees_of(point.get("lon"), EAST_WEST)
+def _read_point(point: etree._Element) -> Position:
+    place, third_m = f"{tag_of(point)} in {line_of(point)}", parse_figure(read_child_text(point, "ele"))
+    return _read_position(point.get("lat"), point.get("lon"), place, third_m)
+
+
+def _read_position(lat: object, lon: object, place: str, third_m: float | None = None) -> Position:
+    lat_deg, lon_deg = degrees_of(lat, NORTH_SOUTH), degrees_of(lon, EAST_WEST)
     if not is_figure(lat_deg) or not is_figure(lon_deg):
-        got = f"{point.get('lat')!r} and {point.get('lon')!r}"
-        raise NetworkError(f"{tag_of(point)} in {line_of(point)}: expected lat and lon in degrees, got {got}")
-    return lon_deg, lat_deg, parse_figure(read_child_text(point, "ele"))
-
-
-@dataclass(frozen=True, slots=True)
-class _Node:
-    position: Position
-    tags: Mapping[str, str]
+        raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
+    return lon_deg, lat_deg, third_m
 
 
 @dataclass(slots=True)
 class _Content:
     """Nodes and ways, by their numbers."""
 
-    nodes: dict[str, _Node] = field(default_factory=dict)
+    positions: dict[str, Position] = field(default_factory=dict)
+    """Of nodes."""
+    tags: dict[str, Mapping[str, str]] = field(default_factory=dict)
+    """Of nodes that have some."""
     ways: dict[str, tuple[tuple[str, ...], Mapping[str, str]]] = field(default_factory=dict)
     deleted: int = 0
     remarks: list[str] = field(default_factory=list)
@@ -401,7 +399,8 @@ def _add_element(content: _Content, element: object, place: str) -> None:
     if element.get("visible") in (False, "false") or element.get("action") == "delete":
         content.deleted += kind in {NODE, WAY}  # of an editor that has not uploaded yet, or of a history
     elif kind == NODE:
-        content.nodes[number_] = _build_node(element.get("lat"), element.get("lon"), tags, place)
+        content.positions[number_] = _read_position(element.get("lat"), element.get("lon"), place)
+        content.tags[number_] = tags
     elif kind == WAY:
         content.ways[number_] = (_read_references(element, number_, content, place), tags)
 
@@ -417,18 +416,11 @@ def _read_references(way: Mapping[str, object], number_: str, content: _Content,
         raise NetworkError(f"{place}.nodes: expected a list of nodes, got {references!r}; ask Overpass for 'out geom'")
     found = tuple(map(str, references))
     for index, (reference, at) in enumerate(zip(found, geometry or (), strict=False)):
-        if reference not in content.nodes and at is not None:
+        if reference not in content.positions and at is not None:
             if not isinstance(at, dict):
                 raise NetworkError(f"{place}.geometry[{index}]: expected lat and lon, got {at!r}")
-            content.nodes[reference] = _build_node(at.get("lat"), at.get("lon"), {}, f"{place}.geometry[{index}]")
+            content.positions[reference] = _read_position(at.get("lat"), at.get("lon"), f"{place}.geometry[{index}]")
     return found
-
-
-def _build_node(lat: object, lon: object, tags: Mapping[str, str], place: str) -> _Node:
-    lat_deg, lon_deg = degrees_of(lat, NORTH_SOUTH), degrees_of(lon, EAST_WEST)
-    if not is_figure(lat_deg) or not is_figure(lon_deg):
-        raise NetworkError(f"{place}: expected lat and lon in degrees, got {lat!r} and {lon!r}")
-    return _Node((lon_deg, lat_deg, None), tags)
 
 
 def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> RawNetwork:
@@ -451,16 +443,13 @@ def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> Raw
                 f"way {way}: expected at least two of its nodes in the file, found {len(references)} by "
                 "number alone; ask Overpass for '(._;>;); out body;' or 'out geom'"
             )
-        places = [[content.nodes[node].position for node in part] for part in parts]
+        places = [[content.positions[node] for node in part] for part in parts]
         add_line(drawing, replace(feature, parts=places))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
-        if has_power_tag(normalise_attributes(content.nodes[node].tags)):
-            place = f"node {node}"
-            own = Feature(
-                place, GeometryKind.POINT, [[content.nodes[node].position]], content.nodes[node].tags, f"node/{node}"
-            )
-            add_points(drawing, own)
+        tags, parts = content.tags.get(node, {}), [[content.positions[node]]]
+        if has_power_tag(normalise_attributes(tags)):
+            add_points(drawing, Feature(f"node {node}", GeometryKind.POINT, parts, tags, f"node/{node}"))
     if content.deleted:
         drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:
@@ -491,7 +480,7 @@ def _split_into_runs(
     runs: list[list[str]] = [[]]
     missing = 0
     for reference in references:
-        if reference in content.nodes:
+        if reference in content.positions:
             runs[-1].append(reference)
         else:
             missing += 1

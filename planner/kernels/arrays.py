@@ -1,11 +1,13 @@
 """The arrays that all kernels share.
 
-Named tuples rather than classes: numba sees through them at no cost, and the arrays in them change in place.
+Named tuples rather than classes: numba sees through them at no cost, and the arrays in them change in place. Those that
+are work space name the shape of each array in its annotation: ``allocate`` makes them.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from functools import cache
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numba as nb
 import numpy as np
@@ -22,6 +24,39 @@ IntTable = Annotated[IntArray, nb.types.Array(nb.int64, 2, "C")]
 IntCube = Annotated[IntArray, nb.types.Array(nb.int64, 3, "C")]
 Flags = Annotated[npt.NDArray[np.bool_], nb.types.Array(nb.boolean, 1, "C")]
 RandomState = Annotated[npt.NDArray[np.uint64], nb.types.Array(nb.uint64, 1, "C")]
+SpaceT = TypeVar("SpaceT", bound=Any)
+
+
+def allocate(kind: type[SpaceT], **sizes: int) -> SpaceT:
+    """Return a named tuple of zeros, and of named tuples of zeros.
+
+    Args:
+        kind: Its class; the annotation of each array says its shape, such as `k n+1`.
+        sizes: What the names in shapes stand for.
+    """
+    entries = [
+        allocate(part, **sizes) if shape is None else np.zeros([_size_of(one, sizes) for one in shape], dtype=part)
+        for part, shape in _find_layout(kind)
+    ]
+    return kind._make(entries)
+
+
+def _size_of(name: str, sizes: dict[str, int]) -> int:
+    name, _, more = name.partition("+")
+    return (sizes[name] if name in sizes else int(name)) + int(more or 0)
+
+
+@cache
+def _find_layout(kind: type[Any]) -> list[tuple[Any, list[str] | None]]:
+    """Return the type of each array's figures and its shape; of a named tuple its class and None."""
+    found: list[tuple[Any, list[str] | None]] = []
+    for hint in get_type_hints(kind, include_extras=True).values():
+        if get_origin(hint) is Annotated:
+            _, array, shape = get_args(hint)
+            found.append((str(array.dtype), shape.split()))
+        else:
+            found.append((hint, None))
+    return found
 
 
 class Problem(NamedTuple):
@@ -81,37 +116,32 @@ class Weights(NamedTuple):
 class State(NamedTuple):
     """Routes under work. ``k`` routes of at most ``n`` visits."""
 
-    visits: IntTable
-    """(k, n): the first ``lengths[r]`` entries of row r are the route."""
-    legs: Table
-    """(k, n + 1): energy of the move that ends with visit p; entry ``lengths[r]`` is the way home."""
-    lengths: Ints
-    """(k,)"""
-    loads: Floats
-    """(k,): energy of the route."""
-    route_of: Ints
-    """(n,): the route that visits the segment, -1 if none does."""
+    visits: Annotated[IntTable, "k n"]
+    """The first ``lengths[r]`` entries of row r are the route."""
+    legs: Annotated[Table, "k n+1"]
+    """Energy of the move that ends with visit p; entry ``lengths[r]`` is the way home."""
+    lengths: Annotated[Ints, "k"]
+    loads: Annotated[Floats, "k"]
+    """Energy of the route."""
+    route_of: Annotated[Ints, "n"]
+    """The route that visits the segment, -1 if none does."""
 
 
 class SearchWorkspace(NamedTuple):
     """Work space of an annealing: lists, and the cheapest places found with the versions of the routes in question."""
 
-    waiting: Ints
-    """(n,)"""
-    pending: Ints
-    """(n,)"""
-    keys: Floats
-    """(n,)"""
-    touched: Ints
-    """(k,): zeros."""
-    came_from: IntTable
-    """(n, 2)"""
+    waiting: Annotated[Ints, "n"]
+    pending: Annotated[Ints, "n"]
+    keys: Annotated[Floats, "n"]
+    touched: Annotated[Ints, "k"]
+    """Zeros."""
+    came_from: Annotated[IntTable, "n 2"]
 
-    versions: Ints
-    """(k,): positive, counted up whenever a route changes for good."""
-    version: IntTable
-    """(n, k): of the route when the place for the segment was looked for; 0 if never."""
-    added: Table
-    """(n, k): what the segment adds to the route there."""
-    place: IntTable
-    """(n, k): 2 * position + 1 if it is visited in reverse."""
+    versions: Annotated[Ints, "k"]
+    """Positive, counted up whenever a route changes for good."""
+    version: Annotated[IntTable, "n k"]
+    """Of the route when the place for the segment was looked for; 0 if never."""
+    added: Annotated[Table, "n k"]
+    """What the segment adds to the route there."""
+    place: Annotated[IntTable, "n k"]
+    """2 * position + 1 if it is visited in reverse."""

@@ -11,7 +11,7 @@ of a battery.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -69,12 +69,12 @@ class LossTiming(NamedTuple):
 class LossClock(NamedTuple):
     """When and at what expense the visits of a plan end."""
 
-    ends_s: Table
-    """(k, n): when visit p of a route ends."""
-    spent: Table
-    """(k, n): what its vehicle has spent by then."""
-    durations_s: Floats
-    """(k,): landing place reached."""
+    ends_s: Annotated[Table, "k n"]
+    """When visit p of a route ends."""
+    spent: Annotated[Table, "k n"]
+    """What its vehicle has spent by then."""
+    durations_s: Annotated[Floats, "k"]
+    """Landing place reached."""
 
 
 class Loss(NamedTuple):
@@ -82,10 +82,10 @@ class Loss(NamedTuple):
 
     problem: Problem
     """With ``start``, ``idle`` and ``budget`` of its own; a budget below 0 is that of a vehicle that does not fly."""
-    is_open: Ints
-    """(n,): 1 for segments to be visited."""
-    done: Ints
-    """(k,): how many visits of the plan have ended."""
+    is_open: Annotated[Ints, "n"]
+    """1 for segments to be visited."""
+    done: Annotated[Ints, "k"]
+    """How many visits of the plan have ended."""
 
 
 @kernel()
@@ -155,20 +155,18 @@ def begin_loss(
 class RepairWorkspace(NamedTuple):
     """Work space of a repair."""
 
-    opened: Ints
-    """(n,): the open segments."""
-    missing: Ints
-    """(n,): those that no route visits yet."""
-    pending: Ints
-    """(n,): those taken out."""
-    keys: Floats
-    """(n,)"""
-    touched: Ints
-    """(k,): zeros between two uses."""
-    came_from: IntTable
-    """(n, 2)"""
-    spare: Ints
-    """(n,): visits on their way from one route to another."""
+    opened: Annotated[Ints, "n"]
+    """The open segments."""
+    missing: Annotated[Ints, "n"]
+    """Those that no route visits yet."""
+    pending: Annotated[Ints, "n"]
+    """Those taken out."""
+    keys: Annotated[Floats, "n"]
+    touched: Annotated[Ints, "k"]
+    """Zeros between two uses."""
+    came_from: Annotated[IntTable, "n 2"]
+    spare: Annotated[Ints, "n"]
+    """Visits on their way from one route to another."""
     current: State
     trial: State
     other: State
@@ -362,18 +360,13 @@ def repair(loss: Loss, best: State, desk: RepairWorkspace, iterations: int, rng:
 class Repairs(NamedTuple):
     """For each vehicle the latest repair of its loss; ``k`` states beside each other."""
 
-    visits: IntCube
-    """(k, k, n)"""
-    legs: Cube
-    """(k, k, n + 1)"""
-    lengths: IntTable
-    """(k, k)"""
-    loads: Table
-    """(k, k)"""
-    route_of: IntTable
-    """(k, n)"""
-    known: Ints
-    """(k,): 1 where there is one."""
+    visits: Annotated[IntCube, "losses k n"]
+    legs: Annotated[Cube, "losses k n+1"]
+    lengths: Annotated[IntTable, "losses k"]
+    loads: Annotated[Table, "losses k"]
+    route_of: Annotated[IntTable, "losses n"]
+    known: Annotated[Ints, "losses"]
+    """1 where there is one."""
 
 
 @inner()

@@ -10,7 +10,7 @@ The plan is changed a little at a time, mostly where the losses that are looked 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from planner.kernels.arrays import Floats, Ints, IntTable, Problem, RandomState, State, Table
 from planner.kernels.compiling import inner, kernel
@@ -58,15 +58,15 @@ class RobustWalk(NamedTuple):
     clock: LossClock
     repairs: Repairs
     """``k`` for each probe."""
-    lacks: Floats
+    lacks: Annotated[Floats, "losses"]
     """For each repair what it lacks, in percent of a battery."""
-    opened: IntTable
-    """(repairs, n): which segments were open to each repair."""
-    begun: IntTable
-    """(repairs, k): the visit that each survivor finishes first, NOBODY for the lost vehicle, GROUND for one landed."""
-    left: Table
-    """(repairs, k): what each survivor may spend after it."""
-    order: Ints
+    opened: Annotated[IntTable, "losses n"]
+    """Which segments were open to each repair."""
+    begun: Annotated[IntTable, "losses k"]
+    """The visit that each survivor finishes first, NOBODY for the lost vehicle, GROUND for one landed."""
+    left: Annotated[Table, "losses k"]
+    """What each survivor may spend after it."""
+    order: Annotated[Ints, "losses"]
     """Work space: the repairs in the order in which they are looked at."""
 
 

@@ -8,7 +8,7 @@ into a sortie of its own, where it costs least (``put_all_segments``).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from planner.kernels.arrays import Floats, Ints, IntTable, Quad, RandomState, Table
 from planner.kernels.compiling import inner, kernel
@@ -82,63 +82,53 @@ class SortieProblem(NamedTuple):
 class SortieState(NamedTuple):
     """Sorties under work. At most ``r`` of at most ``c`` visits."""
 
-    visits: IntTable
-    """(r, c)"""
-    size: Ints
-    """(r,): 0 for a row that is free."""
-    owner: Ints
-    """(r,)"""
-    base: Ints
-    """(r,)"""
-    land: Ints
-    """(r,)"""
-    between: Table
-    """(r, 2): seconds and percent from the end of the first visit to the end of the last."""
-    whole: Table
-    """(r, 2): of the whole sortie."""
-    start: Floats
-    """(r,): when it begins; NEVER where the days are over before."""
-    order: IntTable
-    """(k, r): each vehicle's rows in the order of flight."""
-    counts: Ints
-    """(k,)"""
-    where: Ints
-    """(n,): the row of a segment; -1 if it has none."""
-    bias: Table
-    """(k, d): seconds by which a vehicle shuns a base."""
-    ends: Floats
-    """(k,): when a vehicle's last sortie lands, in the seconds of days alone."""
-    sums: Floats
-    """(5,): segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
+    visits: Annotated[IntTable, "r c"]
+    size: Annotated[Ints, "r"]
+    """0 for a row that is free."""
+    owner: Annotated[Ints, "r"]
+    base: Annotated[Ints, "r"]
+    land: Annotated[Ints, "r"]
+    between: Annotated[Table, "r 2"]
+    """Seconds and percent from the end of the first visit to the end of the last."""
+    whole: Annotated[Table, "r 2"]
+    """Of the whole sortie."""
+    start: Annotated[Floats, "r"]
+    """When it begins; NEVER where the days are over before."""
+    order: Annotated[IntTable, "k r"]
+    """Each vehicle's rows in the order of flight."""
+    counts: Annotated[Ints, "k"]
+    where: Annotated[Ints, "n"]
+    """The row of a segment; -1 if it has none."""
+    bias: Annotated[Table, "k d"]
+    """Seconds by which a vehicle shuns a base."""
+    ends: Annotated[Floats, "k"]
+    """When a vehicle's last sortie lands, in the seconds of days alone."""
+    sums: Annotated[Floats, "5"]
+    """Segments that find no day, the last landing, the flight, the sorties, and the guide of the search."""
 
 
 class SortieWorkspace(NamedTuple):
     """Work space."""
 
-    touched: Ints
-    """(k,): zeros."""
-    removed: Ints
-    """(n,)"""
-    keys: Floats
-    """(n,)"""
-    pool: Table
-    """(d, s): when the packs of a base are charged."""
-    pooled: Ints
-    """(d,)"""
-    last: Floats
-    """(d,): the last take-off."""
-    next: Ints
-    """(k,): which sortie comes next."""
-    at: Ints
-    """(k,)"""
-    ready: Floats
-    """(k,)"""
-    cost: Table
-    """(r + 1, d): of a vehicle's sorties up to one that lands at a base."""
-    begun: IntTable
-    """(r + 1, d): where that one begins."""
-    came: IntTable
-    """(r + 1, d): where the one before landed."""
+    touched: Annotated[Ints, "k"]
+    """Zeros."""
+    removed: Annotated[Ints, "n"]
+    keys: Annotated[Floats, "n"]
+    pool: Annotated[Table, "d s"]
+    """When the packs of a base are charged."""
+    pooled: Annotated[Ints, "d"]
+    last: Annotated[Floats, "d"]
+    """The last take-off."""
+    next: Annotated[Ints, "k"]
+    """Which sortie comes next."""
+    at: Annotated[Ints, "k"]
+    ready: Annotated[Floats, "k"]
+    cost: Annotated[Table, "r+1 d"]
+    """Of a vehicle's sorties up to one that lands at a base."""
+    begun: Annotated[IntTable, "r+1 d"]
+    """Where that one begins."""
+    came: Annotated[IntTable, "r+1 d"]
+    """Where the one before landed."""
 
 
 @inner()

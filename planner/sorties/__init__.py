@@ -24,11 +24,9 @@ from planner.sorties.sortie_losses import (
 )
 from planner.sorties.sortie_model import (
     Objective,
-    Sortie,
     SortieBase,
     SortieEvaluation,
     SortieInstance,
-    SortiePlan,
     SortieVehicle,
     count_packs_needed,
     evaluate_sorties,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.errors import PlanError
-from planner.kernels.arrays import FloatArray, IntArray, RandomState
+from planner.kernels.arrays import FloatArray, IntArray, RandomState, allocate
 from planner.kernels.sortie_schedule import (
     NEVER,
     SortieProblem,
@@ -20,9 +20,10 @@ from planner.kernels.sortie_schedule import (
     schedule_sorties,
 )
 from planner.kernels.sortie_search import anneal_sorties, copy_sorties
+from planner.model import Plan, Route
 from planner.plan_search import build_random_state
 from planner.search import AnnealingSearch, Cycle, SearchStart
-from planner.sorties.sortie_model import Objective, Sortie, SortieInstance, SortiePlan, SortieResult, evaluate_sorties
+from planner.sorties.sortie_model import Objective, SortieInstance, SortieResult, evaluate_sorties
 from planner.stop_rules import StopRule, Stopwatch
 
 BATCH = 200
@@ -75,7 +76,7 @@ class SortieSearch(AnnealingSearch[SortieStart]):
         objective: Objective,
         seed: int,
         starts: int,
-        initial: Sequence[Sequence[Sortie]] = (),
+        initial: Sequence[Route] | None = None,
         table: MoveTable | None = None,
     ) -> None:
         watch = Stopwatch()
@@ -90,10 +91,10 @@ class SortieSearch(AnnealingSearch[SortieStart]):
             watch, batch=BATCH, impossible="a segment is out of reach" if (instance.wanted & ~able).any() else None,
         )  # fmt: skip
 
-    def _build_first_state(self, initial: Sequence[Sequence[Sortie]], seed: int) -> SortieState:
+    def _build_first_state(self, initial: Sequence[Route] | None, seed: int) -> SortieState:
         """Return the given sorties with all open segments put in where they cost least, those far off first."""
         state, memory = build_sortie_state(self._problem, self._table), build_sortie_workspace(self._problem)
-        if initial:
+        if initial is not None:
             load_sorties(state, initial)
             if not measure_given_sorties(self._problem, state, memory):
                 state = build_sortie_state(self._problem, self._table)
@@ -102,7 +103,7 @@ class SortieSearch(AnnealingSearch[SortieStart]):
         waiting = np.array(sorted(np.flatnonzero(able), key=lambda one: -nearest_s[one]), dtype=np.int64)
         put_all_segments(self._problem, state, memory, waiting, len(waiting), build_random_state(seed))
         self._schedule_anew(state, memory)
-        if state.sums[0] > 0 and not initial:  # the days are too short: what yields most comes first
+        if state.sums[0] > 0 and initial is None:  # the days are too short: what yields most comes first
             for vehicle, count in enumerate(state.counts):
                 own = state.order[vehicle, :count].copy()
                 state.order[vehicle, :count] = own[np.argsort(-state.size[own] / state.whole[own, 0], kind="stable")]
@@ -281,77 +282,46 @@ def _build_window_table(instance: SortieInstance) -> FloatArray:
 def build_sortie_state(problem: SortieProblem, table: MoveTable) -> SortieState:
     """Return a state without a sortie."""
     fleet, segments = problem.able.shape
-    return SortieState(
-        visits=np.zeros((segments, table.longest), dtype=np.int64),
-        size=np.zeros(segments, dtype=np.int64),
-        owner=np.zeros(segments, dtype=np.int64),
-        base=np.zeros(segments, dtype=np.int64),
-        land=np.zeros(segments, dtype=np.int64),
-        between=np.zeros((segments, 2)),
-        whole=np.zeros((segments, 2)),
-        start=np.zeros(segments),
-        order=np.zeros((fleet, segments), dtype=np.int64),
-        counts=np.zeros(fleet, dtype=np.int64),
-        where=np.full(segments, -1, dtype=np.int64),
-        bias=np.zeros((fleet, len(problem.packs))),
-        ends=np.zeros(fleet),
-        sums=np.zeros(5),
-    )
+    state = allocate(SortieState, r=segments, c=table.longest, k=fleet, n=segments, d=len(problem.packs))
+    state.where[:] = -1
+    return state
 
 
 def build_sortie_workspace(problem: SortieProblem) -> SortieWorkspace:
     """Return work space."""
     fleet, segments = problem.able.shape
-    bases = len(problem.packs)
-    return SortieWorkspace(
-        touched=np.zeros(fleet, dtype=np.int64),
-        removed=np.zeros(segments, dtype=np.int64),
-        keys=np.zeros(segments),
-        pool=np.zeros_like(problem.charged),
-        pooled=np.zeros(bases, dtype=np.int64),
-        last=np.zeros(bases),
-        next=np.zeros(fleet, dtype=np.int64),
-        at=np.zeros(fleet, dtype=np.int64),
-        ready=np.zeros(fleet),
-        cost=np.zeros((segments + 1, bases)),
-        begun=np.zeros((segments + 1, bases), dtype=np.int64),
-        came=np.zeros((segments + 1, bases), dtype=np.int64),
-    )
+    bases, packs = problem.charged.shape
+    return allocate(SortieWorkspace, r=segments, k=fleet, n=segments, d=bases, s=packs)
 
 
-def load_sorties(state: SortieState, sorties: Sequence[Sequence[Sortie]]) -> None:
+def load_sorties(state: SortieState, sorties: Sequence[Route]) -> None:
     """Put sorties into an empty state.
 
     Raises:
         PlanError: a segment is in two of them.
     """
-    row = 0
-    for vehicle, own in enumerate(sorties):
-        for number, one in enumerate(own):
-            state.size[row] = len(one.visits)
-            state.visits[row, : len(one.visits)] = one.visits
-            state.owner[row], state.base[row], state.land[row] = vehicle, one.base, one.lands
-            state.order[vehicle, number] = row
-            for visit in one.visits:
-                if state.where[visit >> 1] >= 0:
-                    raise PlanError(f"initial: segment {visit >> 1} is in two sorties")
-                state.where[visit >> 1] = row
-            row += 1
-        state.counts[vehicle] = len(own)
+    for row, one in enumerate(sorties):
+        state.size[row] = len(one.visits)
+        state.visits[row, : len(one.visits)] = one.visits
+        state.owner[row], state.base[row], state.land[row] = one.vehicle, one.base, one.lands
+        state.order[one.vehicle, state.counts[one.vehicle]] = row
+        state.counts[one.vehicle] += 1
+        for visit in one.visits:
+            if state.where[visit >> 1] >= 0:
+                raise PlanError(f"initial: segment {visit >> 1} is in two sorties")
+            state.where[visit >> 1] = row
 
 
-def build_sortie_plan(instance: SortieInstance, state: SortieState) -> SortiePlan:
+def build_sortie_plan(instance: SortieInstance, state: SortieState) -> Plan:
     """Return a state as a plan; what finds no day is left uncovered."""
-    sorties, flown = [], set()
-    for own, count in zip(state.order, state.counts, strict=True):
-        mine = [
-            Sortie(
-                int(state.base[row]), tuple(int(visit) for visit in state.visits[row, : state.size[row]]),
-                int(state.land[row]), float(state.start[row]),
-            )
-            for row in own[:count] if state.start[row] < NEVER
-        ]  # fmt: skip
-        flown |= {visit >> 1 for one in mine for visit in one.visits}
-        sorties.append(tuple(mine))
-    missing = [int(segment) for segment in np.flatnonzero(instance.wanted) if segment not in flown]
-    return SortiePlan(tuple(sorties), tuple(missing))
+    routes = tuple(
+        Route(
+            vehicle, tuple(int(visit) for visit in state.visits[row, : state.size[row]]),
+            int(state.base[row]), int(state.land[row]), float(state.start[row]),
+        )
+        for vehicle, count in enumerate(state.counts) for row in state.order[vehicle, :count]
+        if state.start[row] < NEVER
+    )  # fmt: skip
+    flown = {visit >> 1 for one in routes for visit in one.visits}
+    missing = (int(segment) for segment in np.flatnonzero(instance.wanted) if segment not in flown)
+    return Plan(routes, tuple(missing))

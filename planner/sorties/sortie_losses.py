@@ -19,17 +19,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import PlanError
+from planner.model import Plan, Route
 from planner.moves import MoveTables
 from planner.risk import FlightChunk, ProbabilityEstimate, estimate_probability
 from planner.sorties.sortie_model import (
     Objective,
-    Sortie,
     SortieBase,
     SortieInstance,
-    SortiePlan,
     SortieResult,
     count_packs_needed,
-    evaluate_sorties,
     sortie_duration_s,
 )
 from planner.stop_rules import (
@@ -59,7 +57,7 @@ def solve_sorties(
     objective: Objective = Objective.FINISH,
     seed: int = 0,
     starts: int = 1,
-    initial: Sequence[Sequence[Sortie]] = (),
+    initial: Sequence[Route] | None = None,
     table: MoveTable | None = None,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> SortieResult:
@@ -73,7 +71,7 @@ def solve_sorties(
         objective: what comes first.
         seed: of all randomness.
         starts: searches side by side, a thread each; iterations are counted over all of them.
-        initial: sorties to begin with for each vehicle; the search puts in what is missing.
+        initial: sorties to begin with, by vehicle and time; the search puts in what is missing.
         table: the moves, where they are priced already.
         on_progress: told where the search stands.
 
@@ -98,79 +96,71 @@ def _stop_once_polished(progress: Progress) -> StopVerdict:
 class SortiesAfterLoss:
     """What is left of a plan after losses."""
 
-    kept: tuple[tuple[Sortie, ...], ...]
+    kept: tuple[Route, ...]
     """Sorties that count or are under way."""
     instance: SortieInstance
     """The rest: from where everybody and every pack will be."""
-    tails: tuple[tuple[Sortie, ...], ...]
+    tails: tuple[Route, ...]
     """What those who are left were to fly next."""
-    broken: tuple[tuple[Sortie, ...], ...]
+    broken: tuple[Route, ...]
     """What the lost were flying: nothing of it counts, but its packs are gone."""
 
-    def list_known_sorties(self, plan: SortiePlan) -> SortiePlan:
+    def list_known_sorties(self, plan: Plan) -> list[Route]:
         """Return all sorties that have taken off or will: for the next loss."""
-        joined = zip(self.kept, self.broken, plan.sorties, strict=True)
-        return SortiePlan(tuple(kept + broken + after for kept, broken, after in joined), plan.uncovered)
+        return sorted([*self.kept, *self.broken, *plan.routes], key=lambda one: (one.vehicle, one.start_s))
 
 
 def build_sorties_after_loss(
-    instance: SortieInstance, plan: SortiePlan, lost: Mapping[int, float], at_s: float
+    instance: SortieInstance, sorties: Sequence[Route], lost: Mapping[int, float], at_s: float
 ) -> SortiesAfterLoss:
     """Return what is left at a time when some vehicles are lost.
 
     Args:
         instance: the whole days.
-        plan: everybody's sorties, as known until now; those of the lost that count may be among them.
+        sorties: everybody's, as known until now, by vehicle and time; those of the lost that count may be among them.
         lost: when each was, by its number.
         at_s: now.
 
     Raises:
         PlanError: a vehicle that there is not.
     """
-    if len(plan.sorties) != len(instance.vehicles) or not all(0 <= one < len(instance.vehicles) for one in lost):
-        raise PlanError(f"expected sorties and losses of {len(instance.vehicles)} vehicles")
-    lasts = [[sortie_duration_s(instance, number, one) for one in own] for number, own in enumerate(plan.sorties)]
-    kept, tails, broken, vehicles = [], [], [], []
-    flown: list[tuple[Sortie, float]] = []
+    fleet = len(instance.vehicles)
+    if not all(0 <= one < fleet for one in (*lost, *(sortie.vehicle for sortie in sorties))):
+        raise PlanError(f"expected sorties and losses of {fleet} vehicles")
+    kept, tails, broken = [], [], []
+    flown: list[tuple[Route, float]] = []
     """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
     wanted = instance.wanted.copy()
-    for number, own in enumerate(instance.vehicles):
-        begun, later, gone, place, ready_s = [], [], [], own.base, max(own.ready_s, at_s)
-        for one, long in zip(plan.sorties[number], lasts[number], strict=True):
-            if one.start_s >= min(at_s, lost.get(number, at_s)) - SAME_TIME_S:
-                later.append(one)
-                continue
-            counts = number not in lost or one.start_s + long < lost[number] - SAME_TIME_S
-            flown.append((one, long if counts else np.inf))
-            if counts:
-                begun.append(one)
-                place, ready_s = one.lands, max(ready_s, one.start_s + long + instance.bases[one.lands].turnaround_s)
-                wanted[[visit >> 1 for visit in one.visits]] = False
-            else:
-                gone.append(one)
-        kept.append(tuple(begun))
-        broken.append(tuple(gone))
-        tails.append(() if number in lost else tuple(later))
-        windows = () if number in lost else own.windows
-        vehicles.append(replace(own, base=place, ready_s=ready_s, windows=windows))
+    vehicles = [replace(own, ready_s=max(own.ready_s, at_s)) for own in instance.vehicles]
+    for one in sorties:
+        number, long, own = one.vehicle, sortie_duration_s(instance, one), vehicles[one.vehicle]
+        if one.start_s >= min(at_s, lost.get(number, at_s)) - SAME_TIME_S:
+            tails += [] if number in lost else [one]
+            continue
+        counts = number not in lost or one.start_s + long < lost[number] - SAME_TIME_S
+        flown.append((one, long if counts else np.inf))
+        (kept if counts else broken).append(one)
+        if counts:
+            ready_s = max(own.ready_s, one.start_s + long + instance.bases[one.lands].turnaround_s)
+            vehicles[number] = replace(own, base=one.lands, ready_s=ready_s)
+            wanted[[visit >> 1 for visit in one.visits]] = False
     day = next((number for number, (_, closes) in enumerate(instance.days) if at_s < closes), len(instance.days) - 1)
-    days = instance.days[day:]
-    vehicles = [
-        replace(own, windows=tuple(window for window in own.windows if window[0] >= days[0][0])) for own in vehicles
-    ]
-    today = [(one, long) for one, long in flown if one.start_s >= days[0][0] - SAME_TIME_S]
+    opens_s = instance.days[day][0]
     rest = replace(
         instance,
-        vehicles=tuple(vehicles),
-        days=days,
+        vehicles=tuple(
+            replace(own, windows=() if number in lost else tuple(one for one in own.windows if one[0] >= opens_s))
+            for number, own in enumerate(vehicles)
+        ),
+        days=instance.days[day:],
         wanted=wanted,
-        bases=_build_bases(instance, days[0][0], today, day),
+        bases=_build_bases(instance, opens_s, [one for one in flown if one[0].start_s >= opens_s - SAME_TIME_S], day),
     )
     return SortiesAfterLoss(tuple(kept), rest, tuple(tails), tuple(broken))
 
 
 def _build_bases(
-    instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Sortie, float]], day: int
+    instance: SortieInstance, opens_s: float, flown: Sequence[tuple[Route, float]], day: int
 ) -> tuple[SortieBase, ...]:
     """Return bases with the packs that they have left today."""
     pools = [base.list_packs(day, opens_s) for base in instance.bases]
@@ -201,7 +191,7 @@ class LossWindow:
 
 def find_loss_windows(
     instance: SortieInstance,
-    plan: SortiePlan,
+    plan: Plan,
     *,
     seed: int = 0,
     told: Callable[[int, int], None] = lambda _done, _of: None,
@@ -216,15 +206,15 @@ def find_loss_windows(
     from planner.sorties.sortie_annealing import build_move_table
 
     table = build_move_table(instance)
-    total, done = sum(map(len, plan.sorties)), 0
+    total, done = len(plan.routes), 0
     found = []
-    for vehicle, own in enumerate(plan.sorties):
-        from_s, breaks = 0.0, None
+    for vehicle in range(len(instance.vehicles)):
+        from_s, breaks, own = 0.0, None, plan.routes_of(vehicle)
         for number in range(len(own) - 1, -1, -1):
-            lands_s = own[number].start_s + sortie_duration_s(instance, vehicle, own[number])
+            lands_s = own[number].start_s + sortie_duration_s(instance, own[number])
             done += 1
             told(done, total)
-            left = build_sorties_after_loss(instance, plan, {vehicle: lands_s}, lands_s)
+            left = build_sorties_after_loss(instance, plan.routes, {vehicle: lands_s}, lands_s)
             if replan_sorties(left, seed, table).uncovered:
                 from_s, breaks = lands_s, number
                 done += number
@@ -233,10 +223,10 @@ def find_loss_windows(
     return tuple(found)
 
 
-def replan_sorties(left: SortiesAfterLoss, seed: int, table: MoveTable | None) -> SortiePlan:
+def replan_sorties(left: SortiesAfterLoss, seed: int, table: MoveTable | None) -> Plan:
     """Return a plan for what is left: one that inspects everything, else the best after all iterations."""
     if not left.instance.wanted.any():
-        return SortiePlan(tuple(() for _ in left.tails))
+        return Plan(())
     stop = combine_stop_rules(_stop_once_polished, Iterations(ENOUGH))
     return solve_sorties(
         left.instance, stop=stop, objective=Objective.FLIGHT, seed=seed, initial=left.tails, table=table
@@ -290,7 +280,7 @@ class SurvivalCampaign:
 
     instance: SortieInstance
     """Spares included; they come last."""
-    plan: SortiePlan
+    plan: Plan
     """Everybody's sorties without a loss; of spares there need not be any."""
     mtbf_h: float
     """Mean flight hours between failures of one vehicle."""
@@ -319,16 +309,13 @@ def simulate_days(campaign: SurvivalCampaign, chunk: FlightChunk) -> tuple[Sampl
     table = build_move_table(campaign.instance)
     # Each sortie is priced again and again here.
     instance = replace(campaign.instance, moves=MoveTables(table.move[..., 0], table.move[..., 1]))
-    missing = len(instance.vehicles) - len(campaign.plan.sorties)
-    plan = SortiePlan(campaign.plan.sorties + ((),) * missing, campaign.plan.uncovered)
     outcomes = []
     for sample in range(chunk.first, chunk.first + chunk.flights):
         chance = np.random.default_rng((campaign.seed, sample))
         # Spares come last, and drawn one by one: the others' fates do not depend on how many there are.
         life_s = [float(chance.exponential(campaign.mtbf_h * HOUR_S)) for _ in instance.vehicles]
-        flown, lost = _simulate_once(instance, plan, life_s, campaign.seed, table)
-        packs = None if flown.uncovered else count_packs_needed(instance, flown, evaluate_sorties(instance, flown))
-        outcomes.append(SampleResult(lost, packs))
+        flown, lost, finished = _simulate_once(instance, campaign.plan, life_s, campaign.seed, table)
+        outcomes.append(SampleResult(lost, count_packs_needed(instance, flown) if finished else None))
     return tuple(outcomes)
 
 
@@ -343,33 +330,33 @@ def summarise_samples(chunks: Sequence[Sequence[SampleResult]]) -> SurvivalEstim
 
 
 def _simulate_once(
-    instance: SortieInstance,
-    plan: SortiePlan,
-    life_s: Sequence[float],
-    seed: int,
-    table: MoveTable,
-) -> tuple[SortiePlan, int]:
-    """Return all sorties that took off, and how many vehicles were lost."""
+    instance: SortieInstance, plan: Plan, life_s: Sequence[float], seed: int, table: MoveTable
+) -> tuple[Sequence[Route], int, bool]:
+    """Return all sorties that took off, how many vehicles were lost, and whether nothing is left over."""
     lost: dict[int, float] = {}
+    flown: Sequence[Route] = plan.routes
     while not plan.uncovered:
         failures = [
             (at_s, number)
             for number in range(len(instance.vehicles))
-            if number not in lost and (at_s := _failure_time_s(instance, plan, number, life_s[number])) is not None
+            if number not in lost and (at_s := _failure_time_s(instance, flown, number, life_s[number])) is not None
         ]
         if not failures:
             break
         at_s, number = min(failures)
         lost[number] = at_s
-        left = build_sorties_after_loss(instance, plan, lost, at_s)
-        plan = left.list_known_sorties(replan_sorties(left, seed, table))
-    return plan, len(lost)
+        left = build_sorties_after_loss(instance, flown, lost, at_s)
+        plan = replan_sorties(left, seed, table)
+        flown = left.list_known_sorties(plan)
+    return flown, len(lost), not plan.uncovered
 
 
-def _failure_time_s(instance: SortieInstance, plan: SortiePlan, vehicle: int, life_s: float) -> float | None:
+def _failure_time_s(instance: SortieInstance, flown: Sequence[Route], vehicle: int, life_s: float) -> float | None:
     """Return when a vehicle fails that lasts so many seconds in the air; None if it outlasts its sorties."""
-    for one in plan.sorties[vehicle]:
-        long = sortie_duration_s(instance, vehicle, one)
+    for one in flown:
+        if one.vehicle != vehicle:
+            continue
+        long = sortie_duration_s(instance, one)
         if life_s < long:
             return one.start_s + life_s
         life_s -= long

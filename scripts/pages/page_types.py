@@ -43,7 +43,8 @@ def page_types() -> str:
 
 def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
     """Yield the lines of an interface; what its keys need is added to what is wanted."""
-    words = {key: text for name, key, text in docstrings(sys.modules[kind.__module__]) if name == kind.__name__}
+    names = {base.__name__ for base in kind.__mro__}
+    words = {key: text for name, key, text in docstrings(sys.modules[kind.__module__]) if name in names}
     yield f"/** {' '.join(inspect.cleandoc(kind.__doc__ or '').split())} */"
     yield f"export interface {kind.__name__} {{"
     for key, held in get_type_hints(kind).items():

@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 from typer.core import TyperCommand, TyperGroup
 
-from executor.adapters.mqtt.broker import IntakeReason
+from executor.adapters.mqtt.intent_intake import IntakeReason
 from executor.cli import commandline
 from executor.cli.commandline import load_command
 from executor.core.interface.codes import CheckCode, Ending, ReasonCode

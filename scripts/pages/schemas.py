@@ -6,12 +6,12 @@ import ast
 import inspect
 import json
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from types import ModuleType
-from typing import Any
 
-from pydantic import BaseModel
+from pydantic import TypeAdapter
 
-from executor.adapters.mqtt import broker, publisher
+from executor.adapters.mqtt import intent_intake, publisher
 from executor.analysis import documents
 from executor.core import fleet_view
 from executor.core.imaging import asset_status
@@ -23,29 +23,29 @@ from missions import (
     geo,
     inspection_defaults,
     plan_file,
-    plan_json,
+    plan_parts,
     pricing,
     terrain,
 )
 from missions import shortest_ways as ways
 from planner import moves
 
-FILES: dict[str, type[BaseModel]] = {
-    "dayplan": plan_json.DayPlanDocument,
+FILES: dict[str, type[object]] = {
+    "dayplan": plan_file.DayPlanFile,
     "learned": learned_files.LearnedDocument,
-    "plan": plan_json.PlanDocument,
+    "plan": plan_file.PlanFile,
     "report": documents.FlightReport,
     "site": site_file.Site,
     "vehicles": documents.AskedVehicles,
 }
-MESSAGES: dict[str, type[BaseModel]] = {
+MESSAGES: dict[str, type[object]] = {
     "acknowledgement": publisher.AcknowledgementMessage,
     "assets": publisher.AssetsMessage,
     "connection": publisher.ConnectionMessage,
     "event": publisher.EventMessage,
     "fault": publisher.FaultMessage,
     "fleet-state": publisher.FleetStateMessage,
-    "intent": broker.IntentMessage,
+    "intent": intent_intake.IntentMessage,
     "plan": publisher.PlanMessage,
     "telemetry": publisher.TelemetryMessage,
     "vehicle-state": publisher.VehicleStateMessage,
@@ -59,7 +59,7 @@ PLAN = (
     inspection_defaults,
     moves,
     plan_file,
-    plan_json,
+    plan_parts,
     pricing,
     terrain,
     ways,
@@ -87,9 +87,9 @@ def schemas() -> dict[str, str]:
     return {f"{place}.schema.json": text for place, text in (files | sent).items()}
 
 
-def _text(name: str, model: type[BaseModel], words: Words) -> str:
+def _text(name: str, model: type[object], words: Words) -> str:
     sent = issubclass(model, publisher.MqttPayload)
-    content: dict[str, Any] = model.model_json_schema(mode="serialization" if sent else "validation")
+    content = TypeAdapter(model).json_schema(mode="serialization" if sent else "validation")
     for part in (content, *content.get("$defs", {}).values()):
         for key, known in part.get("properties", {}).items():
             if (part["title"], key) in words:
@@ -103,10 +103,11 @@ def _text(name: str, model: type[BaseModel], words: Words) -> str:
 
 def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
     """Yield class, key and what stands below the key in the source: pydantic itself would read it at every start."""
-    for node in ast.parse(inspect.getsource(module)).body:
-        if not isinstance(node, ast.ClassDef):
-            continue
-        for field, below in zip(node.body, node.body[1:], strict=False):
-            key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
-            if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                yield node.name, key.id, " ".join(str(below.value.value).split())
+    classes = {node.name: node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.ClassDef)}
+    for name, node in classes.items():
+        bases = [classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes]
+        for body in (node.body, *(base.body for base in bases)):
+            for field, below in pairwise(body):
+                key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
+                if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                    yield name, key.id, " ".join(str(below.value.value).split())

@@ -22,7 +22,7 @@ from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, solve_day
 from executor.site.site_file import check_site
 from executor.site.site_planning import PlanRequest
-from missions import DayPlanFile, check_day_plan, write_plan
+from missions import DayPlanFile, check_plan, write_plan
 from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.test_same_distance import AIRBORNE_M, LAYER_M, write_star
 from tests.missions.builders import FRAME
@@ -56,7 +56,7 @@ def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
     day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert day.unreachable
     assert not day.plan.uncovered
-    assert max(map(len, day.plan.sorties)) >= 2
+    assert max(len(day.routes_of(name)) for name in day.names) >= 2
     shapes, least_m, apart_m = [Polygon(QUARRY), Polygon(CROSSING)], [math.inf], [math.inf]
 
     def lived(vehicles: Mapping[str, SimulatedVehicle]) -> None:
@@ -80,7 +80,7 @@ def test_a_day_keeps_out_of_areas_and_looks_at_pylons_sortie_by_sortie(
     assert min(least_m) >= MARGIN_M - CUT_M
     assert min(apart_m) >= LAYER_M - 1.0
     flown = sum(truth.what == "took_off" for truth in flight.truths)
-    assert flown == sum(map(len, day.plan.sorties))
+    assert flown == len(day.routes)
 
 
 TWO_DAYS_END = "08:12"
@@ -98,7 +98,7 @@ def test_a_plan_of_two_days_is_finished_on_the_second_after_a_loss_on_the_first(
     ground = site_model.load_site_model(check_site(content, "test"), tmp_path)
     plan = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=500, starts=1))
     assert not plan.plan.uncovered
-    starts_s = [one.start_s for own in plan.plan.sorties for one in own]
+    starts_s = [one.start_s for one in plan.routes]
     assert min(starts_s) < plan.days[0][1] <= plan.days[1][0] <= max(starts_s)
 
     def fly(day: DayPlanFile, run: Path, earlier: tuple[EarlierRow, ...], *losses: tuple[float, str]) -> VirtualFlight:
@@ -122,7 +122,7 @@ def test_a_plan_of_two_days_is_finished_on_the_second_after_a_loss_on_the_first(
     rest = select_next_day(plan, tmp_path / "one", ground, site)
     assert rest is not None
     assert rest.first_day == 2
-    assert check_day_plan(rest) == []
+    assert check_plan(rest) == []
     after = fly(rest, tmp_path / "two", read_earlier_flights(tmp_path / "one"))
     assert after.report.finished
     assert set(list_inspected_segments(after.report)) == {segment.id for segment in plan.segments} - done

@@ -23,19 +23,19 @@ from executor.adapters.web import WebServer, WebSettings
 from executor.core.context import Context
 from executor.core.fleet_view import (
     FleetView,
-    LastFixView,
     LossView,
     OfferView,
+    PlaceView,
     TakenView,
     VehicleView,
     build_fleet_view,
 )
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Gps, Wind
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
-from executor.core.state.fleet_state import Briefing, CheckLine, FleetState, OperatorLine, Question
+from executor.core.payload.camera_state import AwaitedPictures
+from executor.core.state.fleet_state import Briefing, FleetState, OperatorLine, Question
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.core.state.vehicle_state import Stage, VehicleState, build_onboard_mission
 from executor.site import site_model
@@ -57,22 +57,25 @@ LAYOUTS = {"desk": (1440, 900), "phone": (390, 844)}
 SECOND = "uav2 is with its pilot, who would lose it to a landing where it is. Land it all the same?"
 
 CHECKS = (
-    CheckLine("ok", "heights", "over the ground of the network file", CheckCode.HEIGHTS),
-    CheckLine("ok", "disk", "41.2 GB free, the record of a flight like this takes about 6 MB", CheckCode.DISK),
-    CheckLine("ok", "separation", "any two vehicles stay at least 5 m apart", CheckCode.SEPARATION),
-    CheckLine("ok", "uav1", "quadrotor, ArduPilot 4.6.1", CheckCode.FIRMWARE),
-    CheckLine("ok", "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %", CheckCode.ENERGY),
-    CheckLine(
-        "warning",
+    Check(Severity.OK, "heights", "over the ground of the network file", CheckCode.HEIGHTS),
+    Check(Severity.OK, "disk", "41.2 GB free, the record of a flight like this takes about 6 MB", CheckCode.DISK),
+    Check(Severity.OK, "separation", "any two vehicles stay at least 5 m apart", CheckCode.SEPARATION),
+    Check(Severity.OK, "uav1", "quadrotor, ArduPilot 4.6.1", CheckCode.FIRMWARE),
+    Check(Severity.OK, "uav1", "battery 98 %, flight 4.2 min and 21 %, lands with 77 %", CheckCode.ENERGY),
+    Check(
+        Severity.WARNING,
         "uav2",
         "no battery failsafe (BATT_FS_LOW_ACT=0): on an empty battery it keeps flying until it falls",
         CheckCode.BATTERY_FAILSAFE,
     ),
-    CheckLine("ok", "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
-    CheckLine("ok", "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %", CheckCode.ENERGY),
+    Check(Severity.OK, "uav2", "battery 97 %, flight 5.0 min and 25 %, lands with 72 %", CheckCode.ENERGY),
+    Check(Severity.OK, "uav3", "battery 95 %, flight 5.9 min and 29 %, lands with 66 %", CheckCode.ENERGY),
 )
-STOPPED = CheckLine(
-    "stop", "uav3", "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high", CheckCode.GEOFENCE
+STOPPED = Check(
+    Severity.STOP,
+    "uav3",
+    "its geofence ends 30 m high (FENCE_ALT_MAX), but its flight goes 41 m high",
+    CheckCode.GEOFENCE,
 )
 
 
@@ -207,7 +210,7 @@ def reckoned(ready: Fleet) -> Scene:
     def touch(vehicle: VehicleView) -> VehicleView:
         now = vehicle.position
         assert now is not None
-        last = LastFixView(now.lat_deg, now.lon_deg, now.relative_alt_m, 2.5, 104.0, 12.0)
+        last = PlaceView(now.lat_deg, now.lon_deg, now.relative_alt_m, 12.0, 104.0, 2.5)
         return replace(vehicle, gps_fix=0, position=replace(now, known="reckoned", accuracy_m=1250.0, last_fix=last))
 
     words = {
@@ -337,10 +340,7 @@ def pictures(ready: Fleet) -> Scene:
             7: (("rgb", 0.0), ("rgb", 3.0)),
         },
         "unseen": {1: AwaitedPictures("uav1", now_s - 2.0)},
-        "not_seen": (
-            MissingPictures("uav3", 7, now_s - 60.0, "rgb has no picture from viewpoint 2, 3"),
-            MissingPictures("uav2", 5, now_s - 30.0, "rgb does not show 0 to 100 m of 100 m"),
-        ),
+        "not_seen": {7: "uav3", 5: "uav2"},
         "given_up": frozenset({5}),
     }
     text = "uav3: pylon p3 flown, but pictures are missing: rgb has no picture from viewpoint 2, 3"
@@ -359,7 +359,7 @@ def pictures(ready: Fleet) -> Scene:
 def many_assets(ready: Fleet) -> Scene:
     """A line of a thousand spans, of which some are missed."""
     story = flown(long_line())
-    missed = tuple(MissingPictures("uav1", segment, 1.0, "nothing") for segment in range(100, 1000, 97))
+    missed = dict.fromkeys(range(100, 1000, 97), "uav1")
     seen = dict.fromkeys(range(6, 95), "uav2")
     state = with_facts(_fitted(story.state), inspected=seen, not_seen=missed)
     words = {"#tally": f"{len(seen)} of 1000 seen", "#tally-missed": f"{len(missed)} missed"}

@@ -230,7 +230,7 @@ Later = Callable[[], Event | None]
 
 @dataclass(slots=True)
 class Story:
-    """Drives `fleet.step` through a flight."""
+    """Drives `fleet_step.step` through a flight."""
 
     context: Context
     boards: dict[str, OnboardMission | None]

@@ -15,16 +15,12 @@ from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionCount,
-    MissionItemReceived,
+    MissionItemInt,
     MissionRequest,
+    MissionRequestList,
     Outgoing,
     ParamValue,
     SendCommand,
-    SendMissionAck,
-    SendMissionCount,
-    SendMissionItem,
-    SendMissionRequest,
-    SendMissionRequestList,
     SendParamRequest,
     SendParamSet,
 )
@@ -90,15 +86,15 @@ class FakeMissions:
     def hear(self, message: Outgoing, now_s: float) -> list[Message]:
         """Take part in a transfer."""
         match message:
-            case SendMissionCount(count):
+            case MissionCount(count):
                 return self._begin(count, now_s)
-            case SendMissionItem(item):
+            case MissionItemInt(item):
                 return self._store(item, now_s)
-            case SendMissionRequestList():
+            case MissionRequestList():
                 return self._list(now_s)
-            case SendMissionRequest(seq):
+            case MissionRequest(seq):
                 return self._read(seq, now_s)
-            case SendMissionAck(result):
+            case MissionAck(result):
                 self._reading_until_s = float("-inf")
                 if self.dialect.upload_is_atomic and result == CANCELLED:
                     self._upload = None
@@ -164,7 +160,7 @@ class FakeMissions:
         if (self.dialect.upload_is_atomic and now_s >= self._reading_until_s) or seq >= len(self.items):
             return [MissionAck(ERROR)]
         self._reading_until_s = now_s + self.dialect.upload_silence_s
-        return [MissionItemReceived(self.items[seq])]
+        return [MissionItemInt(self.items[seq])]
 
     def _mute(self, upload: _Transfer) -> bool:
         return self.stops_at is not None and len(upload.items) >= self.stops_at
@@ -176,7 +172,7 @@ class FakeMissions:
 
 def _of(kind: MissionKind, message: Message) -> Message:
     """Return what is said of a mission as it is said of another list."""
-    assert isinstance(message, MissionAck | MissionCount | MissionItemReceived | MissionRequest)
+    assert isinstance(message, MissionAck | MissionCount | MissionItemInt | MissionRequest)
     return replace(message, kind=kind)
 
 

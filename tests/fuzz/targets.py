@@ -20,9 +20,10 @@ from pymavlink.generator.mavcrc import x25crc
 from executor.adapters.eventlog import from_plain, to_plain
 from executor.adapters.mavlink.codec import FrameParser, MavlinkCodec
 from executor.adapters.mavlink.endpoints import VehicleLink
-from executor.adapters.mqtt.broker import IntakeRules, MqttTopics, RefusedMessage, read_intent
 from executor.adapters.mqtt.client import Outbox
+from executor.adapters.mqtt.intent_intake import IntakeRules, RefusedMessage, read_intent
 from executor.adapters.mqtt.publisher import Publisher
+from executor.adapters.mqtt.topics import MqttTopics
 from executor.adapters.web import WebServer, WebSettings
 from executor.core import fleet_step
 from executor.core.fleet_view import build_fleet_view

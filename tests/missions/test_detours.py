@@ -62,7 +62,7 @@ def test_a_column_at_either_end_is_led_around_by_nobody() -> None:
     from_m = np.array([[0.0, 0.0, 10.0], [0.0, 8.0, 10.0], [45.0, 0.0, 10.0], [0.0, 0.0, 10.0]])
     to_m = np.array([[100.0, 0.0, 20.0], [100.0, 8.0, 10.0], [100.0, 0.0, 10.0], [55.0, 0.0, 10.0]])
     assert columns.find_obstructed(from_m, to_m).tolist() == [0]
-    ((which, ways_m),) = columns.iterate_ways(from_m[:1], to_m[:1])
+    ((which, ways_m),) = columns.iterate_ways(from_m, to_m)
     assert which.tolist() == [0]
     assert (ways_m[0, 0].tolist(), ways_m[0, -1].tolist()) == ([0.0, 0.0, 10.0], [100.0, 0.0, 20.0])
     # It rises evenly along the way, and keeps clear.

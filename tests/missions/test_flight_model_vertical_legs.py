@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from missions.flight_model import NEVER, VerticalLegs
+from missions.flight_model import NEVER, find_vertical_legs
 
 LINE_M = np.array([[0.0, 0.0, 15.0], [0.0, 0.0, 15.0], [0.0, 0.0, 15.0], [0.0, 0.0, 15.0]])
 ON = np.array([False, True, False, True])
 
 
 def test_a_way_between_two_lines_leads_up_and_down() -> None:
-    away = VerticalLegs.find_between(LINE_M, LINE_M + np.array([50.0, 0.0, 0.0]), ON, ON[::-1], 0.5)
-    assert away.up.tolist() == [False, True, False, True]
-    assert away.down.tolist() == [True, False, True, False]
+    ups, downs = find_vertical_legs(LINE_M, LINE_M + np.array([50.0, 0.0, 0.0]), ON, ON[::-1])
+    assert ups.tolist() == [False, True, False, True]
+    assert downs.tolist() == [True, False, True, False]
 
 
 def test_who_goes_on_along_the_line_stays_down() -> None:
-    on = VerticalLegs.find_between(
-        LINE_M, LINE_M, np.array([False, True, False, True]), np.array([False, True, True, False]), 0.5
+    ups, downs = find_vertical_legs(
+        LINE_M, LINE_M, np.array([False, True, False, True]), np.array([False, True, True, False])
     )
-    assert on.up.tolist() == [False, False, False, True]
-    assert on.down.tolist() == [False, False, True, False]
+    assert ups.tolist() == [False, False, False, True]
+    assert downs.tolist() == [False, False, True, False]
 
 
 def test_in_layers_nobody_goes_up_or_down() -> None:
-    level = VerticalLegs.find_between(LINE_M, LINE_M + 50.0, NEVER, NEVER, 0.5)
-    assert not level.up.any()
-    assert not level.down.any()
+    ups, downs = find_vertical_legs(LINE_M, LINE_M + 50.0, NEVER, NEVER)
+    assert not ups.any()
+    assert not downs.any()

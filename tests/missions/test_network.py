@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from missions import Network, NetworkError, Pylon, Segment
+from missions.network import part_within
 from tests.missions.builders import FRAME, line_east, network_of
 
 
@@ -32,20 +33,16 @@ def test_heights_are_known_only_if_all_are() -> None:
 def test_a_part_is_renumbered_and_keeps_its_labels() -> None:
     network = network_of([(900, 0), (100, 0), (200, 0), (300, 0)], [(0, 3), (3, 2), (2, 1)])
     labelled = tuple(replace(segment, label=f"L{segment.id}") for segment in network.segments)
-    part = Network(network.pylons, labelled, FRAME).crop_to_radius(500.0)
+    part = Network(*part_within(network.pylons, labelled, FRAME, 500.0), FRAME)
     assert [(segment.id, segment.label) for segment in part.segments] == [(0, "L1"), (1, "L2")]
     assert [pylon.id for pylon in part.pylons] == ["p1", "p2", "p3"]
     assert np.allclose(part.ends_m[:, :, 0], [[300, 200], [200, 100]], atol=1e-6)
 
 
 def test_both_pylons_must_be_nearer_than_the_radius() -> None:
-    assert len(line_east(4).crop_to_radius(400.1).segments) == 3
-    assert len(line_east(4).crop_to_radius(399.9).segments) == 2
-
-
-def test_a_part_without_segments_is_refused() -> None:
-    with pytest.raises(NetworkError, match=r"^test network: radius_m: no segment lies within 150 m of the depot$"):
-        line_east().crop_to_radius(150.0)
+    line = line_east(4)
+    for radius_m, segments in ((400.1, 3), (399.9, 2), (150.0, 0)):
+        assert len(part_within(line.pylons, line.segments, FRAME, radius_m)[1]) == segments
 
 
 def _pylon(**changes: object) -> Pylon:

@@ -18,7 +18,6 @@ from missions import (
     SolverRecord,
     Window,
     build_plan_document,
-    check_day_plan,
     check_plan,
     is_day_plan,
     make_plan_file,
@@ -28,8 +27,10 @@ from missions import (
     read_plan,
     write_plan,
 )
+from missions.plan_parts import PlanCost, PlanRoute
 from missions.readers import default_network_path
-from planner import Cost, Dynamics, Plan, Route, SteadyWind, Travel, Vehicle
+from planner import Cost, Plan, Route, SteadyWind, Travel, Vehicle
+from planner.moves import Dynamics
 from tests.missions.builders import depot_vehicle, line_east, paper_task, whole_task
 
 TRAVEL = Travel(transit_speed_m_s=10.0, inspection_speed_m_s=2.0, transit_pct_per_s=0.1, inspection_pct_per_s=0.2)
@@ -45,12 +46,18 @@ def small() -> PlanFile:
     return make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED)
 
 
+def routes_of(**figures: float) -> tuple[PlanRoute, ...]:
+    """Return its routes, the first with other figures."""
+    first, second = small().routes
+    return replace(first, **figures), second
+
+
 def test_figures_come_from_the_definition() -> None:
     content = small()
     # 100 m out, 200 m of inspection, 300 m home: 10 + 100 + 30 s.
     assert content.durations_s == pytest.approx((140.0, 0.0), abs=1e-6)
     assert content.energies_pct == pytest.approx((24.0, 0.0), abs=1e-6)
-    assert content.cost_value == pytest.approx(24.0, abs=1e-6)
+    assert content.cost.value == pytest.approx(24.0, abs=1e-6)
     assert check_plan(content) == []
 
 
@@ -102,7 +109,7 @@ def test_a_file_of_version_1_is_read_and_written_as_version_2_always_was(kept: P
 def test_every_figure_of_kept_files_is_right(version: str) -> None:
     priced, days = (KEPT[0].parents[1] / version / name for name in ("priced.json", "days.json"))
     assert check_plan(read_plan(priced)) == []
-    assert check_day_plan(read_day_plan(days)) == []
+    assert check_plan(read_day_plan(days)) == []
     assert (is_day_plan(priced), is_day_plan(days)) == (False, True)
 
 
@@ -150,20 +157,18 @@ def test_a_plan_chosen_by_its_window_reads_back(tmp_path: Path) -> None:
     content = small()
     longest_s = max(content.durations_s)
     window = Window(0.0, longest_s, longest_s)  # it leaves a segment out
-    chosen = replace(content, cost=None, cost_value=window.earliest_s, window=window)
+    chosen = replace(content, cost=PlanCost("window", window.earliest_s), window=window)
     path = tmp_path / "plan.json"
     write_plan(path, chosen)
     assert json.loads(path.read_text())["cost"] == {"name": "window", "value": window.earliest_s}
     assert read_plan(path) == chosen
     assert check_plan(chosen) == []
-    assert "cost.value (window) is 1, its content gives 140" in check_plan(replace(chosen, cost_value=1.0))
+    assert "cost.value (window) is 1, its content gives 140" in check_plan(
+        replace(chosen, cost=PlanCost("window", 1.0))
+    )
 
 
 def test_a_plan_chosen_by_a_window_has_one(tmp_path: Path) -> None:
-    network = line_east()
-    task = whole_task(network, [depot_vehicle("uav1", 80.0)], TRAVEL)
-    with pytest.raises(PlanFileError, match="cost: expected the re-plan window"):
-        make_plan_file(network, task, TRAVEL, Plan((Route(0, (0,)),), (1, 2)), None, SOLVED)
     path = tmp_path / "plan.json"
     document = build_plan_document(small()) | {"cost": {"name": "window", "value": 3.0}}
     path.write_text(json.dumps(document))
@@ -212,15 +217,15 @@ def test_optional_keys_may_be_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "finding"),
     [
-        ({"durations_s": (141.0, 0.0)}, "route of uav1: duration_s is 141, its content gives 140"),
-        ({"energies_pct": (24.0, 0.1)}, "route of uav2: energy_pct is 0.1, its content gives 0"),
-        ({"cost_value": 23.0}, "cost.value (minmax) is 23, its content gives 24"),
-        ({"cost": Cost.MINCOMB}, "cost.value (mincomb) is 24, its content gives 36"),
-        ({"plan": Plan((Route(0, (0, 2)), Route(1, ())))}, "segment 2 is neither visited nor named as uncovered"),
+        ({"routes": routes_of(duration_s=141.0)}, "route of uav1: duration_s is 141, its content gives 140"),
+        ({"routes": routes_of(energy_pct=24.1)}, "route of uav1: energy_pct is 24.1, its content gives 24"),
+        ({"cost": PlanCost("minmax", 23.0)}, "cost.value (minmax) is 23, its content gives 24"),
+        ({"cost": PlanCost("mincomb", 24.0)}, "cost.value (mincomb) is 24, its content gives 36"),
+        ({"uncovered": ()}, "segment 2 is neither visited nor named as uncovered"),
         ({"window": Window(50.0, 70.0, 150.0)}, "window.longest_route_s is 150, its content gives 140"),
         ({"window": Window(60.0, 70.0, 140.0)}, "window.window_pct is 60, its content gives 50"),
         (
-            {"vehicles": (depot_vehicle("uav1", 20.0), depot_vehicle("uav2", 70.0))},
+            {"vehicles": (replace(small().vehicles[0], budget_pct=20.0), small().vehicles[1])},
             "route of uav1: spends 24.000 %, its budget is 20.000 %",
         ),
     ],
@@ -250,7 +255,7 @@ def test_a_plan_of_one_vehicle_has_no_window() -> None:
     network = line_east()
     task = whole_task(network, [depot_vehicle("uav1", 80.0)], TRAVEL)
     plan = Plan((Route(0, (0, 2, 4)),))
-    content = make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED, window=Window(0.0, 1.0, 1.0))
+    content = make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED)
     longest_s = content.durations_s[0]
     (finding,) = check_plan(replace(content, window=Window(0.0, longest_s, longest_s)))
     assert finding.startswith("window: uav1 is the only vehicle")
@@ -362,11 +367,12 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_figure_that_is_no_number_is_never_written(tmp_path: Path) -> None:
     path = tmp_path / "plan.json"
     with pytest.raises(PlanFileError, match=r"plan\.json: cost\.value: expected a finite number, got nan"):
-        write_plan(path, replace(small(), cost_value=float("nan")))
+        write_plan(path, replace(small(), cost=PlanCost("minmax", float("nan"))))
     assert not path.exists()
 
 
 def test_vehicles_that_make_no_problem_are_named() -> None:
-    broken = replace(small(), vehicles=(Vehicle("uav1", (float("inf"), 0.0), 80.0), depot_vehicle("uav2", 70.0)))
+    first, second = small().vehicles
+    broken = replace(small(), vehicles=(replace(first, start_m=(float("inf"), 0.0)), second))
     with pytest.raises(PlanFileError, match=r"^plan: .*start_m"):
         check_plan(broken)

@@ -101,7 +101,7 @@ def test_who_is_free_after_a_visit_is_turned_along_it() -> None:
 def test_many_segments_are_priced_when_they_are_asked_for() -> None:
     vehicles = [depot_vehicle("uav1", 80.0), depot_vehicle("uav2", 70.0, 1.1)]
     tables = build_priced_instance(pricing(6), vehicles)
-    asked = price_fleet(pricing(6), ["uav1", "uav2"]).moves
+    asked = price_fleet(pricing(6), ["uav1", "uav2"])[0]
     every = np.arange(10)
     assert asked.seconds(0, every[:, np.newaxis], every) == pytest.approx(
         tables.moves.seconds(0, every[:, np.newaxis], every)

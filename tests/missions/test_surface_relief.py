@@ -12,7 +12,7 @@ import pytest
 
 from missions import FlightModel, Pricing, build_flight_path, column_radius_m, dialect_for, estimate
 from missions.pricing import build_priced_instance
-from missions.terrain import Grid, hull_m, is_inside_convex, limit_slope_above, limit_slope_below
+from missions.terrain import Grid, hull_m, is_inside_convex, limit_slope
 from planner import PRESETS, Cost, Plan, Route, Vehicle, build_steady_wind, evaluate, segment_of
 from tests.terrain_judge import Case, case_of
 
@@ -72,7 +72,7 @@ def hills(seed: int = 3) -> Grid:
 @pytest.mark.parametrize("slope", [0.2, 0.7])
 def test_cones_are_over_or_under_every_height_and_no_steeper(slope: float) -> None:
     grid = hills()
-    high, low = limit_slope_above(grid, slope), limit_slope_below(grid, slope)
+    high, low = limit_slope(grid, slope, np.maximum), limit_slope(grid, -slope, np.minimum)
     assert (high.heights_m >= grid.heights_m).all()
     assert (low.heights_m <= grid.heights_m).all()
     places = grid.places_m.reshape(-1, 2)

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from planner import Dynamics, Instance, Travel, Vehicle, build_instance
+from planner import Instance, Travel, Vehicle, build_instance
+from planner.moves import Dynamics
 
 NECHRANICE = Path(__file__).parents[3] / "shared" / "data" / "nechranice_graph.yaml"
 

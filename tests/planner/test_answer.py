@@ -12,16 +12,15 @@ from planner import (
     InstanceError,
     Iterations,
     Plan,
-    RepairStatus,
     Route,
     build_remaining_problem,
     evaluate,
-    iterate_losses,
     replan_window,
     solve,
     solve_window,
 )
-from planner.window import event_times_s
+from planner.evaluate import RepairStatus
+from planner.window import event_times_s, iterate_losses
 from tests.planner.builders import fleet, line, random_instance
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.

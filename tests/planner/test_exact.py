@@ -10,12 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import (
-    EXACT_SEGMENTS,
     PRESETS,
     Cancelled,
     Cost,
-    Dynamics,
-    ExactParams,
     Instance,
     InstanceError,
     Iterations,
@@ -34,6 +31,9 @@ from planner import (
     solve_exact,
     travel_for,
 )
+from planner.exact import EXACT_SEGMENTS
+from planner.moves import Dynamics
+from planner.params import ExactParams
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance
 
 TO_THE_END = Seconds(1e9)

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from planner import (
     Cancelled,
     Cost,
-    Dynamics,
     FirstFeasible,
     InstanceError,
     Iterations,
@@ -30,6 +29,7 @@ from planner import (
 )
 from planner.grasp import _GraspRuns
 from planner.kernels.anneal import compute_objective
+from planner.moves import Dynamics
 from planner.plan_search import build_plan
 from tests.planner.builders import fleet, line, nechranice_ends_m, random_instance
 

@@ -8,22 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.synthetic import SPAN_M, generate_network
-from planner import (
-    Cost,
-    Dynamics,
-    Instance,
-    Iterations,
-    Plan,
-    Progress,
-    Route,
-    Travel,
-    Vehicle,
-    build_instance,
-    evaluate,
-    solve,
-)
+from planner import Cost, Instance, Iterations, Plan, Progress, Route, Travel, Vehicle, build_instance, evaluate, solve
 from planner.large import LargeSearch, sort_along_curve, split_into_routes
 from planner.model import build_part_instance
+from planner.moves import Dynamics
 from planner.params import DEFAULT_PARAMS
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import fleet, random_instance, table_pct

@@ -10,7 +10,6 @@ import pytest
 
 from planner import (
     PRESETS,
-    Dynamics,
     InstanceError,
     Route,
     Travel,
@@ -21,6 +20,7 @@ from planner import (
     route_energy_pct,
     travel_for,
 )
+from planner.moves import Dynamics
 from tests.planner.builders import UNIT, fleet, nechranice_ends_m, table_s
 
 PAPER = Travel(5.0, 1.0, 1.0, 1.0)

@@ -8,10 +8,8 @@ import pytest
 from planner import (
     PRESETS,
     Cost,
-    Dynamics,
     InstanceError,
     Iterations,
-    MoveGeometry,
     MoveTables,
     Plan,
     Route,
@@ -26,6 +24,7 @@ from planner import (
     solve,
     travel_for,
 )
+from planner.moves import Dynamics, MoveGeometry
 from tests.planner.builders import fleet, table_pct, table_s
 
 CALM = Travel(5.0, 1.0, 0.05, 0.06)

@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from planner import (
-    AnnealingParams,
-    Cost,
-    Iterations,
-    LargeParams,
-    Progress,
-    SearchParams,
-    WindowSearchParams,
-    solve,
-    solve_window,
-)
+from planner import Cost, Iterations, Progress, SearchParams, solve, solve_window
+from planner.params import AnnealingParams, LargeParams, WindowSearchParams
 from tests.planner.builders import fleet, random_instance
 
 INSTANCE = random_instance(5, 20, fleet(40.0, 40.0, 40.0))

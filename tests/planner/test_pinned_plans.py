@@ -8,10 +8,8 @@ from collections.abc import Iterable
 from planner import (
     Cost,
     Iterations,
-    LargeParams,
     Plan,
     SearchParams,
-    WindowSearchParams,
     build_remaining_problem,
     build_risk_campaign,
     estimate_risks,
@@ -22,6 +20,7 @@ from planner import (
     solve_window,
     split_flights,
 )
+from planner.params import LargeParams, WindowSearchParams
 from tests.planner.builders import fleet, random_instance
 
 INSTANCE = random_instance(5, 25, fleet(60.0, 50.0, 70.0), dynamics=True)

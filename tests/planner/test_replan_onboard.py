@@ -11,7 +11,6 @@ from planner import (
     Instance,
     Plan,
     PlanError,
-    PlanRating,
     Route,
     Travel,
     Vehicle,
@@ -19,12 +18,12 @@ from planner import (
     build_onboard_plan,
     evaluate,
     grant_onboard_budgets,
-    is_better_rating,
     rate_plan,
     route_energy_pct,
     select_best_plan,
 )
 from planner.evaluate import Cost
+from planner.replan import PlanRating, is_better_rating
 
 PLAIN = PlanRating(3, 300.0, 1, 100.0, 50.0, 60.0, 30.0)
 """Three segments of 100 m and one to spare, within 60 s and 30 %."""

@@ -25,7 +25,6 @@ from planner import (
     build_remaining_problem,
     build_risk_campaign,
     combine_stop_rules,
-    estimate_probability,
     estimate_risks,
     evaluate,
     replan,
@@ -34,7 +33,7 @@ from planner import (
     solve,
     split_flights,
 )
-from planner.risk import build_state_before_losses, repair_plan
+from planner.risk import build_state_before_losses, estimate_probability, repair_plan
 from tests.planner.builders import UNIT, fleet, line, random_instance
 
 FLIGHTS = 20_000

@@ -9,7 +9,6 @@ import pytest
 from planner import (
     Cancelled,
     Cost,
-    Dynamics,
     FirstFeasible,
     Iterations,
     NoImprovement,
@@ -22,10 +21,11 @@ from planner import (
     build_instance,
     combine_stop_rules,
     evaluate,
-    explain_infeasibility,
     route_energy_pct,
     solve,
 )
+from planner.bounds import explain_infeasibility
+from planner.moves import Dynamics
 from planner.plan_search import PlanSearch, build_plan
 from planner.stop_rules import Stopwatch
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m, random_instance

@@ -7,12 +7,10 @@ import pytest
 from planner import (
     PRESETS,
     Cost,
-    CriticalLoss,
     Instance,
     Iterations,
     Plan,
     PlanError,
-    RepairStatus,
     ReplanWindow,
     Route,
     Vehicle,
@@ -20,12 +18,12 @@ from planner import (
     build_remaining_problem,
     evaluate,
     find_repairs_at,
-    iterate_losses,
     replan_window,
     solve,
     travel_for,
 )
-from planner.window import event_times_s
+from planner.evaluate import CriticalLoss, RepairStatus
+from planner.window import event_times_s, iterate_losses
 from tests.planner.builders import UNIT, fleet, line, nechranice_ends_m
 
 # Segments 0-10, 10-20, ... m east of the depot; a metre is a second is a percent.

@@ -10,12 +10,10 @@ from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionCount,
-    MissionItemReceived,
+    MissionItemInt,
     MissionRequest,
+    MissionRequestList,
     Outgoing,
-    SendMissionAck,
-    SendMissionRequest,
-    SendMissionRequestList,
 )
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.mission_transfer import RESULT_NAMES, DownloadDialogue
@@ -24,7 +22,7 @@ from tests.properties.machines import Deadline, Told, play, stories
 
 ITEMS = tuple(MissionItem(seq, 3, 16, x=seq) for seq in range(4))
 MESSAGES: st.SearchStrategy[Message] = st.one_of(
-    st.builds(MissionItemReceived, st.sampled_from(ITEMS)),
+    st.builds(MissionItemInt, st.sampled_from(ITEMS)),
     st.builds(MissionAck, st.integers(0, 15)),
     st.builds(MissionCount, st.sampled_from([4, 4, 4, 3, 0])),
     st.just(MissionRequest(0)),
@@ -42,8 +40,8 @@ def test_what_is_accepted_is_whole_and_in_order(story: list[Told]) -> None:
     if isinstance(machine.outcome, Accepted):
         assert len(machine.items) == machine.count
         assert [item.seq for item in machine.items] == list(range(len(machine.items)))
-        assert sent[-1] == SendMissionAck(0)
-        assert sent.count(SendMissionAck(0)) == 1
+        assert sent[-1] == MissionAck(0)
+        assert sent.count(MissionAck(0)) == 1
 
 
 def told(*messages: Message) -> tuple[DownloadDialogue, list[Outgoing]]:
@@ -56,34 +54,34 @@ def told(*messages: Message) -> tuple[DownloadDialogue, list[Outgoing]]:
 
 
 def test_a_clean_download() -> None:
-    machine, sent = told(MissionCount(4), *(MissionItemReceived(item) for item in ITEMS))
+    machine, sent = told(MissionCount(4), *(MissionItemInt(item) for item in ITEMS))
     assert (machine.outcome, machine.items) == (Accepted(), ITEMS)
-    assert sent == [SendMissionRequestList(), *(SendMissionRequest(seq) for seq in range(4)), SendMissionAck(0)]
+    assert sent == [MissionRequestList(), *(MissionRequest(seq) for seq in range(4)), MissionAck(0)]
 
 
 def test_an_empty_vehicle() -> None:
     machine, sent = told(MissionCount(0))
     assert (machine.outcome, machine.items) == (Accepted(), ())
-    assert sent == [SendMissionRequestList(), SendMissionAck(0)]
+    assert sent == [MissionRequestList(), MissionAck(0)]
 
 
 def test_duplicates_and_strays_change_nothing() -> None:
     machine, sent = told(
-        MissionItemReceived(ITEMS[0]), MissionCount(4), MissionCount(9), MissionItemReceived(ITEMS[2]),
-        MissionItemReceived(ITEMS[0]), MissionItemReceived(ITEMS[0]), MissionAck(0),
+        MissionItemInt(ITEMS[0]), MissionCount(4), MissionCount(9), MissionItemInt(ITEMS[2]),
+        MissionItemInt(ITEMS[0]), MissionItemInt(ITEMS[0]), MissionAck(0),
     )  # fmt: skip
     assert (machine.outcome, machine.items, machine.count) == (None, ITEMS[:1], 4)
-    assert sent == [SendMissionRequestList(), SendMissionRequest(0), SendMissionRequest(1)]
+    assert sent == [MissionRequestList(), MissionRequest(0), MissionRequest(1)]
 
 
 def test_silence_ends_it() -> None:
     machine, sent = play(DownloadDialogue(), [])
-    assert set(sent) == {SendMissionRequestList()}
+    assert set(sent) == {MissionRequestList()}
     assert machine.outcome == TimedOut("no answer when asked for the count")
 
 
 def test_silence_in_the_midst_names_the_item() -> None:
-    machine, _ = play(DownloadDialogue(), [Told(MissionCount(4), 0.1), Told(MissionItemReceived(ITEMS[0]), 0.1)])
+    machine, _ = play(DownloadDialogue(), [Told(MissionCount(4), 0.1), Told(MissionItemInt(ITEMS[0]), 0.1)])
     assert machine.outcome == TimedOut("no answer when asked for item 1 of 4")
 
 
@@ -102,9 +100,9 @@ def test_a_refusal_is_asked_again_and_then_is_the_reason(result: int) -> None:
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(MissionCount(4))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (Aborted(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (Aborted(), (MissionAck(15),))
 
 
 def test_a_deadline_asks_the_open_question_again() -> None:
     _, sent = play(DownloadDialogue(), [Told(MissionCount(4), 0.1), Told(Deadline(), 0.0)])
-    assert sent[:3] == [SendMissionRequestList(), SendMissionRequest(0), SendMissionRequest(0)]
+    assert sent[:3] == [MissionRequestList(), MissionRequest(0), MissionRequest(0)]

@@ -6,17 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import (
-    Cost,
-    Iterations,
-    Vehicle,
-    build_remaining_problem,
-    evaluate,
-    explain_infeasibility,
-    route_energy_pct,
-    solve,
-)
-from planner.bounds import compute_tree_bound_pct
+from planner import Cost, Iterations, Vehicle, build_remaining_problem, evaluate, route_energy_pct, solve
+from planner.bounds import compute_tree_bound_pct, explain_infeasibility
 from tests.planner.builders import fleet, random_instance
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from planner import (
     DEFAULT_PARAMS,
     Cost,
-    Dynamics,
     Instance,
     Plan,
     Route,
@@ -33,6 +32,7 @@ from planner.kernels.tours import (
     insert_by_regret,
     orient_visits,
 )
+from planner.moves import Dynamics
 from planner.plan_search import (
     PlanSearch,
     build_guide_weights,

@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import (
-    EXACT_SEGMENTS,
     PRESETS,
     Cost,
-    Dynamics,
     FirstFeasible,
     Instance,
     InstanceError,
@@ -28,12 +26,12 @@ from planner import (
     build_remaining_problem,
     combine_stop_rules,
     evaluate,
-    find_covering_plan,
     route_energy_pct,
     solve,
     travel_for,
 )
-from planner.exact import find_subset_routes
+from planner.exact import EXACT_SEGMENTS, find_covering_plan, find_subset_routes
+from planner.moves import Dynamics
 from tests.planner.builders import fleet, line, random_instance
 
 # A coarse grid, so that coincident pylons and segments without length are common.

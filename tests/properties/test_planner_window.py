@@ -9,21 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.table.window_bound import earliest_window_bound_s
-from planner import (
-    Cost,
-    Instance,
-    Iterations,
-    Plan,
-    RepairStatus,
-    Vehicle,
-    build_remaining_problem,
-    evaluate,
-    iterate_losses,
-    solve,
-)
+from planner import Cost, Instance, Iterations, Plan, Vehicle, build_remaining_problem, evaluate, solve
 from planner.bounds import ASCENT, explain_infeasibility
+from planner.evaluate import RepairStatus
 from planner.exact import find_covering_plan
-from planner.window import replan_window
+from planner.window import iterate_losses, replan_window
 from tests.planner.builders import random_instance
 
 LOOSE: dict[str, Any] = {"deadline": None, "derandomize": True}

@@ -12,11 +12,9 @@ from executor.core.interface.messages import (
     Message,
     MissionAck,
     MissionCount,
+    MissionItemInt,
     MissionRequest,
     Outgoing,
-    SendMissionAck,
-    SendMissionCount,
-    SendMissionItem,
 )
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
 from executor.protocols.mission_transfer import COUNT_PERIOD_S, COUNT_TRIES, REPEAT_S, RESULT_NAMES, UploadDialogue
@@ -63,7 +61,7 @@ def test_it_ends_exactly_once_whatever_comes(dialect: Dialect, story: list[Told]
 def test_it_is_accepted_only_after_the_last_item_was_sent(dialect: Dialect, story: list[Told]) -> None:
     machine, sent = play(upload(dialect), story)
     if isinstance(machine.outcome, Accepted):
-        assert SendMissionItem(ITEMS[LAST]) in sent
+        assert MissionItemInt(ITEMS[LAST]) in sent
         assert MissionAck(0) in [one.step for one in story]
 
 
@@ -72,9 +70,9 @@ def test_it_is_accepted_only_after_the_last_item_was_sent(dialect: Dialect, stor
 def test_it_repeats_the_count_only_until_the_first_request(dialect: Dialect, story: list[Told]) -> None:
     _, sent = play(upload(dialect), story)
     kinds = [type(message) for message in sent]
-    assert kinds.count(SendMissionCount) <= COUNT_TRIES
-    if SendMissionItem in kinds:
-        assert SendMissionCount not in kinds[kinds.index(SendMissionItem) :]
+    assert kinds.count(MissionCount) <= COUNT_TRIES
+    if MissionItemInt in kinds:
+        assert MissionCount not in kinds[kinds.index(MissionItemInt) :]
 
 
 @DIALECTS
@@ -150,7 +148,7 @@ def test_an_error_that_is_followed_by_a_request_is_forgotten() -> None:
 
 def test_a_vehicle_that_never_asks_is_told_five_times() -> None:
     machine, sent = play(upload(PX4), [])
-    assert sent == [SendMissionCount(len(ITEMS))] * COUNT_TRIES
+    assert sent == [MissionCount(len(ITEMS))] * COUNT_TRIES
     assert machine.outcome == TimedOut("the vehicle did not ask for the first item")
 
 
@@ -161,15 +159,15 @@ def test_the_count_is_repeated_at_its_period() -> None:
 
 def test_a_request_that_crossed_the_answer_is_answered_once() -> None:
     machine, sent = told(PX4, MissionRequest(0), MissionRequest(0), apart_s=REPEAT_S / 2)
-    assert sent == [SendMissionItem(item) for item in ITEMS]
+    assert sent == [MissionItemInt(item) for item in ITEMS]
     _, said = machine.on_message(MissionRequest(0), 1.0)
-    assert said == (SendMissionItem(ITEMS[0]),)
+    assert said == (MissionItemInt(ITEMS[0]),)
 
 
 def test_the_last_item_is_repeated_while_its_acknowledgement_stays_away() -> None:
     machine, _ = told(PX4, *(MissionRequest(seq) for seq in range(len(ITEMS))))
     machine, said = machine.on_deadline(machine.deadline_s)
-    assert said == (SendMissionItem(ITEMS[LAST]),)
+    assert said == (MissionItemInt(ITEMS[LAST]),)
     machine, _ = machine.on_message(MissionAck(0), 3.0)
     assert machine.outcome == Accepted()
 
@@ -177,10 +175,10 @@ def test_the_last_item_is_repeated_while_its_acknowledgement_stays_away() -> Non
 def test_a_cancellation_is_told_to_the_vehicle() -> None:
     machine, _ = told(PX4, MissionRequest(0))
     ended, said = machine.cancel()
-    assert (ended.outcome, said) == (Aborted(), (SendMissionAck(15),))
+    assert (ended.outcome, said) == (Aborted(), (MissionAck(15),))
 
 
 def test_a_cancelled_story_ends_cancelled() -> None:
     machine, sent = play(upload(ARDUPILOT), [Told(Cancel(), 0.1), Told(MissionRequest(0), 0.1)])
     assert machine.outcome == Aborted()
-    assert sent[-1] == SendMissionAck(15)
+    assert sent[-1] == MissionAck(15)

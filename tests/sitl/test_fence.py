@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import common as mav
 from executor.core.preflight.parameter_changes import ChangeStage
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
-from executor.flight.restore_vehicles import read_kept_lists
+from executor.flight.restore_vehicles import LISTS
 from missions.fences import find_list_differences
 from missions.items import MissionItem, MissionKind, PlaceCommand
 from tests.sitl.flights import VICTIM, Story, flown
@@ -93,7 +93,7 @@ def test_who_leaves_its_fence_comes_home_and_is_declared(autopilot: Autopilot, t
     look = Look(autopilot)
     flight = flown(autopilot, Story(look.strike, fence=FENCE), tmp_path)
     print(flight.said)
-    kept = {(one.vehicle, one.kind): one for one in read_kept_lists(flight.run)}
+    kept = {(one.vehicle, one.kind): one for one in LISTS.read(flight.run)}
     # What was on board in flight is what was put there.
     assert find_list_differences(kept[VICTIM, MissionKind.FENCE].new, look.fence) == ()
     assert find_list_differences(kept[VICTIM, MissionKind.RALLY].new, look.rally) == ()
@@ -123,6 +123,6 @@ def test_a_replan_that_leads_out_of_a_fence_widens_it_first(autopilot: Autopilot
     assert "fence widened first" in flight.said
     assert "fence breached" not in flight.said
     assert flight.report["finished"]
-    widened = [one for one in read_kept_lists(flight.run) if one.kind is MissionKind.FENCE and one.earlier]
+    widened = [one for one in LISTS.read(flight.run) if one.kind is MissionKind.FENCE and one.earlier]
     assert widened
     assert all(one.stage is ChangeStage.RESTORED for one in widened if one.vehicle != "uav3")

@@ -52,7 +52,7 @@ async def test_words_that_are_lost_are_asked_for_again(autopilot: str) -> None:
     flown = await sky.fly()
     assert set(flown.inspected) == flown.wanted, lines(sky)
     assert {one.sequence for one in sky.pictures("uav1")} == {shot.number - 1 for shot in sky.shots["uav1"]}
-    assert sky.state.coverage.not_seen == ()
+    assert sky.state.coverage.not_seen == {}
     assert flown.solver_asked == 0
 
 
@@ -175,7 +175,7 @@ async def test_a_span_whose_picture_nobody_likes_is_seen_once_more(autopilot: st
     assert all(shown.count(segment) <= 11 for segment in range(1, 5))
     [record] = [one for one in sky.state.crew.intents.values() if one.intent.action is Action.PROVE]
     assert (record.outcome, record.text) == (Outcome.DONE, "re-plan 1 is on board")
-    assert sky.state.coverage.not_seen == ()
+    assert sky.state.coverage.not_seen == {}
 
 
 @pytest.mark.asyncio

@@ -1,9 +1,9 @@
 """ArduPilot's DataFlash log (.BIN, or .log as text) to our messages, on the vehicle's own clock: time since its boot.
 
 A log describes its own records (FMT), so old and new firmware are read alike; which system and which vehicle wrote it
-is looked for before it is read. The file is read in pieces and only what is wanted is unpacked: of the rest the head
-alone is looked at. pymavlink's reader maps the whole file, keeps a list of every record and prints what it passes over;
-a test holds the two against each other.
+is looked for before it is read. pymavlink knows what a record's letters and numbers mean. Its reader of files maps the
+whole file, keeps a list of every record and gives up at a damaged description, so this reads the file itself, in
+pieces: only what is wanted is unpacked, of the rest the head alone is looked at.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ import re
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
+
+from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFMessage
 
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.logs.ardupilot_boot import NO_MODE, READERS, WANTED, ArduPilotBoot, Fields, WantedColumns
@@ -25,20 +27,12 @@ from executor.core.telemetry.plausibility import filter_implausible
 from executor.errors import LogError
 
 HEAD = b"\xa3\x95"
-FMT, FMT_SIZE = 128, 89
+HEAD_SIZE, FMT, FMT_SIZE = 3, 128, 89
 PADDING, PADDED = frozenset({0x00, 0xFF}), 16
 """What fills the end of a block of the flash, or of a file that was cut off when the battery was pulled."""
 HIGHEST = 256
-LETTERS: Mapping[str, tuple[str, float | None]] = {
-    "a": ("64s", None), "b": ("b", None), "B": ("B", None), "h": ("h", None), "H": ("H", None), "i": ("i", None),
-    "I": ("I", None), "f": ("f", None), "d": ("d", None), "g": ("e", None), "n": ("4s", None), "N": ("16s", None),
-    "Z": ("64s", None), "c": ("h", 0.01), "C": ("H", 0.01), "e": ("i", 0.01), "E": ("I", 0.01), "L": ("i", 1e-7),
-    "M": ("B", None), "q": ("q", None), "Q": ("Q", None),
-}  # fmt: skip
-"""Of a FMT: how a field is stored, and what its numbers count."""
-WORDS = frozenset("nNZM")
-"""Of a text log: a mode has its name there."""
-WHOLE = frozenset("bBhHiIqQ")
+INSTANCES = ("Inst", "Instance", "I", "C")
+"""What a column is called that tells packs, receivers and filters apart."""
 LARGEST_LINE = 4096
 Row = tuple[int | None, str, Fields]
 """Microseconds since the autopilot's boot, the kind, its wanted fields; old kinds have no time of their own."""
@@ -73,74 +67,47 @@ SURVEYED = {
 
 
 @dataclass(slots=True)
-class RecordFormat:
-    """What a log says of one kind of its records."""
+class RecordKind:
+    """What a log says of one kind of its records, and what is wanted of it."""
 
-    name: str
-    letters: str
-    columns: tuple[str, ...]
-    layout: struct.Struct
-    picked: tuple[tuple[str, int, float | None], ...]
-    """Of the wanted columns: name, index, scale."""
-    every_usec: int
-    time_at: int = -1
-    """Where its time stands behind the head, or in a line; -1 if it has none."""
-    time_size: int = 8
-    usec: int = 1
-    """How many a unit of its time has."""
-    instance_at: int = -1
+    described: DFFormat
+    wanted: WantedColumns
+    in_text: bool
+    """Whether its fields are texts, with the numbers in their own units."""
     newest: dict[int, int] = field(default_factory=dict)
     """When a record was taken last, by its instance."""
+    columns: tuple[str, ...] = field(init=False)
+    time_column: str = field(init=False)
+    """Empty if it has no time of the autopilot's own."""
+    instance_column: str = field(init=False)
+    layout: struct.Struct = field(init=False)
 
-    def pick_fields(self, values: tuple[Any, ...]) -> dict[str, Any]:
-        """Return the wanted fields of a record."""
-        found = {}
-        for column, index, scale in self.picked:
-            value = values[index]
-            if type(value) is bytes:
-                value = value.split(b"\0", 1)[0].decode("utf-8", "replace")
-            found[column] = value if scale is None else value * scale
-        return found
+    def __post_init__(self) -> None:
+        """Find the columns that count."""
+        there, letters = self.described.columns, dict(zip(self.described.columns, self.described.format, strict=True))
+        self.layout = struct.Struct(self.described.msg_struct)
+        self.columns = tuple(column for column in there if column in self.wanted.columns)
+        # TimeMS of an old GPS record is that of the satellites.
+        times = ("TimeUS", "T") if self.described.name == "GPS" else ("TimeUS", "TimeMS")
+        self.time_column = next((column for column in times if column in letters), "")
+        instances = (column for column in INSTANCES if letters.get(column) == "B")
+        self.instance_column = next(instances, "")
 
-    def is_due(self, t_usec: int, instance: int) -> bool:
-        """Return whether a record is far enough from the last one."""
-        if 0 <= t_usec - self.newest.get(instance, -self.every_usec) < self.every_usec:
-            return False
-        self.newest[instance] = t_usec
-        return True
+    def read_record(self, values: Sequence[Any]) -> Row | None:
+        """Return what is wanted of a record; None if it follows another of its instance too soon.
 
-
-def format_of(
-    name: str, letters: str, columns: tuple[str, ...], wanted: WantedColumns, *, in_text: bool
-) -> RecordFormat | None:
-    """Return how to read a kind; None if its letters are unknown, or do not fit its columns."""
-    if len(letters) != len(columns) or any(letter not in LETTERS for letter in letters):
-        return None
-    layout = struct.Struct("<" + "".join(LETTERS[letter][0] for letter in letters))
-    picked = tuple(
-        (column, index, LETTERS[letters[index]][1]) for index, column in enumerate(columns) if column in wanted.columns
-    )
-    made = RecordFormat(name, letters, columns, layout, picked, wanted.every_usec)
-    places = list(accumulate(struct.calcsize("<" + LETTERS[one][0]) for one in letters))
-    places = list(range(len(letters))) if in_text else [0, *places]
-    index = _find_time_index(name, columns)
-    if index is not None:
-        if letters[index] not in "QqIi":
-            return None
-        made.time_at, made.time_size = places[index], struct.calcsize("<" + LETTERS[letters[index]][0])
-        made.usec = 1 if columns[index] == "TimeUS" else 1000
-    for instance in ("Inst", "Instance", "I", "C"):
-        if instance in columns and letters[columns.index(instance)] == "B":
-            made.instance_at = places[columns.index(instance)]
-    return made
-
-
-def _find_time_index(name: str, columns: tuple[str, ...]) -> int | None:
-    """Return which field is the autopilot's own time; TimeMS of an old GPS record is that of the satellites."""
-    for column in ("TimeUS", "T") if name == "GPS" else ("TimeUS", "TimeMS"):
-        if column in columns:
-            return columns.index(column)
-    return None
+        Raises:
+            ValueError: a text is no number.
+        """
+        record, t_usec = DFMessage(self.described, values, not self.in_text, None), None
+        if self.time_column:
+            t_usec = getattr(record, self.time_column) * (1 if self.time_column == "TimeUS" else 1000)
+        if t_usec is not None and self.wanted.every_usec:
+            instance = getattr(record, self.instance_column) if self.instance_column else 0
+            if 0 <= t_usec - self.newest.get(instance, -self.wanted.every_usec) < self.wanted.every_usec:
+                return None
+            self.newest[instance] = t_usec
+        return t_usec, self.described.name, {column: getattr(record, column) for column in self.columns}
 
 
 @dataclass(slots=True)
@@ -150,7 +117,7 @@ class Rows(ABC):
     path: Path
     wanted: Mapping[str, WantedColumns]
     skipped: SkippedRecords
-    formats: dict[int | str, RecordFormat] = field(default_factory=dict)
+    formats: dict[int | str, RecordKind] = field(default_factory=dict)
     """Of what is wanted, by number; in text by name."""
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
@@ -159,20 +126,26 @@ class Rows(ABC):
     @property
     def is_timed(self) -> bool:
         """Whether any kind that is wanted has the autopilot's own time."""
-        return any(one.time_at >= 0 for one in self.formats.values())
+        return any(one.time_column for one in self.formats.values())
 
     @abstractmethod
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
 
-    def _describe_kind(self, name: str, letters: str, columns: Sequence[str], *, in_text: bool) -> RecordFormat | None:
+    def _describe_kind(
+        self, number: int, length: int, name: str, letters: str, columns: Sequence[str], *, in_text: bool
+    ) -> RecordKind | None:
         """Note that the log describes a kind; return how to read it, if it is wanted and can be read."""
         self.kinds.add(name)
         if name not in self.wanted:
             return None
-        made = format_of(name, letters, tuple(columns), self.wanted[name], in_text=in_text)
-        self.skipped.unreadable += made is None
-        return made
+        if len(letters) == len(columns) and all(letter in FORMAT_TO_STRUCT for letter in letters):
+            made = RecordKind(DFFormat(number, name, length, letters, ",".join(columns)), self.wanted[name], in_text)
+            timed = not made.time_column or letters[columns.index(made.time_column)] in "QqIi"
+            if timed and (in_text or made.layout.size + HEAD_SIZE <= length):
+                return made
+        self.skipped.unreadable += 1
+        return None
 
 
 @dataclass(slots=True)
@@ -190,7 +163,7 @@ class BinaryRows(Rows):
     def _read_piece(self, buffer: bytes, last: bool) -> Generator[Row, None, int]:
         """Yield the rows of a piece; returns where the rest begins. Calls would take most of the time."""
         at, size, sizes, formats = 0, len(buffer), self.sizes, self.formats
-        while at + 3 <= size:
+        while at + HEAD_SIZE <= size:
             number = buffer[at + 2]
             length = sizes[number]
             if not length or buffer[at] != HEAD[0] or buffer[at + 1] != HEAD[1]:
@@ -209,18 +182,11 @@ class BinaryRows(Rows):
                 continue
             self._in_garbage = False
             if number == FMT:
-                self._register_format(buffer[at + 3 : end])
+                self._register_format(buffer[at + HEAD_SIZE : end])
             elif (known := formats.get(number)) is not None:
-                body, t_usec = at + 3, None
-                if known.time_at >= 0:
-                    place = body + known.time_at
-                    t_usec = int.from_bytes(buffer[place : place + known.time_size], "little") * known.usec
-                if (
-                    not known.every_usec
-                    or t_usec is None
-                    or known.is_due(t_usec, buffer[body + known.instance_at] if known.instance_at >= 0 else 0)
-                ):
-                    yield t_usec, known.name, known.pick_fields(known.layout.unpack_from(buffer, body))
+                row = known.read_record(known.layout.unpack_from(buffer, at + HEAD_SIZE))
+                if row is not None:
+                    yield row
             at = end
         return at
 
@@ -239,15 +205,13 @@ class BinaryRows(Rows):
         name, letters, columns = (text.split(b"\0", 1)[0].decode("ascii", "replace") for text in texts)
         if number == FMT:
             return
-        if length < 3:
+        if length < HEAD_SIZE:
             self.skipped.unreadable += 1
             return
         self.sizes[number] = length
         self.formats.pop(number, None)
-        made = self._describe_kind(name, letters, columns.split(","), in_text=False)
-        if made is not None and made.layout.size + 3 > length:
-            self.skipped.unreadable += 1
-        elif made is not None:
+        made = self._describe_kind(number, length, name, letters, columns.split(","), in_text=False)
+        if made is not None:
             self.formats[number] = made
 
 
@@ -267,40 +231,26 @@ class TextRows(Rows):
                 self._in_garbage = False
                 texts = [one.strip() for one in rest.decode("utf-8", "replace").split(",")]
                 if kind == "FMT" and len(texts) >= 5:
-                    made = self._describe_kind(texts[2], texts[3], texts[4:], in_text=True)
+                    made = self._describe_kind(0, 0, texts[2], texts[3], texts[4:], in_text=True)
                     if made is not None:
-                        self.formats[made.name] = made
+                        self.formats[texts[2]] = made
                 elif (known := self.formats.get(kind)) is not None:
-                    row = self._parse_row(known, rest.decode("utf-8", "replace"))
+                    row = self._parse_row(known, texts)
                     if row is not None:
                         yield row
 
-    def _parse_row(self, known: RecordFormat, rest: str) -> Row | None:
-        texts = [one.strip() for one in rest.split(",", len(known.columns) - 1)]
-        if len(texts) != len(known.columns):
-            self.skipped.unreadable += 1
-            return None
-        try:
-            t_usec = None if known.time_at < 0 else round(float(texts[known.time_at])) * known.usec
-            if t_usec is not None and known.every_usec:
-                instance = int(texts[known.instance_at]) if known.instance_at >= 0 else 0
-                if not known.is_due(t_usec, instance):
-                    return None
-            fields = {column: _parse_value(texts[index], known.letters[index]) for column, index, _ in known.picked}
-        except (ValueError, OverflowError):
-            self.skipped.unreadable += 1
-            return None
-        return t_usec, known.name, fields
+    def _parse_row(self, known: RecordKind, texts: list[str]) -> Row | None:
+        count = len(known.described.columns)
+        if len(texts) >= count:
+            with suppress(ValueError, OverflowError):
+                # A text at the end may have commas of its own.
+                return known.read_record([*texts[: count - 1], ",".join(texts[count - 1 :])])
+        self.skipped.unreadable += 1
+        return None
 
 
 def _is_padding(behind: bytes) -> bool:
     return behind[0] in PADDING and behind.count(behind[0]) == len(behind)
-
-
-def _parse_value(text: str, letter: str) -> str | float:
-    if letter in WORDS:
-        return text
-    return int(float(text)) if letter in WHOLE else float(text)
 
 
 @dataclass(slots=True)

@@ -133,27 +133,8 @@ LONGEST_USEC = 3 * 86400 * 1_000_000
 """No flight lasts longer: a time farther from the log's beginning is damaged. A simulated PX4 has the world's clock."""
 
 
-@dataclass(frozen=True, slots=True)
-class TopicRow:
-    """One row of a topic, whose fields are looked up when they are asked for."""
-
-    columns: Mapping[str, Any]
-    index: int
-
-    def __getitem__(self, name: str) -> float:
-        """Return a field."""
-        value: float = self.columns[name][self.index]
-        return value
-
-    def __contains__(self, name: object) -> bool:
-        """Return whether this version has a field."""
-        return name in self.columns
-
-    def get(self, name: str, default: float) -> float:
-        """Return a field, or what stands for it in a version that has none."""
-        return self[name] if name in self.columns else default
-
-
+TopicRow: TypeAlias = Mapping[str, float]
+"""One row of a topic: the fields that this version of the firmware has."""
 Px4Messages: TypeAlias = FlightMessage | tuple[FlightMessage, ...] | None
 
 
@@ -494,7 +475,7 @@ class UlogFile(RecordedFile):
                     continue
                 last = state
             last_usec = t_usec
-            yield t_usec, topic.read, TopicRow(data, index)
+            yield t_usec, topic.read, {name: column[index] for name, column in data.items()}
 
 
 _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]

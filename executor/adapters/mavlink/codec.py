@@ -62,15 +62,12 @@ class FrameParser:
     """
 
     in_datagrams: bool = False
-    """Whether nothing but frames is to be expected."""
+    """Whether nothing but frames is to be expected, and none goes on in what comes next."""
     systems: Collection[int] | None = None
     """Whose frames are taken apart, everybody's if None. A flood of strangers' must not cost what the fleet's do: of
     theirs all but `OF_ANYBODY` come as unknown messages, with their header."""
     _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None))
     _buffer: bytearray = field(default_factory=bytearray)
-    _in_garbage: bool = False
-    garbage: int = 0
-    """How many runs of bytes were no frame."""
 
     def feed(self, data: bytes) -> list[Any]:
         """Take the next bytes; return the frames that are whole now."""
@@ -79,23 +76,14 @@ class FrameParser:
         while (end := self._find_frame_end(at)) <= len(self._buffer):
             frame = self._parse_frame(at, end)
             if frame is None:
-                self.garbage += not self._in_garbage
                 wrong += self._buffer[at] in HEADS
                 mark = MARK.search(self._buffer, at + 1) if wrong < MOST_WRONG else None
                 at = len(self._buffer) if mark is None else mark.start()
             else:
                 frames.append(frame)
                 at = end
-            self._in_garbage = frame is None
-        del self._buffer[:at]
+        del self._buffer[: None if self.in_datagrams else at]
         return frames
-
-    def close(self) -> int:
-        """Give up what is unfinished; return how many runs of bytes were no frame so far."""
-        self.garbage += bool(self._buffer) and not self._in_garbage
-        self._buffer.clear()
-        self._in_garbage = False
-        return self.garbage
 
     def _find_frame_end(self, at: int) -> int:
         """Return where a frame that begins here ends: here if there is none, out of reach if that cannot be seen."""
@@ -194,17 +182,17 @@ class MavlinkCodec:
     signed and of nobody where frames are."""
     systems: Collection[int] | None = None
     """Whose frames are read, everybody's if None; see `FrameParser`."""
+    overhears: bool = False
+    """Whether what others say to each other is read as well, as in a log: nobody is us."""
     _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None, *messages.GROUND_STATION))
     _datagrams: FrameParser = field(init=False)
-    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+    texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sent: dict[int, int] = field(default_factory=dict)
     """How many frames went to each system: each is numbered as a stream of its own."""
     _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
     _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
     autopilots: dict[int, int] = field(default_factory=dict)
     """MAV_AUTOPILOT of each system, once its heartbeat was heard: they pack integer parameters in two ways."""
-    garbage: int = 0
-    """Runs of bytes in datagrams that could not be understood."""
 
     def __post_init__(self) -> None:
         """Begin knowing nobody."""
@@ -212,9 +200,7 @@ class MavlinkCodec:
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
         """Yield every frame of a datagram; no frame goes on in the next."""
-        frames = self._datagrams.feed(data)
-        self.garbage = self._datagrams.close()
-        yield from self.read(frames)
+        yield from self.read(self._datagrams.feed(data))
 
     def read(self, frames: Iterable[Any]) -> Iterator[DecodedFrame]:
         """Yield what a `FrameParser`'s frames say."""
@@ -229,7 +215,7 @@ class MavlinkCodec:
             if isinstance(frame, mav.MAVLink_unknown) and self.systems is not None and source[0] not in self.systems:
                 yield DecodedFrame(*source, frame.get_seq(), bytes(frame.get_msgbuf()), None, own=False)
                 continue
-            more: list[messages.Message] = [*self._texts.count_frame(source)]
+            more: list[messages.Message] = [*self.texts.count_frame(source)]
             message = self._parse_message(frame)
             if isinstance(message, messages.Heartbeat):
                 self._follow_speaker(source, message)
@@ -240,7 +226,7 @@ class MavlinkCodec:
             if frame.get_type() == "STATUSTEXT":
                 # The raw field: pymavlink's own reading loses every byte that is not ASCII.
                 raw = frame._text_raw  # noqa: SLF001
-                more += self._texts.add_part(source, frame.severity, raw, frame.id, frame.chunk_seq)
+                more += self.texts.add_part(source, frame.severity, raw, frame.id, frame.chunk_seq)
             speaker = self._speakers.get(source[0], AutopilotComponent())
             said = [select_component_message(speaker, source[1], one) for one in (message, *more) if one is not None]
             heard = [one for one in said if one is not None]
@@ -283,36 +269,14 @@ class MavlinkCodec:
             compid: its component.
             fields: by MAVLink's names; None stands for a float that is not finite.
         """
-        if name == message_readers.EVENT_NAME:
-            return self._read_event(sysid, compid, fields)
-        kind = _BY_NAME.get(name)
-        if kind is None:
-            return None
-        try:
-            frame = kind(*(_to_field(fields.get(field)) for field in kind.fieldnames))
-            packed = bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
-        except (struct.error, TypeError, AttributeError):
-            return None  # another parser's definition of the message is another one
-        lost = (
-            name == "PARAM_VALUE" and fields["param_value"] is None and frame.param_type in frame_layout.INTEGER_TYPES
-        )
-        [received] = self.read([frame])
-        message = (
-            messages.ParamRefused(formatting.escape_controls(frame.param_id), absent=False)
-            if lost
-            else received.message
-        )
-        said = (message, *received.more)
-        return packed, tuple(one for one in said if one is not None)
-
-    def _read_event(
-        self, sysid: int, compid: int, fields: Mapping[str, object]
-    ) -> tuple[bytes, tuple[messages.Message, ...]] | None:
-        packed = message_readers.build_event_frame(fields, sysid, compid)
+        packed = _pack_fields(name, sysid, compid, fields)
         if packed is None:
             return None
         [received] = self.read(FrameParser(in_datagrams=True).feed(packed))
-        return packed, tuple(one for one in (received.message, *received.more) if one is not None)
+        message = received.message
+        if isinstance(message, messages.ParamValue) and fields["param_value"] is None:
+            message = messages.ParamRefused(message.name, absent=False)
+        return packed, tuple(one for one in (message, *received.more) if one is not None)
 
     def write_fields(
         self, message: messages.Outgoing, sysid: int, compid: int
@@ -331,7 +295,7 @@ class MavlinkCodec:
     def _parse_message(self, frame: Frame) -> messages.Message | None:
         if frame.get_type() in _ORDERS:
             return self._parse_order(frame)
-        if not _is_for_us(frame):
+        if not self._is_for_us(frame):
             return None
         if frame.get_type() == "PARAM_VALUE":
             name = formatting.escape_controls(frame.param_id)
@@ -352,11 +316,10 @@ class MavlinkCodec:
         # Under our own number it may be a router's echo of ours.
         source, target = (frame.get_srcSystem(), frame.get_srcComponent()), frame.target_system
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
-        return (
-            None
-            if ordered is None
-            else messages.OrderSeen(*ordered, None if source == messages.GROUND_STATION else source[0], target)
-        )
+        if ordered is None:
+            return None
+        is_ours = source == messages.GROUND_STATION and not self.overhears
+        return messages.OrderSeen(*ordered, None if is_ours else source[0], target)
 
     def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
         """Yield the order that an autopilot says it follows, if that changes a mode."""
@@ -364,7 +327,7 @@ class MavlinkCodec:
         if ack.get_srcComponent() != self._speakers.get(system, AutopilotComponent()).component or to == system:
             return  # of a gimbal, or to a computer on board
         if command is not None:
-            yield messages.OrderSeen(command, None, None if _is_for_us(ack) else to, system)
+            yield messages.OrderSeen(command, None, None if self._is_for_us(ack) else to, system)
 
     def _parse_px4_event(self, unknown: Frame) -> Iterator[messages.OwnFailsafe | messages.ModeChange]:
         """Yield what an event of PX4 is evidence of."""
@@ -380,6 +343,11 @@ class MavlinkCodec:
         if said is not None:
             yield said
 
+    def _is_for_us(self, frame: Frame) -> bool:
+        """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
+        ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
+        return self.overhears or all(getattr(frame, field, 0) in {0, number} for field, number in ours)
+
     def _is_accepted_radio(self, radio: Frame) -> bool:
         named = self.radios is None or (radio.get_srcSystem(), radio.get_srcComponent()) in self.radios
         return named or self._signing is not None  # which has let it through
@@ -389,18 +357,26 @@ _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 
 
+def _pack_fields(name: str, sysid: int, compid: int, fields: Mapping[str, object]) -> bytes | None:
+    """Return the frame of a message; None if it is not known, or another parser's definition of it is another one."""
+    if name == message_readers.EVENT_NAME:
+        return message_readers.build_event_frame(fields, sysid, compid)
+    kind = _BY_NAME.get(name)
+    if kind is None:
+        return None
+    try:
+        frame = kind(*(_to_field(fields.get(field)) for field in kind.fieldnames))
+        return bytes(frame.pack(mav.MAVLink(None, srcSystem=sysid, srcComponent=compid)))
+    except (struct.error, TypeError, AttributeError):
+        return None
+
+
 def _to_field(value: object) -> object:
     if isinstance(value, str):
         return value.encode()
     if isinstance(value, list):
         return [_to_field(one) for one in value]
     return math.nan if value is None else value
-
-
-def _is_for_us(frame: Frame) -> bool:
-    """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
-    ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
-    return all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
 
 def _read_heartbeat(frame: Frame) -> messages.Heartbeat | messages.StationHeard | messages.CameraHeard | None:
@@ -450,7 +426,7 @@ _READERS: dict[str, Any] = {
     "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
     "MISSION_ACK": _make_list_reader(messages.MissionAck, attrgetter("type")),
     "MISSION_COUNT": _make_list_reader(messages.MissionCount, attrgetter("count")),
-    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemReceived, message_readers.read_mission_item),
+    "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemInt, message_readers.read_mission_item),
     "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST
     ),
@@ -465,18 +441,18 @@ def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: 
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
-        case messages.SendMissionCount(count, kind):
+        case messages.MissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
-        case messages.SendMissionItem(item, kind):
+        case messages.MissionItemInt(item, kind):
             return mav.MAVLink_mission_item_int_message(
                 sysid, compid, item.seq, item.frame, item.command, int(item.current), int(item.autocontinue),
                 item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z, kind,
             )  # fmt: skip
-        case messages.SendMissionRequestList(kind):
+        case messages.MissionRequestList(kind):
             return mav.MAVLink_mission_request_list_message(sysid, compid, kind)
-        case messages.SendMissionRequest(seq, kind):
+        case messages.MissionRequest(seq, kind):
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
-        case messages.SendMissionAck(result, kind):
+        case messages.MissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
         case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component

@@ -10,27 +10,17 @@ from __future__ import annotations
 import hashlib
 import hmac
 import struct
-from binascii import crc_hqx
 from collections.abc import Callable
 from enum import Enum
 from typing import Any
+
+from pymavlink.generator.mavcrc import x25crc
 
 V1, V2 = 0xFE, 0xFD
 HEADS = {V1: 6, V2: 10}
 """Header lengths by the byte that frames of both versions begin with."""
 CHECKSUM = 2
 """Bytes of it."""
-_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-
-
-def compute_checksum(data: bytes) -> int:
-    """Return MAVLink's checksum (CRC-16/MCRF4XX): the standard library's runs the other way round.
-
-    >>> checksum(b"123456789") == 0x6F91
-    True
-    """
-    turned = crc_hqx(data.translate(_REVERSED), 0xFFFF)
-    return _REVERSED[turned >> 8] | _REVERSED[turned & 255] << 8
 
 
 def message_id_of(frame: bytes | bytearray) -> int:
@@ -49,7 +39,7 @@ def has_valid_checksum(frame: bytes | bytearray, extra: int) -> bool:
     stop = HEADS[frame[0]] + frame[1]
     if stop + CHECKSUM > len(frame):
         return False
-    return compute_checksum(bytes(frame[1:stop]) + bytes((extra,))) == frame[stop] | frame[stop + 1] << 8
+    return bool(x25crc(bytes(frame[1:stop]) + bytes((extra,))).crc == frame[stop] | frame[stop + 1] << 8)
 
 
 AUTOPILOT_ARDUPILOT = 3

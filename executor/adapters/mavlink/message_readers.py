@@ -1,8 +1,7 @@
 """MAVLink's messages about a vehicle, field by field, to ours: the one table for the link and for telemetry logs.
 
-A reader takes anything with the message's fields by their MAVLink names: a frame of pymavlink, or the fields that
-`tlog_kinds` unpacks. Whatever a vehicle marks as unknown becomes None. EVENT of MAVLink's common messages, by which PX4
-says why a failsafe acts, is laid out here, as pymavlink's dialect does not have it.
+A reader takes a frame of pymavlink. Whatever a vehicle marks as unknown becomes None. EVENT of MAVLink's common
+messages, by which PX4 says why a failsafe acts, is laid out here, as pymavlink's dialect does not have it.
 
 STATUSTEXT is put together: a long text comes in parts of 50 bytes, and parts come twice, late, or never. Its measure of
 time is how many frames came since. At the rates that a flight asks for (about ten frames a second) `PATIENCE_FRAMES`
@@ -20,7 +19,9 @@ from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
-from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, compute_checksum, payload_of
+from pymavlink.generator.mavcrc import x25crc
+
+from executor.adapters.mavlink.frame_layout import CHECKSUM, V2, payload_of
 from executor.core import formatting
 from executor.core.interface import messages
 from executor.core.interface.recorded_log import MODE_COMMANDS
@@ -84,15 +85,15 @@ def _read_position(frame: Frame) -> messages.Position:
 
 def _read_battery(frame: Frame) -> messages.Battery:
     cells = [cell for cell in frame.voltages if cell != 65535]
-    cells += [cell for cell in getattr(frame, "voltages_ext", ()) if cell not in {0, 65535}]
+    cells += [cell for cell in frame.voltages_ext if cell not in {0, 65535}]
     return messages.Battery(
         battery=frame.id,
         remaining_pct=_to_percent(frame.battery_remaining),
         voltage_v=sum(cells) / 1e3 if cells else None,
         current_a=None if frame.current_battery < 0 else frame.current_battery / 100,
         consumed_ah=None if frame.current_consumed < 0 else frame.current_consumed / 1e3,
-        charge_state=getattr(frame, "charge_state", 0),
-        faults=getattr(frame, "fault_bitmask", 0),
+        charge_state=frame.charge_state,
+        faults=frame.fault_bitmask,
         cells_v=tuple(cell / 1e3 for cell in cells) if len(cells) > 1 else (),
     )
 
@@ -121,14 +122,11 @@ def _read_wind_cov(frame: Frame) -> messages.Wind:
 
 
 def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
-    number = frame.mission_id if hasattr(frame, "mission_id") else _read_number_behind(frame.get_msgbuf(), 6)
-    return messages.MissionCurrent(frame.seq, getattr(frame, "total", 0) or None, number or None)
+    return messages.MissionCurrent(frame.seq, frame.total or None, _read_number_behind(frame.get_msgbuf(), 6))
 
 
 def read_opaque_id(frame: Frame) -> int | None:
     """Read the checksum in MISSION_ACK and MISSION_COUNT; None where there is none."""
-    if hasattr(frame, "opaque_id"):
-        return frame.opaque_id or None
     return _read_number_behind(frame.get_msgbuf(), 4 if frame.get_type() == "MISSION_ACK" else 5)
 
 
@@ -323,8 +321,6 @@ EVENT_EXTRA = 160
 EVENT_LAYOUT = struct.Struct("<IIHBBB40s")
 """Number, the vehicle's clock in ms, sequence number, component and system that it is for, levels, arguments."""
 _NUMBERS = ("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels")
-EVENT_FIELDS = (*_NUMBERS, "arguments")
-"""Of the layout, in its order."""
 REMEMBERED = 64
 """Events that are recognised when they come again: a ground station that missed one has it sent once more to all."""
 
@@ -339,7 +335,7 @@ def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> 
     except (KeyError, TypeError, ValueError, struct.error):
         return None
     frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *EVENT.to_bytes(3, "little"))) + payload
-    return frame + compute_checksum(frame[1:] + bytes((EVENT_EXTRA,))).to_bytes(CHECKSUM, "little")
+    return frame + x25crc(frame[1:] + bytes((EVENT_EXTRA,))).crc.to_bytes(CHECKSUM, "little")
 
 
 @dataclass(slots=True)

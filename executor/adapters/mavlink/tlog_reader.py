@@ -1,10 +1,9 @@
-"""Telemetry logs (.tlog) to our messages, faster than a codec that decodes them all.
+"""Telemetry logs (.tlog) to our messages: what is wanted of them, as the codec of a link reads it.
 
 A record is [8 bytes, microseconds since 1970, big-endian][a MAVLink frame]; both directions and any number of vehicles
-may share a file. Only the headers of most frames are read, for their sequence numbers. What is wanted of the others is
-unpacked by pymavlink's own definitions and read by `message_readers`, as on a link; only the classes of pymavlink are
-passed by, whose making takes most of the time of a long log. The file is read in pieces, so a log of any length takes
-the same memory.
+may share a file. Only the headers of most frames are read, for their sequence numbers; those that may say something new
+go to the codec, whose work takes most of the time of a long log. The file is read in pieces, so a log of any length
+takes the same memory.
 
 A log is stamped by the computer that wrote it, whose clock is set in flight: by satellites, by a network, by hand, from
 1970 to today, or an hour back. What the vehicles send has their own time since their boot. After a leap both go on
@@ -16,32 +15,19 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import namedtuple
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import accumulate
-from typing import Any
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from executor.adapters.chunks import read_in_chunks
-from executor.adapters.mavlink import frame_layout, message_readers
+from executor.adapters.mavlink import message_readers
+from executor.adapters.mavlink.codec import FrameParser, MavlinkCodec
 from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
-from executor.adapters.mavlink.message_readers import Frame, StatusTextAssembler
-from executor.core import formatting
-from executor.core.interface.messages import (
-    Attitude,
-    DoubleHeard,
-    FlightMessage,
-    Heartbeat,
-    HeightTarget,
-    ListedItem,
-    OrderSeen,
-    Radio,
-    RcChannels,
-    Traffic,
-    VehicleSetting,
-)
+from executor.adapters.mavlink.message_readers import Frame
+from executor.core.interface import messages
+from executor.core.interface.messages import DoubleHeard, FlightMessage, HeightTarget, ListedItem, Message, Traffic
 from executor.core.interface.recorded_log import (
     RcChangeFilter,
     Record,
@@ -51,7 +37,6 @@ from executor.core.interface.recorded_log import (
 )
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.plausibility import filter_implausible
-from executor.core.telemetry.vehicle_identity import AutopilotComponent, update_autopilot_component
 from missions import AUTOPILOTS, PX4
 
 BACK_USEC = 1_000_000
@@ -86,14 +71,14 @@ STAMP_TOLERANCE_USEC = 3 * 86400 * 1_000_000
 """Where a log was damaged, a record counts whose time is within three days of the last (as pymavlink does)."""
 GAP_USEC = 900_000
 """Where nothing came of a system for so long, it is said that time passed before its next message."""
-BEAT_FRAMES = 25
-"""Not every frame is looked at: one HEARTBEAT stands for so many, for texts whose other parts are waited for."""
+BEAT_FRAMES = 20
+"""Not every frame is looked at: one HEARTBEAT stands for so many more, for texts whose other parts are waited for."""
 ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
 POSITION, BATTERY, SYSTEM = "GLOBAL_POSITION_INT", "BATTERY_STATUS", "SYS_STATUS"
-LOCAL_POSITION = "LOCAL_POSITION_NED"
+LOCAL_POSITION, TARGET_POSITION = "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"
 MOST_NAMED = 8
 ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
 """MAV_AUTOPILOT."""
@@ -136,91 +121,42 @@ def was_set_by_usec(pairs: Sequence[tuple[BootTime, BootTime]], stamp_usec: int,
     return leap_usec if leap_usec < -BACK_USEC else 0
 
 
-@dataclass(frozen=True, slots=True)
-class MessageKind:
-    """One message that is read."""
-
-    name: str
-    extra: int
-    """CRC_EXTRA: part of its checksum."""
-    layout: struct.Struct
-    """All fields in the order on the wire; what a sender left out at the end is zero."""
-    name_fields: Callable[[tuple[Any, ...]], Any]
-    """Makes of their values an object that has them by MAVLink's names."""
-    read: Callable[[Any], FlightMessage | None]
-    every_usec: int
-    """One that follows another sooner than this is passed over."""
-    special: bool
-    """Whether it is not simply a vehicle's word about itself."""
-    arrays: tuple[tuple[int, int], ...] = ()
-    """Where each field begins and ends among the values, if any has more than one."""
-
-    def unpack_fields(self, frame: bytes) -> Frame:
-        """Return all fields of a frame by their names."""
-        values = self.layout.unpack(payload_of(frame, self.layout.size))
-        if self.arrays:
-            values = tuple(values[first] if end == first + 1 else values[first:end] for first, end in self.arrays)
-        return self.name_fields(values)
-
-
-def _ignore_message(_: object) -> None:
-    """Say nothing: it is not the message alone that tells."""
-
-
-def _make_kind(name: str, every_usec: int, *, special: bool) -> MessageKind:
-    """Return a kind as pymavlink defines it."""
-    known, read = _DEFINED[name], message_readers.READERS.get(name, _ignore_message)
-    read = message_readers.read_channels if name == "RC_CHANNELS_RAW" else read
-    more_format, more_fields = _MORE.get(name, ("", ()))
-    layout = struct.Struct(known.unpacker.format + more_format)
-    name_fields = _named_tuple(name, (*known.ordered_fieldnames, *more_fields))._make
-    ends = list(accumulate(known.lengths))
-    arrays = tuple(zip([0, *ends], ends, strict=False)) if max(known.lengths) > 1 else ()
-    return MessageKind(name, known.crc_extra, layout, name_fields, read, every_usec, special, arrays)
-
-
-_named_tuple: Any = namedtuple
-_DEFINED: Mapping[str, Any] = {one.msgname: one for one in mav.mavlink_map.values()}
-_MORE = {"MISSION_CURRENT": ("I", ("mission_id",))}
-"""Fields at the end that pymavlink's definition does not have yet."""
 ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
 ITEMS = frozenset({"MISSION_ITEM", "MISSION_ITEM_INT"})
-_PLAIN = {
+_EVERY_USEC = {
     **dict.fromkeys(("SYS_STATUS", "GPS_RAW_INT", "GPS2_RAW", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"), SLOW_USEC),
+    **dict.fromkeys(("NAV_CONTROLLER_OUTPUT", LOCAL_POSITION, TARGET_POSITION), SLOW_USEC),
     **dict.fromkeys(("MISSION_CURRENT", "EXTENDED_SYS_STATE"), STEADY_USEC),
-    "NAV_CONTROLLER_OUTPUT": SLOW_USEC,
-    "GLOBAL_POSITION_INT": POSITION_USEC,
-    "MISSION_ITEM_REACHED": 0,
-    "BATTERY_STATUS": EVERY_USEC,
-}
-"""A vehicle's words about itself, and how often one is wanted."""
-_SPECIAL = {
-    **dict.fromkeys(("HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", *ORDERS, *ITEMS), 0),
-    **dict.fromkeys(("LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"), SLOW_USEC),
+    **dict.fromkeys(("GLOBAL_POSITION_INT", "RADIO_STATUS"), POSITION_USEC),
+    **dict.fromkeys(("BATTERY_STATUS", "ATTITUDE"), EVERY_USEC),
     **dict.fromkeys(("RC_CHANNELS_RAW", "RC_CHANNELS"), RC_USEC),
-    "ATTITUDE": EVERY_USEC,
-    "RADIO_STATUS": POSITION_USEC,
+    **dict.fromkeys(("HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "MISSION_ITEM_REACHED"), 0),
+    **dict.fromkeys(ORDERS | ITEMS, 0),
 }
-"""What is not simply that."""
-_EVENT = MessageKind(
-    message_readers.EVENT_NAME,
-    message_readers.EVENT_EXTRA,
-    message_readers.EVENT_LAYOUT,
-    _named_tuple(message_readers.EVENT_NAME, message_readers.EVENT_FIELDS)._make,
-    _ignore_message,
-    every_usec=0,
-    special=True,
-)
-KINDS: Mapping[int, MessageKind] = (
-    {_DEFINED[name].id: _make_kind(name, every_usec, special=False) for name, every_usec in _PLAIN.items()}
-    | {_DEFINED[name].id: _make_kind(name, every_usec, special=True) for name, every_usec in _SPECIAL.items()}
-    | {message_readers.EVENT: _EVENT}
-)
-"""By message id: what is read; RADIO_STATUS is also what SiK radios send."""
-TOLD_BY_VEHICLES = frozenset({
-    message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS", "ATTITUDE",
-    "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED",
-})  # fmt: skip
+"""How often one of them is wanted; RADIO_STATUS is also what SiK radios send."""
+NO_BEATS = ORDERS | ITEMS | {
+    "STATUSTEXT", message_readers.EVENT_NAME, "COMMAND_ACK", "PARAM_VALUE", "RC_CHANNELS_RAW", "RC_CHANNELS",
+    "ATTITUDE", LOCAL_POSITION, TARGET_POSITION,
+}  # fmt: skip
+"""What comes once, or comes often: of who is no vehicle it does not even tell that time passes."""
+
+
+class WantedKind(NamedTuple):
+    """A message that is read."""
+
+    name: str
+    every_usec: int
+    """One that follows another sooner than this is passed over."""
+    extra: int
+    """CRC_EXTRA: part of its checksum."""
+
+
+KINDS: Mapping[int, WantedKind] = {
+    kind.id: WantedKind(kind.msgname, _EVERY_USEC[kind.msgname], kind.crc_extra)
+    for kind in mav.mavlink_map.values()
+    if kind.msgname in _EVERY_USEC
+} | {message_readers.EVENT: WantedKind(message_readers.EVENT_NAME, 0, message_readers.EVENT_EXTRA)}
+"""By message id."""
 
 
 @dataclass(slots=True)
@@ -245,7 +181,7 @@ class _MessageStream:
     """One source's messages of one kind."""
 
     source: _Source
-    kind: MessageKind | None
+    kind: WantedKind | None
     """None if they are not read."""
     system: int
     component: int
@@ -262,10 +198,11 @@ class TelemetryFile(RecordedFile):
 
     on_board = False
     frames: int = 0
-    _texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
+    _parser: FrameParser = field(default_factory=lambda: FrameParser(in_datagrams=True))
+    _codec: MavlinkCodec = field(default_factory=lambda: MavlinkCodec(overhears=True))
     _sources: dict[int, _Source] = field(default_factory=dict)
-    _speakers: dict[int, AutopilotComponent] = field(default_factory=dict)
-    """By system."""
+    _vehicles: dict[int, _Source] = field(default_factory=dict)
+    """Who speaks for each system, once its HEARTBEAT came."""
     _lanes: dict[bytes, _MessageStream] = field(default_factory=dict)
     """By system, component and id as the frame has them."""
     _stamp: int = 0
@@ -276,8 +213,6 @@ class TelemetryFile(RecordedFile):
     _sets: int = 0
     _rc: dict[int, RcChangeFilter] = field(default_factory=dict)
     _tilts: dict[int, TiltFilter] = field(default_factory=dict)
-    _autopilots: dict[int, int] = field(default_factory=dict)
-    _events: dict[int, message_readers.Px4EventDecoder] = field(default_factory=dict)
     _downs_m: dict[int, float] = field(default_factory=dict)
     """How far below where its filter began each system is."""
 
@@ -287,7 +222,7 @@ class TelemetryFile(RecordedFile):
         System 0 stands for what is about the link as a whole.
         """
         yield from read_in_chunks(self.path, self._read_piece)
-        for (system, _), text in self._texts.list_unfinished_texts():
+        for (system, _), text in self._codec.texts.list_unfinished_texts():
             yield self._stamp, system, text
         self._explain_no_vehicle()
 
@@ -347,7 +282,7 @@ class TelemetryFile(RecordedFile):
                     yield stamp, 0, None
                 heard[lane.system] = stamp
             if lane.kind is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
-                yield from self._read_frame(buffer[at + STAMP : end], stamp, lane)
+                yield from self._read_frame(lane.kind, buffer[at + STAMP : end], stamp, lane)
             at = end
         self._stamp = known
         self.frames += frames
@@ -401,11 +336,11 @@ class TelemetryFile(RecordedFile):
         lane = self._lanes[key] = _MessageStream(source, kind, system, component, every_usec)
         return lane
 
-    def _read_frame(self, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
+    def _read_frame(self, kind: WantedKind, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
         """Yield what a frame says that is wanted now."""
-        kind, source = lane.kind, lane.source
-        lane.newest_usec = stamp
-        if kind is None or not has_valid_checksum(frame, kind.extra):
+        source, lane.newest_usec = lane.source, stamp
+        frames = self._parser.feed(frame)
+        if not frames:
             self.skipped.bad_checksums += 1
             return
         if kind.name == BATTERY:
@@ -416,19 +351,112 @@ class TelemetryFile(RecordedFile):
             # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
             beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
             lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
-        fields = kind.unpack_fields(frame)
-        if kind.name == POSITION and source.vehicle:
-            # Every one of them: of one in seconds all may be of the same of two vehicles.
-            yield from _twins_heard(source, stamp, lane.system, fields)
-            if 0 <= stamp - lane.told_usec < kind.every_usec and not self.every_record:
-                return
-            lane.told_usec = stamp
-        message = kind.read(fields)
-        message = None if message is None else filter_implausible(message)
-        if message is not None and source.vehicle and not kind.special:
-            yield stamp, lane.system, message
+        yield from self._interpret(kind.name, frames[0], stamp, lane)
+        if not source.vehicle and kind.name not in NO_BEATS:
+            yield stamp, 0, None
+
+    def _interpret(self, name: str, frame: Frame, stamp: int, lane: _MessageStream) -> Iterator[Record]:
+        """Yield what a frame says, as the codec of a link hears it, and what no link is asked for."""
+        heard: tuple[Message | None, ...] = ()
+        if name in ITEMS:
+            yield from self._read_mission_item(stamp, lane.system, frame)
+        elif name in {LOCAL_POSITION, TARGET_POSITION}:
+            heard = (self._read_height_target(lane.system, name, frame.z),)
+        elif name == "RC_CHANNELS_RAW":
+            heard = (message_readers.read_channels(frame),)
         else:
-            yield from self._read_special(stamp, lane, fields, message)
+            [decoded] = self._codec.read([frame])
+            heard = (decoded.message, *decoded.more)
+            if name == POSITION and decoded.own:
+                yield from self._follow_position(stamp, lane, decoded.message)
+        for message in heard:
+            if lane.source.vehicle or name != "COMMAND_ACK":  # before that nobody knows who follows it
+                yield from self._tell(stamp, lane, message)
+
+    def _tell(self, stamp: int, lane: _MessageStream, message: Message | None) -> Iterator[Record]:
+        """Yield what is wanted of a message: who is not known as a vehicle yet says nothing of itself but in words."""
+        system, source = lane.system, lane.source
+        match message:
+            case messages.StationHeard():
+                self.stations.add(system)
+            case messages.OrderSeen(to=target):
+                yield stamp, target, replace(message, to=0)
+            case messages.Radio():
+                yield stamp, 0, message
+            case messages.StatusText():
+                yield stamp, system, message
+            case messages.Heartbeat():
+                yield from self._follow_heartbeat(stamp, lane, message)
+            case messages.ParamValue(name, value) if source.vehicle and is_wanted_setting(name):
+                yield stamp, system, messages.VehicleSetting(name, value)
+            case messages.Attitude() | messages.RcChannels() if source.vehicle:
+                changed = self._filter_unchanged(stamp, system, message)
+                if changed is not None:
+                    yield stamp, system, changed
+            case _ if (
+                source.vehicle and isinstance(message, FlightMessage) and not isinstance(message, messages.Position)
+            ):
+                yield stamp, system, message
+
+    def _follow_heartbeat(self, stamp: int, lane: _MessageStream, beat: messages.Heartbeat) -> Iterator[Record]:
+        """Yield the HEARTBEAT of who speaks for a system, and what is due with it."""
+        system, source = lane.system, lane.source
+        if (before := self._vehicles.get(system)) is not None:
+            before.vehicle = False
+        self._vehicles[system] = source
+        source.vehicle, source.rounds_twice = True, beat.autopilot in ROUND_TWICE
+        if source.received + source.missing >= ENOUGH_FRAMES:
+            yield stamp, system, Traffic(source.received, source.missing)
+            source.received = source.missing = 0
+        yield stamp, system, beat
+        for text in self._codec.texts.count_frame((system, lane.component), BEAT_FRAMES):
+            yield stamp, system, text
+
+    def _follow_position(self, stamp: int, lane: _MessageStream, place: Message | None) -> Iterator[Record]:
+        """Yield a position now and then, and once that a vehicle is two: of one in seconds all may be of the same."""
+        source = lane.source
+        is_due = self.every_record or not 0 <= stamp - lane.told_usec < POSITION_USEC
+        self.skipped.impossible += is_due and place is None
+        if not source.vehicle:
+            return
+        lane.told_usec = stamp if is_due else lane.told_usec
+        if isinstance(place, messages.Position):
+            known, told = source.twins, ReportedPosition(stamp / 1e6, place.boot_s, place.lat_deg, place.lon_deg)
+            source.twins = add_reported_position(known, told)
+            if source.twins.are_two and not known.are_two:
+                yield stamp, lane.system, DoubleHeard(lane.system, ())
+            if is_due:
+                yield stamp, lane.system, place
+
+    def _filter_unchanged(
+        self, stamp: int, system: int, message: messages.Attitude | messages.RcChannels
+    ) -> FlightMessage | None:
+        """Return an attitude or channels, unless they are as they were."""
+        if isinstance(message, messages.Attitude):
+            return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
+        watch = self._rc.setdefault(system, RcChangeFilter())
+        if len(message.values_us) < len(watch.told):
+            return None  # ArduPilot sends the first eight channels once more
+        return watch.filter_channels(stamp, message.values_us)
+
+    def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
+        """Yield an item of a vehicle's mission, on its way to it or from it.
+
+        One of a fence, of rally points, or a place to be flown to at once is none.
+        """
+        known = self._codec.autopilots
+        of = by if by in known else frame.target_system
+        whole = not frame.mission_type and frame.current <= 1 and all(map(math.isfinite, (frame.x, frame.y, frame.z)))
+        if whole and of in known:
+            yield stamp, of, ListedItem(message_readers.read_mission_item(frame))
+
+    def _read_height_target(self, system: int, name: str, down_m: float) -> HeightTarget | None:
+        """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
+        if name == LOCAL_POSITION:
+            self._downs_m[system] = down_m
+            return None
+        is_px4 = self._codec.autopilots.get(system) == PX4.number
+        return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
     def _is_record_at(self, buffer: bytes, at: int, end: int, known: int) -> bool:
         """Return whether a whole record lies here, where what follows it does not show that."""
@@ -445,112 +473,6 @@ class TelemetryFile(RecordedFile):
             following = int.from_bytes(buffer[end : end + 8], "big")
             return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
         return end == size or _is_known(buffer, at, end)
-
-    def _read_special(
-        self, stamp: int, lane: _MessageStream, frame: Frame, message: FlightMessage | None
-    ) -> Iterator[Record]:
-        """Yield what is about the link, about orders to others, or begins a vehicle."""
-        name = "" if lane.kind is None else lane.kind.name
-        source, system, component = lane.source, lane.system, lane.component
-        if name == "STATUSTEXT":
-            yield from self._read_statustext(stamp, system, component, frame)
-        elif name in ORDERS | ITEMS:
-            sent = self._read_mode_order if name in ORDERS else self._read_mission_item
-            yield from sent(stamp, system, frame)
-        elif isinstance(message, Heartbeat) and self._is_speaker(system, component, message):
-            self._autopilots[system] = message.autopilot
-            source.vehicle, source.rounds_twice = True, message.autopilot in ROUND_TWICE
-            if source.received + source.missing >= ENOUGH_FRAMES:
-                yield stamp, system, Traffic(source.received, source.missing)
-                source.received = source.missing = 0
-            yield stamp, system, message
-            for text in self._texts.count_frame((system, component), BEAT_FRAMES):
-                yield stamp, system, text
-        elif isinstance(message, Radio):
-            yield stamp, 0, message
-        elif name in TOLD_BY_VEHICLES:
-            told = self._read_vehicle_message(stamp, system, name, frame, message) if source.vehicle else None
-            if told is not None:
-                yield stamp, system, told
-        else:
-            if name == "HEARTBEAT" and frame.type == message_readers.GCS_TYPE:
-                self.stations.add(system)
-            self.skipped.impossible += name == POSITION and message is None
-            yield stamp, 0, None
-
-    def _read_mode_order(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
-        """Yield an order to change the mode, as of whom it is for."""
-        target = frame.target_system
-        ordered = message_readers.read_mode_order(frame, self._autopilots.get(target))
-        if ordered is not None:
-            yield stamp, target, OrderSeen(*ordered, by)
-
-    def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
-        """Yield an item of a vehicle's mission, on its way to it or from it.
-
-        One of a fence, of rally points, or a place to be flown to at once is none.
-        """
-        of = by if by in self._autopilots else frame.target_system
-        whole = not frame.mission_type and frame.current <= 1 and all(map(math.isfinite, (frame.x, frame.y, frame.z)))
-        if whole and of in self._autopilots:
-            yield stamp, of, ListedItem(message_readers.read_mission_item(frame))
-
-    def _read_vehicle_message(
-        self, stamp: int, system: int, name: str, frame: Frame, message: FlightMessage | None
-    ) -> FlightMessage | None:
-        """Return what a vehicle says of an order, of its settings and of its pilot's transmitter."""
-        if name == "COMMAND_ACK":
-            command = message_readers.read_accepted_order(frame)
-            return None if command is None else OrderSeen(command)
-        if name == message_readers.EVENT_NAME:
-            told = self._events.setdefault(system, message_readers.Px4EventDecoder())
-            px4s = self._autopilots.get(system) == PX4.number
-            return told.decode(frame.id, frame.event_time_boot_ms, frame.sequence, frame.arguments) if px4s else None
-        if name == "PARAM_VALUE":
-            setting = formatting.escape_controls(frame.param_id.split(b"\0", 1)[0].decode(errors="replace"))
-            value = frame_layout.from_wire(frame.param_value, frame.param_type, self._autopilots.get(system))
-            return VehicleSetting(setting, value) if is_wanted_setting(setting) and math.isfinite(value) else None
-        if name in {LOCAL_POSITION, "POSITION_TARGET_LOCAL_NED"}:
-            return self._read_height_target(system, name, frame.z)
-        if isinstance(message, Attitude):
-            return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
-        if not isinstance(message, RcChannels):
-            return None
-        watch = self._rc.setdefault(system, RcChangeFilter())
-        if len(message.values_us) < len(watch.told):
-            return None  # ArduPilot sends the first eight channels once more
-        return watch.filter_channels(stamp, message.values_us)
-
-    def _read_height_target(self, system: int, name: str, down_m: float) -> HeightTarget | None:
-        """Return how far PX4 is below what it wants, where it says both; ArduPilot says the difference."""
-        if name == LOCAL_POSITION:
-            self._downs_m[system] = down_m
-            return None
-        is_px4 = self._autopilots.get(system) == PX4.number
-        return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
-
-    def _is_speaker(self, system: int, component: int, beat: Heartbeat) -> bool:
-        """Return whether a component with an autopilot's HEARTBEAT is the one that speaks for its system."""
-        known = self._speakers.get(system, AutopilotComponent())
-        speaker = self._speakers[system] = update_autopilot_component(known, component, beat)
-        if speaker.component != known.component and (before := self._sources.get(system << 8 | known.component)):
-            before.vehicle = False
-        return speaker.component == component
-
-    def _read_statustext(self, stamp: int, system: int, component: int, frame: Frame) -> Iterator[Record]:
-        """Yield what a vehicle's autopilot says in words."""
-        if component == self._speakers.get(system, AutopilotComponent()).component:
-            source = (system, component)
-            for text in self._texts.add_part(source, frame.severity, frame.text, frame.id, frame.chunk_seq):
-                yield stamp, system, text
-
-
-def _twins_heard(source: _Source, stamp: int, system: int, frame: Frame) -> Iterator[Record]:
-    """Follow where a vehicle is, and yield once that it is two."""
-    known, place = source.twins, (frame.lat / 1e7, frame.lon / 1e7)
-    source.twins = add_reported_position(known, ReportedPosition(stamp / 1e6, frame.time_boot_ms / 1e3, *place))
-    if source.twins.are_two and not known.are_two:
-        yield stamp, system, DoubleHeard(system, ())
 
 
 def _boot_usec(frame: bytes) -> int:

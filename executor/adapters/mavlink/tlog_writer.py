@@ -30,19 +30,15 @@ class TelemetryLog:
         self._bytes = 0
         self._flushed_usec = 0
         self._file = self._open_part()
-        self.lost = 0
-        """Frames that could not be written: a full disk must not end a flight."""
 
     def write(self, frame: bytes) -> None:
-        """Append one frame."""
+        """Append one frame, where there is room: a full disk must not end a flight."""
         usec = self._label_usec()
-        try:
+        with suppress(OSError, ValueError):
             if self._bytes >= self._most_bytes:
                 self._file.close()
                 self._file, self._bytes = self._open_part(), 0
             self._bytes += self._file.write(_STAMP.pack(usec) + frame)
-        except (OSError, ValueError):
-            self.lost += 1
         if abs(usec - self._flushed_usec) >= HELD_USEC:
             self._flushed_usec = usec
             with suppress(OSError, ValueError):  # then it stays where it is until there is room
@@ -50,10 +46,8 @@ class TelemetryLog:
 
     def close(self) -> None:
         """Flush and close."""
-        try:
+        with suppress(OSError):
             self._file.close()
-        except OSError:
-            self.lost += 1
 
     def _open_part(self) -> IO[bytes]:
         """Make the first part that is not there yet: uav1.tlog, uav1-1.tlog, uav1-2.tlog ..."""

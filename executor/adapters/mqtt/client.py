@@ -17,7 +17,7 @@ from enum import Enum
 
 import aiomqtt
 
-from executor.adapters.mqtt.broker import BrokerAddress
+from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 
 MOST_KEPT = 500
@@ -33,14 +33,6 @@ class MqttMessage:
     retain: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PendingMessage:
-    """A message that is under way, and its place in the row; None for one out of a cell."""
-
-    letter: MqttMessage
-    number: int | None
-
-
 class Outbox:
     """Messages for the broker, in the order in which they are to be sent."""
 
@@ -48,9 +40,10 @@ class Outbox:
         """Begin empty."""
         self._most_kept = most_kept
         self._cells: dict[str, MqttMessage] = {}
-        self._rows: dict[str, deque[tuple[int, MqttMessage]]] = {}
+        self._row: deque[MqttMessage] = deque()
+        self._queued: set[str] = set()
+        """Topics whose messages wait in the row."""
         self._retained: dict[str, MqttMessage] = {}
-        self._number = 0
         self._closed = False
         self._ready = asyncio.Event()
         self.dropped: dict[str, int] = {}
@@ -58,7 +51,7 @@ class Outbox:
 
     def __len__(self) -> int:
         """Return how many messages wait."""
-        return len(self._cells) + sum(len(row) for row in self._rows.values())
+        return len(self._cells) + len(self._row)
 
     def put_latest(self, letter: MqttMessage) -> None:
         """Send a message instead of the one that still waits on its topic."""
@@ -70,35 +63,28 @@ class Outbox:
 
     def enqueue(self, letter: MqttMessage) -> None:
         """Send a message after those that wait already; of too many on one topic the oldest is dropped."""
-        self._number += 1
-        row = self._rows.setdefault(letter.topic, deque())
-        row.append((self._number, letter))
+        self._queued.add(letter.topic)
+        self._row.append(letter)
         self._drop_oldest(letter.topic)
         self._ready.set()
 
-    def take_batch(self, most: int) -> list[PendingMessage]:
+    def take_batch(self, most: int) -> list[MqttMessage]:
         """Return what is to be sent next, at most so many; half of the places are for either kind while both wait."""
-        for_cells = min(len(self._cells), max(most // 2, most - (len(self) - len(self._cells))))
-        taken: list[PendingMessage] = []
-        while len(taken) < most - for_cells:
-            row = min((row for row in self._rows.values() if row), key=lambda row: row[0][0], default=None)
-            if row is None:
-                break
-            number, letter = row.popleft()
-            taken.append(PendingMessage(letter, number))
-        taken.extend(PendingMessage(self._cells.pop(topic), None) for topic in list(self._cells)[:for_cells])
+        for_cells = min(len(self._cells), max(most // 2, most - len(self._row)))
+        taken = [self._row.popleft() for _ in range(min(len(self._row), most - for_cells))]
+        taken += [self._cells.pop(topic) for topic in list(self._cells)[:for_cells]]
         if not len(self) and not self._closed:
             self._ready.clear()
         return taken
 
-    def return_unsent(self, unsent: Iterable[PendingMessage]) -> None:
+    def return_unsent(self, unsent: Iterable[MqttMessage]) -> None:
         """Let messages wait again that could not be sent; a newer one in their cell wins."""
-        for one in reversed(list(unsent)):
-            if one.number is None:
-                self._cells.setdefault(one.letter.topic, one.letter)
+        for letter in reversed(list(unsent)):
+            if letter.topic in self._queued:
+                self._row.appendleft(letter)
+                self._drop_oldest(letter.topic)
             else:
-                self._rows.setdefault(one.letter.topic, deque()).appendleft((one.number, one.letter))
-                self._drop_oldest(one.letter.topic)
+                self._cells.setdefault(letter.topic, letter)
             self._ready.set()
 
     def resend_retained(self) -> None:
@@ -117,9 +103,9 @@ class Outbox:
         await self._ready.wait()
 
     def _drop_oldest(self, topic: str) -> None:
-        row = self._rows[topic]
-        while len(row) > self._most_kept:
-            row.popleft()
+        waiting = [letter for letter in self._row if letter.topic == topic]
+        if len(waiting) > self._most_kept:
+            self._row.remove(waiting[0])
             self.dropped[topic] = self.dropped.get(topic, 0) + 1
 
 
@@ -138,6 +124,7 @@ QOS = 1
 BATCH = 10
 """Messages under way at once: with a round trip of 0.5 s that is 20 a second."""
 INBOX = 50
+"""Messages that may wait to be taken; of more the newest are left out."""
 FLUSH_S = 3.0
 """Real seconds after the flight for what still waits."""
 
@@ -155,14 +142,6 @@ class Presence(Enum):
     """The flight has ended, or is not supervised any more."""
     BROKEN = "CONNECTIONBROKEN"
     """The broker says so itself: the connection ended without a word."""
-
-
-class _Inbox(asyncio.Queue[aiomqtt.Message]):
-    """Leaves out what comes faster than it is taken, where aiomqtt would write a line for each."""
-
-    def put_nowait(self, item: aiomqtt.Message) -> None:
-        if not self.full():
-            super().put_nowait(item)
 
 
 @dataclass(eq=False, repr=False)
@@ -185,7 +164,6 @@ class MqttClient:
     _was_there: bool = False
     _complained: bool = False
     _dropped_told: int = 0
-    connected: bool = False
 
     async def run(self) -> None:
         """Connect, and again whenever the connection ends, until `close`."""
@@ -199,8 +177,6 @@ class MqttClient:
                 await asyncio.create_task(self._run_session(), name="mqtt session")
             except Exception as error:  # noqa: BLE001 - the boundary between the broker and the flight
                 self._report_disconnection(_describe_error(error))
-            finally:
-                self.connected = False
             attempt = 0 if loop.time() - began_s > STEADY_S else attempt + 1
             with suppress(TimeoutError):
                 async with asyncio.timeout(WAITS_S[min(attempt, len(WAITS_S)) - 1] if attempt else 0.0):
@@ -224,7 +200,6 @@ class MqttClient:
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=INBOX,
-            queue_type=_Inbox,
             logger=_log,
         )
         try:
@@ -262,9 +237,9 @@ class MqttClient:
                 return
             await self._send(client, batch)
 
-    async def _send(self, client: aiomqtt.Client, batch: list[PendingMessage]) -> None:
+    async def _send(self, client: aiomqtt.Client, batch: list[MqttMessage]) -> None:
         unsent = dict(enumerate(batch))
-        patience_s = ANSWER_S + sum(len(taken.letter.payload) for taken in batch) / LEAST_BYTES_PER_S
+        patience_s = ANSWER_S + sum(len(letter.payload) for letter in batch) / LEAST_BYTES_PER_S
 
         async def one(number: int, letter: MqttMessage) -> None:
             await _publish(client, letter, patience_s)
@@ -272,13 +247,12 @@ class MqttClient:
 
         try:
             async with asyncio.TaskGroup() as tasks:
-                for number, taken in enumerate(batch):
-                    tasks.create_task(one(number, taken.letter), name="mqtt message")
+                for number, letter in enumerate(batch):
+                    tasks.create_task(one(number, letter), name="mqtt message")
         finally:
             self._outbox.return_unsent(unsent.values())
 
     def _on_connected(self) -> None:
-        self.connected = True
         self._outbox.resend_retained()
         again = "again" if self._was_there else ""
         dropped = sum(self._outbox.dropped.values())

@@ -12,17 +12,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from executor.adapters.mqtt.broker import IntakeReason, MqttTopics, RefusedMessage
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
+from executor.adapters.mqtt.intent_intake import IntakeReason, RefusedMessage
+from executor.adapters.mqtt.topics import MqttTopics
 from executor.core.fleet_view import FleetView, OfferView, PositionView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetState, AssetView
-from executor.core.interface.codes import Ending
+from executor.core.interface.codes import Check, Ending
 from executor.core.interface.commands import Say
 from executor.core.interface.events import Event, IntentReceived, Tick
 from executor.core.interface.intents import IntentReason, IntentRecord
-from executor.core.state.fleet_state import CheckLine, FleetState, Question
+from executor.core.state.fleet_state import FleetState, Question
 from executor.core.state.vehicle_state import FaultCode
-from missions.plan_json import PlanDocument
+from missions import PlanFile
 from missions.validation import document_of
 
 VERSION = "1.6.0"
@@ -99,7 +100,7 @@ class FleetStateMessage(MqttPayload):
     finished: bool
     min_separation_m: float | None
     """The nearest that two flying vehicles came to each other."""
-    checks: tuple[CheckLine, ...]
+    checks: tuple[Check, ...]
     """The checklist before the flight."""
     question: Question | None
     """What the crew is asked now, before the flight: an intent with its `id` as the action answers it."""
@@ -146,7 +147,7 @@ class PlanMessage(MqttPayload):
     """The plan in force; retained."""
 
     revision: int
-    plan: Annotated[dict[str, Any], document_of(PlanDocument)]
+    plan: Annotated[dict[str, Any], document_of(PlanFile)]
     """As a plan file has it (faultline-plan/2)."""
 
 

@@ -30,11 +30,11 @@ export interface FleetView {
   min_separation_m: number | null;
   vehicles: VehicleView[];
   /** The last decisions, the oldest first. */
-  said: SaidView[];
+  said: OperatorLine[];
   /** The last ones, the oldest first. */
   intents: IntentView[];
   /** The checklist, in the order in which a crew reads it. */
-  checks: CheckLine[];
+  checks: Check[];
   /** What the crew is asked now, before the flight. */
   question: Question | null;
   offer: OfferView | null;
@@ -146,10 +146,10 @@ export interface VehicleView {
   turn: TurnView | null;
 }
 
-/** A decision, in one line. */
-export interface SaidView {
+/** A line for the operator, kept for who looks later: a decision with its reason. */
+export interface OperatorLine {
   at_s: number;
-  level: string;
+  level: "info" | "warning" | "fault";
   text: string;
 }
 
@@ -166,10 +166,9 @@ export interface IntentView {
   question: string;
 }
 
-/** One line of the checklist before the flight. */
-export interface CheckLine {
-  /** ok, warning or stop. */
-  severity: string;
+/** One line of the checklist. */
+export interface Check {
+  severity: "ok" | "warning" | "stop";
   subject: string;
   text: string;
   code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";
@@ -242,15 +241,15 @@ export interface PositionView {
   lon_deg: number;
   /** Over its own home. */
   relative_alt_m: number;
-  heading_deg: number | null;
   ground_speed_m_s: number;
   age_s: number;
-  /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
-  known: string;
   /** By so much it may be off; a reckoned one by this or more. */
   accuracy_m: number | null;
-  /** Of one that is reckoned: where it was by GPS last. That is where to look for it. */
-  last_fix: LastFixView | null;
+  heading_deg: number | null;
+  /** fix: by GPS. reckoned: GPS is lost, and its autopilot reckons on. unsaid: it has said nothing of its GPS. */
+  known: string;
+  /** Of one that is reckoned: where it was by GPS last, and has flown on from. That is where to look for it. */
+  last_fix: PlaceView | null;
 }
 
 /** A battery, in percent of a full one. A band about a figure should hold what comes nine times of ten. */
@@ -362,13 +361,14 @@ export interface GroundHeightsPart {
   metres: (number | null)[];
 }
 
-/** The last place of a vehicle that is by GPS. */
-export interface LastFixView {
+/** A place of a vehicle, and how fast it was there. */
+export interface PlaceView {
   lat_deg: number;
   lon_deg: number;
+  /** Over its own home. */
   relative_alt_m: number;
-  accuracy_m: number | null;
-  age_s: number;
-  /** There: it has flown on. */
   ground_speed_m_s: number;
+  age_s: number;
+  /** By so much it may be off; a reckoned one by this or more. */
+  accuracy_m: number | null;
 }

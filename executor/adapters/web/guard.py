@@ -24,7 +24,7 @@ from typing import ClassVar, TypeVar, cast
 import h11
 from starlette.datastructures import URL, Headers, MutableHeaders, QueryParams
 from starlette.requests import cookie_parser
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, RedirectResponse, Response, StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -335,8 +335,6 @@ class LatestValue:
         self.count = 0
         self.streams: dict[EventStream, str] = {}
         """Who follows, from where; the oldest first."""
-        self.dropped = 0
-        """Clients that were let go."""
         self._news = asyncio.Condition()
         self._closed = False
 
@@ -366,33 +364,27 @@ class LatestValue:
             yield value
 
 
-class EventStream:
-    """An ASGI answer that lasts until the browser goes, or must make room for another one."""
+class EventStream(StreamingResponse):
+    """An answer that lasts until the browser goes, takes nothing, or must make room for another one."""
 
     def __init__(self, newest: LatestValue, limits: ConnectionLimits | None = None) -> None:
         """Follow a value."""
+        super().__init__(self._iterate_events(), media_type="text/event-stream")
         self._newest = newest
         self._places = (limits or ConnectionLimits()).streams
-        self._replaced = asyncio.Event()
-        self.sends_s: float | None = None
-        """Since when a value is on its way."""
+        self.patience = asyncio.timeout(None)
+        """By when the value on its way must be taken, if one is."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send what is newest, for as long as it is taken."""
         peer, own = (scope.get(name) or ("", 0) for name in ("client", "server"))
         self._take_place(origin_of(peer[0], own[0]))
-        gone = asyncio.ensure_future(_wait_for_disconnect(receive))
-        sending = asyncio.ensure_future(self._send(send))
-        replaced = asyncio.ensure_future(self._replaced.wait())
         try:
-            await asyncio.wait({gone, sending, replaced}, return_when=asyncio.FIRST_COMPLETED)
+            with suppress(TimeoutError):
+                async with self.patience:
+                    await super().__call__(scope, receive, send)
         finally:
-            del self._newest.streams[self]
-            for task in (gone, sending, replaced):
-                task.cancel()
-            ended = await asyncio.gather(sending, gone, replaced, return_exceptions=True)
-        if isinstance(ended[0], Exception):
-            raise ended[0]
+            self._newest.streams.pop(self, None)
 
     def _take_place(self, origin: str) -> None:
         """Take a place; where there is none, who takes nothing goes first, then who has looked longest.
@@ -401,32 +393,16 @@ class EventStream:
         """
         rivals = self._places.find_rivals(self._newest.streams, origin)
         if rivals:
-            stuck = [one for one in rivals if one.sends_s is not None]
-            min(stuck, key=lambda one: one.sends_s or 0.0, default=rivals[0]).end_stream()
+            stuck = [one for one in rivals if one.patience.when() is not None]
+            goes = min(stuck, key=lambda one: one.patience.when() or 0.0, default=rivals[0])
+            del self._newest.streams[goes]
+            if not goes.patience.expired():
+                goes.patience.reschedule(0.0)
         self._newest.streams[self] = origin
 
-    def end_stream(self) -> None:
-        """End it."""
-        self._newest.dropped += 1
-        self._replaced.set()
-
-    async def _send(self, send: Send) -> None:
-        headers = [(b"content-type", b"text/event-stream; charset=utf-8")]
-        await send({"type": "http.response.start", "status": 200, "headers": headers})
-        await send({"type": "http.response.body", "body": f"retry: {RETRY_MS}\n\n".encode(), "more_body": True})
-        try:
-            async for value in self._newest.iterate_values():
-                self.sends_s = asyncio.get_running_loop().time()
-                async with asyncio.timeout(SLOW_S):
-                    body = b"data: " + value + b"\n\n"
-                    await send({"type": "http.response.body", "body": body, "more_body": True})
-                self.sends_s = None
-            await send({"type": "http.response.body", "body": b"", "more_body": False})
-        except TimeoutError:
-            self._newest.dropped += 1
-
-
-async def _wait_for_disconnect(receive: Receive) -> None:
-    """Wait until the browser has gone."""
-    while (await receive())["type"] != "http.disconnect":
-        pass
+    async def _iterate_events(self) -> AsyncIterator[bytes]:
+        yield f"retry: {RETRY_MS}\n\n".encode()
+        async for value in self._newest.iterate_values():
+            self.patience.reschedule(asyncio.get_running_loop().time() + SLOW_S)
+            yield b"data: " + value + b"\n\n"
+            self.patience.reschedule(None)

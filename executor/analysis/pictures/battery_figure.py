@@ -39,27 +39,22 @@ CHARACTER = 0.0085
 TIME_STEPS_S = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 """Between two times that are written below the picture."""
 MOST_TIMES = 12
+LEGEND_COLUMNS = 5
+LEGEND_ROW_IN = 0.21
 
 
 @dataclass(frozen=True, slots=True)
 class LineEnd:
-    """Where a vehicle's lines end, and what is to be said of it."""
+    """Where a line ends, by the plot's own figures, and what is to be said of it."""
 
-    t_s: float
-    used_pct: float
+    along: float
+    height: float
     words: str
     colour: str
 
 
-@dataclass(frozen=True, slots=True)
-class TimeMark:
-    """A vertical line."""
-
-    t_s: float
-    words: str
-    colour: str
-    line: int
-    """Of the words above the plot; 0 is the lowest."""
+TimeMark = tuple[float, str, str]
+"""A vertical line: its time, its words above the plot, its colour."""
 
 
 def draw_battery_figure(record: FlightRecord) -> Figure:
@@ -69,31 +64,77 @@ def draw_battery_figure(record: FlightRecord) -> Figure:
     losses, the black one is the longest route of the first plan; budgets and reserves are horizontal.
     """
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    limits, highest, end_s = _collect_limits(record), _highest_pct(record), _end_s(record)
-    moments = _collect_time_marks(record, end_s)
-    lines = 1 + max(moment.line for moment in moments)
-    height_in = BELOW_IN + PLOT_IN + MOMENT_IN * lines + TITLE_IN
-    figure = make_figure(height_in, "Battery consumption: planned and measured")
-    far = bool(limits) and min(limits.values()) > FAR * highest
-    lower_in = PLOT_IN - (STRIP_IN + 0.08 if far else 0.0)
-    axes = figure.add_axes((LEFT, BELOW_IN / height_in, RIGHT - LEFT, lower_in / height_in))
-    axes.set_xlim(0.0, end_s)
-    axes.set_ylim(0.0, 1.08 * (highest if far else max([highest, *limits.values()])))
-    panels = [axes]
-    if far:
-        place = (LEFT, (BELOW_IN + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
-        panels.append(_add_strip(figure.add_axes(place), axes, limits))
-    draw_limits(panels[-1], limits, end_s)
+    end_s = _end_s(record)
+    figure, panels = _make_chart(
+        "Battery consumption: planned and measured", end_s, _highest_pct(record), _collect_limits(record),
+        _collect_time_marks(record), _build_legend(record),
+    )  # fmt: skip
+    axes = panels[0]
     _draw_plans(axes, record, styles)
     _draw_measured(axes, record, styles)
     _draw_losses(panels, record)
-    draw_time_marks(panels, moments)
     label_lines(axes, _collect_line_ends(record, styles))
     _format_time_axis(panels, end_s)
     axes.set_xlabel("time since the order to take off (min:s)")
-    axes.set_ylabel("battery used (%)")
-    figure.legend(handles=_build_legend(record), loc="lower center", ncols=6, frameon=False, fontsize=9)
     return figure
+
+
+def _make_chart(
+    title: str,
+    end_s: float,
+    highest_pct: float,
+    limits: Mapping[str, float],
+    marks: Sequence[TimeMark],
+    handles: Sequence[Artist],
+) -> tuple[Figure, list[Axes]]:
+    """Return percent used over time with limits, marks and a legend: the plot, and above it a strip for far limits.
+
+    Args:
+        title: Of the figure.
+        end_s: Where the plot ends.
+        highest_pct: The most that is used.
+        limits: Horizontal lines, by what is written on them.
+        marks: Vertical lines.
+        handles: Of the legend.
+    """
+    words_lines = _stack_words(marks, end_s)
+    below_in = BELOW_IN + LEGEND_ROW_IN * ((len(handles) - 1) // LEGEND_COLUMNS)
+    height_in = below_in + PLOT_IN + MOMENT_IN * (1 + max(words_lines)) + TITLE_IN
+    figure = make_figure(height_in, title)
+    far = bool(limits) and min(limits.values()) > FAR * highest_pct
+    lower_in = PLOT_IN - (STRIP_IN + 0.08 if far else 0.0)
+    axes = figure.add_axes((LEFT, below_in / height_in, RIGHT - LEFT, lower_in / height_in))
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(0.0, 1.08 * (highest_pct if far else max([highest_pct, *limits.values()])))
+    axes.set_ylabel("battery used (%)")
+    panels = [axes]
+    if far:
+        place = (LEFT, (below_in + PLOT_IN - STRIP_IN) / height_in, RIGHT - LEFT, STRIP_IN / height_in)
+        panels.append(_add_strip(figure.add_axes(place), axes, limits))
+    for name, limit in limits.items():
+        panels[-1].axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
+        panels[-1].text(
+            0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=make_white_edge(2.0)
+        )
+    for (t_s, words, colour), line in zip(marks, words_lines, strict=True):
+        for panel in panels:
+            panel.axvline(t_s, color=colour, lw=1.8, zorder=2)
+        panels[-1].annotate(
+            words, xy=(t_s, 1.0), xycoords=("data", "axes fraction"), xytext=(0.0, 4.0 + 72.0 * MOMENT_IN * line),
+            textcoords="offset points", ha="center", fontsize=9.5, color=colour,
+        )  # fmt: skip
+    figure.legend(handles=handles, loc="lower center", ncols=LEGEND_COLUMNS, frameon=False, fontsize=9)
+    return figure, panels
+
+
+def _stack_words(marks: Sequence[TimeMark], end_s: float) -> list[int]:
+    """Return for each mark the lowest line above the plot that has room for its words; 0 is the lowest of all."""
+    taken_s, lines = [-math.inf] * len(marks), [0] * len(marks)
+    for index, (t_s, words, _) in sorted(enumerate(marks), key=lambda row: row[1]):
+        half_s = 0.5 * CHARACTER * end_s * len(words)
+        lines[index] = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
+        taken_s[lines[index]] = t_s + half_s
+    return lines
 
 
 def _format_time_axis(panels: Sequence[Axes], end_s: float) -> None:
@@ -166,13 +207,6 @@ def _add_strip(axes: Axes, below: Axes, limits: Mapping[str, float]) -> Axes:
     return axes
 
 
-def draw_limits(axes: Axes, limits: Mapping[str, float], end_s: float) -> None:
-    """Draw horizontal lines with their words on them."""
-    for name, limit in limits.items():
-        axes.axhline(limit, color=INK, lw=1.2, ls=(0, (8.0, 2.0, 1.0, 2.0)), zorder=1)
-        axes.text(0.006 * end_s, limit, name, fontsize=9, color=INK, va="bottom", path_effects=make_white_edge(2.0))
-
-
 def _draw_plans(axes: Axes, record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
     for revision in record.revisions:
         for route in revision.routes:
@@ -209,45 +243,12 @@ def _draw_losses(panels: Sequence[Axes], record: FlightRecord) -> None:
                 axes.axvline(fault.happened_s, color=LOSS, lw=1.0, ls=(0, (1.0, 2.0)), zorder=2)
 
 
-def _collect_time_marks(record: FlightRecord, end_s: float) -> list[TimeMark]:
-    found = [(record.longest_route_s, f"longest route, {format_duration(record.longest_route_s)}", INK)]
-    found += [
+def _collect_time_marks(record: FlightRecord) -> list[TimeMark]:
+    longest = (record.longest_route_s, f"longest route, {format_duration(record.longest_route_s)}", INK)
+    return [longest] + [
         (fault.detected_s, f"{vehicle.name} lost ({fault.kind.value}), {format_flight_time(fault.detected_s)}", LOSS)
         for vehicle, fault in record.losses
     ]
-    return stack_time_marks(found, end_s)
-
-
-def stack_time_marks(found: Sequence[tuple[float, str, str]], end_s: float) -> list[TimeMark]:
-    """Return vertical lines for times, words and colours.
-
-    Each has the lowest line of words above the plot that has room for its own; the plot ends at ``end_s``.
-    """
-    taken_s = [-math.inf] * len(found)
-    moments = []
-    for t_s, words, colour in sorted(found):
-        half_s = 0.5 * CHARACTER * end_s * len(words)
-        line = next(number for number, until_s in enumerate(taken_s) if until_s < t_s - half_s)
-        taken_s[line] = t_s + half_s
-        moments.append(TimeMark(t_s, words, colour, line))
-    return moments
-
-
-def draw_time_marks(panels: Sequence[Axes], moments: Sequence[TimeMark]) -> None:
-    """Draw vertical lines through all panels, with their words above the last."""
-    for moment in moments:
-        for axes in panels:
-            axes.axvline(moment.t_s, color=moment.colour, lw=1.8, zorder=2)
-        panels[-1].annotate(
-            moment.words,
-            xy=(moment.t_s, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0.0, 4.0 + 72.0 * MOMENT_IN * moment.line),
-            textcoords="offset points",
-            ha="center",
-            fontsize=9.5,
-            color=moment.colour,
-        )
 
 
 def _collect_line_ends(record: FlightRecord, styles: Mapping[str, VehicleStyle]) -> list[LineEnd]:
@@ -268,33 +269,28 @@ def _collect_line_ends(record: FlightRecord, styles: Mapping[str, VehicleStyle])
     return ends
 
 
-def label_lines(axes: Axes, ends: Sequence[LineEnd]) -> None:
-    """Write each vehicle's name to the right of the plot, as high as its line ends, and not onto another name."""
-    place = axes.get_position()
-    share = place.height / axes.get_ylim()[1]
-    ends = sorted(ends, key=lambda end: end.used_pct)
-    for end, height in zip(
-        ends, spread_heights([place.y0 + share * end.used_pct for end in ends], LABEL_STEP), strict=True
-    ):
+def label_lines(axes: Axes, ends: Sequence[LineEnd], step: float = LABEL_STEP) -> None:
+    """Write to the right of the plot what each line is, as high as it ends, and not onto what another one is.
+
+    Args:
+        axes: The plot.
+        ends: Of its lines.
+        step: Least distance of two labels, as a share of the figure's height.
+    """
+    place, (low, high) = axes.get_position(), axes.get_ylim()
+    ends = sorted(ends, key=lambda end: end.height)
+    heights = spread_heights([place.y0 + place.height * (end.height - low) / (high - low) for end in ends], step)
+    above = max(0.0, *heights, place.y1) - place.y1
+    for end, height in zip(ends, heights, strict=True):
         axes.annotate(
-            end.words,
-            xy=(end.t_s, end.used_pct),
-            xytext=(RIGHT + 0.015, height),
-            textcoords="figure fraction",
-            fontsize=9,
-            color=INK,
-            va="center",
+            end.words, xy=(end.along, end.height), xytext=(place.x1 + 0.015, height - above),
+            textcoords="figure fraction", fontsize=9, color=INK, va="center", annotation_clip=False,
             # From the text's left edge to the end of the line.
             arrowprops={
-                "arrowstyle": "-",
-                "color": end.colour,
-                "linewidth": 0.7,
-                "relpos": (0.0, 0.5),
-                "shrinkA": 2,
+                "arrowstyle": "-", "color": end.colour, "linewidth": 0.7, "relpos": (0.0, 0.5), "shrinkA": 2,
                 "shrinkB": 3,
             },
-            annotation_clip=False,
-        )
+        )  # fmt: skip
 
 
 def spread_heights(heights: Sequence[float], least: float) -> list[float]:
@@ -324,9 +320,6 @@ def _build_legend(record: FlightRecord) -> list[Artist]:
 
 
 SHADE = "#f3e3c3"
-LEGEND_COLUMNS = 5
-LEGEND_ROW_IN = 0.21
-
 
 Repair = tuple[RemainingProblem, Plan]
 """What a loss leaves, and the plan for it."""
@@ -343,31 +336,20 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
     drawn = planned + [flown for lines in anew for _, flown in lines]
     end_s = 1.01 * max(1.0, *(float(flown.time_s[-1]) for flown in drawn))
     budgets = [(f"budget, {one.budget_pct:g} %", one.budget_pct, one.name) for one in content.vehicles]
-    limits = _group_limits(budgets, len(content.vehicles))
-    moments = stack_time_marks(
-        [
-            (found.earliest_s, f"window begins, {found.earliest_s:.0f} s", LOSS),
-            (found.longest_route_s, f"longest route, {found.longest_route_s:.0f} s", INK),
-        ],
-        end_s,
-    )
-    handles = _build_window_legend(content, found, repairs)
-    below_in = BELOW_IN + LEGEND_ROW_IN * ((len(handles) - 1) // LEGEND_COLUMNS)
-    height_in = below_in + PLOT_IN + MOMENT_IN * (1 + max(moment.line for moment in moments)) + TITLE_IN
-    figure = make_figure(height_in, _compose_window_title(found))
-    axes = figure.add_axes((LEFT, below_in / height_in, RIGHT - LEFT, PLOT_IN / height_in))
-    axes.set_xlim(0.0, end_s)
-    axes.set_ylim(0.0, 1.08 * max([*limits.values(), *(float(flown.used_pct[-1]) for flown in drawn)]))
+    marks = [
+        (found.earliest_s, f"window begins, {found.earliest_s:.0f} s", LOSS),
+        (found.longest_route_s, f"longest route, {found.longest_route_s:.0f} s", INK),
+    ]
+    figure, (axes, *_) = _make_chart(
+        _compose_window_title(found), end_s, max(float(flown.used_pct[-1]) for flown in drawn),
+        _group_limits(budgets, len(content.vehicles)), marks, _build_window_legend(content, found, repairs),
+    )  # fmt: skip
     axes.axvspan(found.earliest_s, found.longest_route_s, color=SHADE, lw=0, zorder=0)
-    draw_limits(axes, limits, end_s)
     _draw_lines(axes, planned, repairs, anew)
     if 0 < found.certified_earliest_s < found.earliest_s:
         axes.axvline(found.certified_earliest_s, color=LOSS, lw=1.2, ls=(0, (1.0, 2.0)), zorder=2)
-    draw_time_marks([axes], moments)
     label_lines(axes, _collect_window_ends(content, planned, repairs, anew))
     axes.set_xlabel("time since launch (s)")
-    axes.set_ylabel("battery used (%)")
-    figure.legend(handles=handles, loc="lower center", ncols=LEGEND_COLUMNS, frameon=False, fontsize=9)
     return figure
 
 

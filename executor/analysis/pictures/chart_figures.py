@@ -14,16 +14,17 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.text import Annotation
 from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
 
 from executor.analysis.pictures import style
-from executor.analysis.pictures.battery_figure import spread_heights
+from executor.analysis.pictures.battery_figure import LineEnd, label_lines
+from executor.analysis.pictures.map_sheet import LabelPlacer
 from executor.site.campaigns import describe_policy
 from executor.site.plan_summary import format_day_time
 from executor.site.site_model import build_paths
 from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from missions.terrain import Terrain
 from missions.waypoints import legs_m
 from planner import RiskEstimate
@@ -35,8 +36,8 @@ FRONT_COLOURS = "viridis"
 """Even in lightness, so also in grey and for the colour-blind."""
 MARKERS = ("X", "s", "^", "D", "v", "P")
 """Of the plans to compare with; those of the front are round."""
-OFFSETS_PT = ((0, 13), (13, 6), (13, -7), (0, -14), (-13, 6), (-13, -7), (0, 26), (25, 12), (25, -13), (0, -27))
-"""Where a number may stand, from its point; the first that is free is taken."""
+DOT_PT = (-6.0, 0.0, 6.0)
+"""About the middle of a point: what its number must not hide."""
 
 
 def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFile]) -> Figure:
@@ -85,33 +86,24 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
 def _number_plans(figure: Figure, axes: Axes, points: Sequence[tuple[float, float]], count: int) -> None:
     """Write the numbers of the first so many beside their points, on no other point or number where there is room."""
     figure.draw_without_rendering()
-    per_pt = figure.dpi / 72.0
-    dots = axes.transData.transform(points)
-    half = 8.0 * per_pt
-    taken = [(x - half, y - half, x + half, y + half) for x, y in dots]
-    for number, (point, (x, y)) in enumerate(zip(points[:count], dots, strict=False), start=1):
-        wide, high = 4.5 * per_pt * len(str(number)), 6.0 * per_pt
-        boxes = [
-            (x + east * per_pt - wide, y + north * per_pt - high, x + east * per_pt + wide, y + north * per_pt + high)
-            for east, north in OFFSETS_PT
-        ]
-        free = [place for place, box in enumerate(boxes) if not any(_has_overlap(box, other) for other in taken)]
-        chosen = free[0] if free else 0
-        taken.append(boxes[chosen])
-        axes.add_artist(Annotation(
-            str(number), xy=point, xytext=OFFSETS_PT[chosen],
-            textcoords="offset points", ha="center", va="center", fontsize=10, color=style.INK,
-            path_effects=style.make_white_edge(2.5),
-            arrowprops=None if chosen < 6 else {"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8},
-            zorder=6,
-        ))  # fmt: skip
+    pt_per_px = 72.0 / figure.dpi
+    dots, around = axes.transData.transform(points) * pt_per_px, np.stack(np.meshgrid(DOT_PT, DOT_PT), axis=-1)
+    corners = axes.get_window_extent().get_points() * pt_per_px
+    placer = LabelPlacer((dots[:, np.newaxis] + around.reshape(-1, 2)).reshape(-1, 2), *corners)
+    for number, (point, dot) in enumerate(zip(points[:count], dots, strict=False), start=1):
+        _, middle = placer.place_label(dot[np.newaxis], (9.0 * len(str(number)), 12.0))
+        axes.annotate(
+            str(number), xy=point, xytext=(middle[0], middle[1]), textcoords="figure points", ha="center", va="center",
+            fontsize=10, color=style.INK, path_effects=style.make_white_edge(2.5), zorder=6,
+            arrowprops={"arrowstyle": "-", "color": style.FAINT, "linewidth": 0.8, "shrinkA": 1, "shrinkB": 6},
+        )  # fmt: skip
 
 
 RISK_HEIGHT_IN = 6.6
 RISK_PLOT = (0.065, 0.11, 0.665, 0.78)
 """Left, bottom, width and height as shares of the figure; names of the curves stand to its right."""
-CURVE_LABEL_STEP = 0.085
-"""Least distance of two names of two lines each, as a share of the plot's height."""
+CURVE_LABEL_STEP = 0.066
+"""Least distance of two names of two lines each, as a share of the figure's height."""
 
 
 def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figure:
@@ -152,7 +144,15 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
             given.mtbf_h, 100 * given.finished[replans].estimate, color=look.colour, marker=look.marker, ms=10.5,
             mec=style.INK, mew=1.4, ls="", zorder=10,
         )  # fmt: skip
-    _label_curves(figure, swept[-1], given)
+    ends = [
+        LineEnd(
+            hours[-1], 100 * last.estimate,
+            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
+            f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)", style.style_of(replans).colour,
+        )
+        for replans, (last, chance) in enumerate(zip(swept[-1].finished, given.finished, strict=True))
+    ]  # fmt: skip
+    label_lines(axes, ends, CURVE_LABEL_STEP)
     axes.set_xlabel("mean time between failures of one vehicle (flight hours)")
     axes.set_ylabel("everything inspected (% of flights)")
     axes.annotate(
@@ -160,32 +160,6 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
         textcoords="offset points", fontsize=9.5, color=style.INK, path_effects=style.make_white_edge(2.0),
     )  # fmt: skip
     return figure
-
-
-def _label_curves(figure: Figure, last: RiskEstimate, given: RiskEstimate) -> None:
-    """Write what each curve is to the right of its end, and its figure for the time that was asked for."""
-    (axes,) = figure.axes
-    ends = sorted((100 * chance.estimate, replans) for replans, chance in enumerate(last.finished))
-    low, high = axes.get_ylim()
-    heights = spread_heights([(end - low) / (high - low) for end, _ in ends], CURVE_LABEL_STEP)
-    above = max(0.0, heights[-1] - 1.0)
-    for (end, replans), height in zip(ends, heights, strict=True):
-        chance, look = given.finished[replans], style.style_of(replans)
-        axes.annotate(
-            f"{describe_policy(replans)}\n{100 * chance.estimate:.2f} % at {given.mtbf_h:g} h "
-            f"({100 * chance.low:.2f} to {100 * chance.high:.2f} %)",
-            xy=(1.0, end), xycoords=("axes fraction", "data"),
-            xytext=(1.035, height - above), textcoords="axes fraction",
-            fontsize=9, color=style.INK, va="center", annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-", "color": look.colour, "linewidth": 1.2, "relpos": (0.0, 0.5), "shrinkA": 2,
-                "shrinkB": 4,
-            },
-        )  # fmt: skip
-
-
-def _has_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 HOUR_S = 3600.0
@@ -201,14 +175,11 @@ NARROW_S = 600.0
 
 def draw_gantt_figure(content: DayPlanFile) -> Figure:
     """Return the days of a plan, those on which somebody flies."""
-    flown = [
-        number for number, (begin, end) in enumerate(content.days)
-        if any(begin <= one.start_s < end for own in content.plan.sorties for one in own)
-    ]  # fmt: skip
+    flown = [day for day in range(len(content.days)) if content.routes_on(day)]
     shown = flown[:MOST_DAYS] or [0]
     panel_in = ROW_IN * (len(content.vehicles) + 1)
     total_in = HEAD_IN + len(shown) * (panel_in + GAP_IN) + FOOT_IN
-    count, hours = content.evaluation.count, content.evaluation.flight_s / HOUR_S
+    count, hours = len(content.routes), content.flight_s / HOUR_S
     more = f", the first {MOST_DAYS} of {len(flown)} days" if len(flown) > MOST_DAYS else ""
     title = f"{count} sorties, {hours:.1f} h in the air, {len(flown)} days{more}"
     figure = style.make_figure(total_in, title)
@@ -224,20 +195,18 @@ def draw_gantt_figure(content: DayPlanFile) -> Figure:
 
 def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
     begin, end = content.days[day]
-    for row, own in enumerate(content.plan.sorties):
+    for row, vehicle in enumerate(content.vehicles):
         closed, at = [], begin
-        for opens, closes in content.vehicles[row].windows:
+        for opens, closes in vehicle.hours:
             if begin <= opens < end:
                 closed.append((at, opens - at))
                 at = closes
         closed.append((at, end - at))
         axes.broken_barh([(start, long) for start, long in closed if long > 0], (row - 0.5, 1.0), color="#eeeeee", lw=0)
-        for number, one in enumerate(own):
-            if begin <= one.start_s < end:
-                lasts_s = content.evaluation.lasts_s[row][number]
-                axes.broken_barh(
-                    [(one.start_s, lasts_s)], (row - 0.36, 0.72), color=_colour_of(one.base), ec=style.PAPER, lw=0.8
-                )
+        for one in content.routes_on(day):
+            if one.vehicle == vehicle.name:
+                lasts_s, colour = one.duration_s, _colour_of(content.base_names.index(one.base))
+                axes.broken_barh([(one.start_s, lasts_s)], (row - 0.36, 0.72), color=colour, ec=style.PAPER, lw=0.8)
                 if lasts_s > NARROW_S * (end - begin) / (8 * HOUR_S):
                     words = f"{len(one.visits)}" if one.lands == one.base else f"{len(one.visits)} →"
                     axes.text(
@@ -304,21 +273,19 @@ def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[Heig
 
 def _build_profile(setup: FlightSetup, terrain: Terrain, path: FlightPath) -> HeightProfile:
     pad = setup.pad_of(path.vehicle)
-    pieces, phases, so_far_m, along, stops = [], [], 0.0, [], []
+    pieces, phases, along, stops = [], [], [np.zeros(1)], []
     legs = legs_m(path, setup.frame, setup.frame.up_m(pad.alt_m))
     for leg, point in zip(legs, path.waypoints, strict=True):
-        length_m = math.hypot(*(leg[1] - leg[0])[:2])
-        share = np.linspace(0.0, 1.0, max(1, math.ceil(length_m / STEP_M)) + 1)
-        pieces.append(leg[0] + share[:, np.newaxis] * (leg[1] - leg[0]))
-        phases.append(np.full(len(share), float(point.phase is Phase.INSPECT)))
-        along.append(so_far_m + share * length_m)
-        so_far_m += length_m
-        stops.append((so_far_m, float(leg[1, 2]) + setup.frame.alt_m))
+        piece = sample_leg(leg, STEP_M)
+        pieces.append(piece)
+        phases.append(np.full(len(piece), float(point.phase is Phase.INSPECT)))
+        along.append(along[-1][-1] + np.hypot(*(piece - piece[0]).T[:2]))
+        stops.append((along[-1][-1], float(leg[1, 2]) + setup.frame.alt_m))
     places = np.concatenate(pieces)
     known = terrain.elevation
     return HeightProfile(
         vehicle=path.vehicle,
-        along_m=np.concatenate(along),
+        along_m=np.concatenate(along[1:]),
         flown_m=places[:, 2] + setup.frame.alt_m,
         inspecting=np.concatenate(phases),
         ground_m=known.interpolate_m(places[:, :2]),

@@ -31,6 +31,7 @@ from executor.core.formatting import format_flight_time
 from executor.site.ground_view import GroundView
 from missions import NetworkImport, PlanFile
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from missions.pricing import DEPOT_M
 
 FONT_PT = 9.0
@@ -60,44 +61,36 @@ def draw_plan_figure(content: PlanFile, ground: GroundView | None = None) -> Fig
     styles = {vehicle.name: style_of(layer) for layer, vehicle in enumerate(content.vehicles)}
     routes = flight_record.build_launch_revision(content).routes
     handles = [
-        *_build_vehicle_handles(styles),
-        *_build_first_handles(),
+        *_build_plan_handles(styles),
         *_build_ground_handles(pads=False),
         *map_sheet.build_area_handles(content.areas),
     ]
-    places = [content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), np.array([DEPOT_M])]
+    places = np.concatenate((content.ends_m.reshape(-1, 2), *(route.places_m for route in routes), [DEPOT_M]))
     count, covered = len(content.segments) + len(content.unreachable), sum(len(route.segments) for route in routes)
     title = f"{covered} of {count} segments for {len(routes)} vehicles, {_describe_choice(content)}"
-    sheet = map_sheet.make_sheet(np.concatenate(places), title, ["Plan"], len(handles))
-    sheet = map_sheet.draw_below(sheet, ground, np.concatenate(places))
-    map_sheet.draw_areas(sheet.panels[0], content.areas)
-    _draw_first(sheet, sheet.panels[0], content.ends_m, routes, styles, ())
-    map_sheet.draw_legend(sheet, handles)
+    sheet = map_sheet.make_sheet(places, title, ["Plan"], handles)
+    sheet = map_sheet.draw_below(sheet, ground, content.areas)
+    _draw_first(sheet, content.ends_m, routes, styles, ())
     return sheet.figure
 
 
 def draw_flight_figure(record: flight_record.FlightRecord, ground: GroundView | None = None) -> Figure:
     """Return the first plan, and beside it what was flown and what was planned anew; over the ground if it is known."""
     styles = {vehicle.name: style_of(vehicle.layer) for vehicle in record.vehicles}
-    ends = np.array(_get_segment_ends(record.segments)).reshape(-1, 2, 2)
+    ends = np.array([(one.a_m, one.b_m) for one in record.segments]).reshape(-1, 2, 2)
     pads = [vehicle.pad_m for vehicle in record.vehicles]
     handles = [
-        *_build_vehicle_handles(styles),
-        *_build_first_handles(),
+        *_build_plan_handles(styles),
         *_build_flown_handles(record),
         *_build_ground_handles(pads=True),
+        *map_sheet.build_area_handles(record.areas),
     ]
-    handles += map_sheet.build_area_handles(record.areas)
     tracks = [vehicle.track[:, 1:3] for vehicle in record.vehicles]
     shown = np.concatenate((ends.reshape(-1, 2), np.array(pads).reshape(-1, 2), *tracks))
-    names = ["First plan", "As flown"]
-    sheet = map_sheet.make_sheet(shown, _compose_title(record), names, len(handles))
-    sheet = map_sheet.draw_below(sheet, ground, shown)
-    for axes in sheet.panels:
-        map_sheet.draw_areas(axes, record.areas)
-    _draw_first(sheet, sheet.panels[0], ends, record.revisions[0].routes, styles, pads)
-    _draw_flown(sheet, sheet.panels[1], record, styles, ends, pads)
-    map_sheet.draw_legend(sheet, handles)
+    sheet = map_sheet.make_sheet(shown, _compose_title(record), ["First plan", "As flown"], handles)
+    sheet = map_sheet.draw_below(sheet, ground, record.areas)
+    _draw_first(sheet, ends, record.revisions[0].routes, styles, pads)
+    _draw_flown(sheet, record, styles, ends, pads)
     return sheet.figure
 
 
@@ -105,7 +98,7 @@ def _describe_choice(content: PlanFile) -> str:
     """Return what the plan was chosen by, and what that came to."""
     if content.window is not None:
         return f"any one may be lost from {content.window.earliest_s:.0f} s on"
-    return f"{content.cost_name} {content.cost_value:.2f}"
+    return f"{content.cost.name} {content.cost.value:.2f}"
 
 
 def _compose_title(record: flight_record.FlightRecord) -> str:
@@ -116,50 +109,90 @@ def _compose_title(record: flight_record.FlightRecord) -> str:
     return "; ".join([text, *lost]) if len(lost) <= 2 else f"{text}; {len(lost)} vehicles lost"
 
 
-def _draw_first(
+@dataclass(frozen=True, slots=True)
+class _Panel:
+    """One map of a sheet, where every callout finds room off the lines."""
+
+    axes: Axes
+    m_per_in: float
+    placer: map_sheet.LabelPlacer
+
+    def call_out(self, anchors_m: FloatArray, words: str, colour: str) -> None:
+        """Write words beside one of (n, 2) places."""
+        lines = words.split("\n")
+        size_in = (_CHAR_IN * max(map(len, lines)) + 0.1, _LINE_IN * len(lines))
+        anchor_m, middle_m = self.placer.place_label(
+            anchors_m, (self.m_per_in * size_in[0], self.m_per_in * size_in[1])
+        )
+        self.axes.annotate(
+            words, xy=(anchor_m[0], anchor_m[1]), xytext=(middle_m[0], middle_m[1]), fontsize=FONT_PT, color=INK,
+            ha="center", va="center", zorder=12,
+            bbox={"boxstyle": "round,pad=0.25", "facecolor": PAPER, "edgecolor": colour, "linewidth": 1.4},
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 1.2, "shrinkB": 2},
+        )  # fmt: skip
+
+    def name_vehicles(self, middles: Mapping[str, FloatArray], styles: Mapping[str, VehicleStyle]) -> None:
+        """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
+        for name, places in middles.items():
+            others = [np.zeros((0, 2)), *(other for key, other in middles.items() if key != name)]
+            best = map_sheet.find_farthest(places, np.concatenate(others))
+            self.call_out(places[best : best + 1], name, styles[name].colour)
+
+
+def _begin_panel(
     sheet: map_sheet.MapSheet,
     axes: Axes,
+    ends_m: FloatArray,
+    pads_m: Sequence[flight_record.Place],
+    ways_m: Iterable[FloatArray],
+) -> _Panel:
+    """Draw segments and pads; callouts keep off the segments and off (n, 2) ways."""
+    map_sheet.draw_ground(axes, ends_m, pads_m)
+    lines = itertools.chain(ends_m, *(itertools.pairwise(way) for way in ways_m))
+    drawn = [sample_leg(np.stack(ends), 0.05 * sheet.m_per_in) for ends in lines]
+    return _Panel(axes, sheet.m_per_in, map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m))
+
+
+def _draw_first(
+    sheet: map_sheet.MapSheet,
     ends_m: FloatArray,
     routes: Sequence[flight_record.PlannedRoute],
     styles: Mapping[str, VehicleStyle],
     pads_m: Sequence[flight_record.Place],
 ) -> None:
-    map_sheet.draw_ground(axes, ends_m, pads_m)
+    panel = _begin_panel(sheet, sheet.panels[0], ends_m, pads_m, (np.array(route.way_m) for route in routes))
     for route in routes:
-        _draw_route(axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
+        _draw_route(panel.axes, route, styles[route.vehicle], replace(FIRST, cased=sheet.busy))
     inspected = {route.vehicle: zip(route.way_m[1:-1:2], route.way_m[2:-1:2], strict=True) for route in routes}
-    middles = {name: _compute_middles_m(lines) for name, lines in inspected.items()}
-    placer = _make_placer(sheet, ends_m, (np.array(route.way_m) for route in routes))
-    _label_vehicles(axes, sheet, placer, middles, styles)
+    panel.name_vehicles({name: _compute_middles_m(lines) for name, lines in inspected.items()}, styles)
 
 
 def _draw_flown(
     sheet: map_sheet.MapSheet,
-    axes: Axes,
     record: flight_record.FlightRecord,
     styles: Mapping[str, VehicleStyle],
     ends_m: FloatArray,
     pads_m: Sequence[flight_record.Place],
 ) -> None:
-    map_sheet.draw_ground(axes, ends_m, pads_m)
+    panel = _begin_panel(
+        sheet, sheet.panels[1], ends_m, pads_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles)
+    )
+    axes = panel.axes
     for segment, _ in flight_record.find_abandoned_segments(record):
-        ends = zip(segment.a_m, segment.b_m, strict=True)
-        axes.plot(*ends, color=PAPER, lw=LEFT_PT, zorder=2, path_effects=make_dark_edge(LEFT_PT))
+        axes.plot(*segment.line_m, color=PAPER, lw=LEFT_PT, zorder=2, path_effects=make_dark_edge(LEFT_PT))
     for vehicle in record.vehicles:
         _draw_track(axes, vehicle, styles[vehicle.name], edged=sheet.busy)
     for revision in record.revisions[1:]:
         for route in revision.routes:
             _draw_route(axes, route, styles[route.vehicle], AGAIN)
     for segment in record.uncovered_segments:
-        axes.plot(*zip(segment.a_m, segment.b_m, strict=True), color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
-    placer = _make_placer(sheet, ends_m, (vehicle.track[::4, 1:3] for vehicle in record.vehicles))
-    _label_events(axes, sheet, placer, record, styles)
+        axes.plot(*segment.line_m, color=LOSS, lw=2.6, ls=(0, (1.0, 1.0)), zorder=5)
+    _label_events(panel, record, styles)
     inspected: dict[str, list[flight_record.SegmentRecord]] = {}
     for segment in record.segments:
         if segment.inspected_by is not None:
             inspected.setdefault(segment.inspected_by, []).append(segment)
-    middles = {name: _compute_middles_m(_get_segment_ends(segments)) for name, segments in inspected.items()}
-    _label_vehicles(axes, sheet, placer, middles, styles)
+    panel.name_vehicles({name: _find_middles_m(segments) for name, segments in inspected.items()}, styles)
 
 
 def _draw_route(axes: Axes, route: flight_record.PlannedRoute, style: VehicleStyle, look: _RouteStyle) -> None:
@@ -189,27 +222,20 @@ def _draw_track(axes: Axes, vehicle: flight_record.VehicleRecord, style: Vehicle
               path_effects=effects)  # fmt: skip
 
 
-def _label_events(
-    axes: Axes,
-    sheet: map_sheet.MapSheet,
-    placer: map_sheet.LabelPlacer,
-    record: flight_record.FlightRecord,
-    styles: Mapping[str, VehicleStyle],
-) -> None:
+def _label_events(panel: _Panel, record: flight_record.FlightRecord, styles: Mapping[str, VehicleStyle]) -> None:
     for vehicle, fault in record.losses:
         row = flight_record.find_last_row(vehicle, fault.detected_s)
         if row is not None:
             place_m = vehicle.track[row, 1:3]
-            axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
+            panel.axes.plot(*place_m, ls="", marker="X", ms=15, mfc=LOSS, mec=PAPER, mew=1.4, zorder=10)
             words = f"{vehicle.name} lost: {fault.kind.value}\n{format_flight_time(fault.detected_s)}"
-            _draw_callout(axes, sheet, placer, place_m[np.newaxis], words, LOSS)
+            panel.call_out(place_m[np.newaxis], words, LOSS)
     for left_by, by, segments in _group_handovers(record):
-        words = f"{by} took over {len(segments)}\nfrom {left_by}"
-        _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(segments)), words, styles[by].colour)
+        panel.call_out(_find_middles_m(segments), f"{by} took over {len(segments)}\nfrom {left_by}", styles[by].colour)
     for group in group_connected(record.uncovered_segments):
         ids = ", ".join(segment.display_name for segment in group)
         words = "\n".join(["not inspected:", *textwrap.wrap(ids, LINE_LETTERS)])
-        _draw_callout(axes, sheet, placer, _compute_middles_m(_get_segment_ends(group)), words, LOSS)
+        panel.call_out(_find_middles_m(group), words, LOSS)
 
 
 def _group_handovers(record: flight_record.FlightRecord) -> list[tuple[str, str, list[flight_record.SegmentRecord]]]:
@@ -232,71 +258,17 @@ def group_connected(segments: Iterable[flight_record.SegmentRecord]) -> list[lis
     return [held for _, held in groups]
 
 
-def _draw_callout(
-    axes: Axes, sheet: map_sheet.MapSheet, placer: map_sheet.LabelPlacer, anchors_m: FloatArray, words: str, colour: str
-) -> None:
-    lines = words.split("\n")
-    size_m = (
-        sheet.m_per_in * (_CHAR_IN * max(map(len, lines)) + 0.1),
-        sheet.m_per_in * (_LINE_IN * len(lines)),
-    )
-    anchor_m, middle_m = placer.place_label(anchors_m, size_m)
-    axes.annotate(
-        words,
-        xy=anchor_m,
-        xytext=middle_m,
-        fontsize=FONT_PT,
-        color=INK,
-        ha="center",
-        va="center",
-        bbox={"boxstyle": "round,pad=0.25", "facecolor": PAPER, "edgecolor": colour, "linewidth": 1.4},
-        arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 1.2, "shrinkB": 2},
-        zorder=12,
-    )
-
-
-def _label_vehicles(
-    axes: Axes,
-    sheet: map_sheet.MapSheet,
-    placer: map_sheet.LabelPlacer,
-    middles: Mapping[str, FloatArray],
-    styles: Mapping[str, VehicleStyle],
-) -> None:
-    """Write each vehicle's name beside the one of its places that lies the farthest from those of the others."""
-    for name, places in middles.items():
-        others = [other for key, other in middles.items() if key != name]
-        best = map_sheet.find_farthest(places, np.concatenate(others) if others else np.zeros((0, 2)))
-        _draw_callout(axes, sheet, placer, places[best : best + 1], name, styles[name].colour)
-
-
-def _make_placer(sheet: map_sheet.MapSheet, ends_m: FloatArray, ways_m: Iterable[FloatArray]) -> map_sheet.LabelPlacer:
-    """Return a placer that keeps off the segments and off (n, 2) ways."""
-    step_m = 0.05 * sheet.m_per_in
-    drawn = [map_sheet.sample_line_m(map_sheet.to_place(a_m), map_sheet.to_place(b_m), step_m) for a_m, b_m in ends_m]
-    for way in ways_m:
-        drawn += [
-            map_sheet.sample_line_m(map_sheet.to_place(here), map_sheet.to_place(there), step_m)
-            for here, there in itertools.pairwise(way)
-        ]
-    return map_sheet.LabelPlacer(np.concatenate(drawn), sheet.low_m, sheet.high_m)
-
-
-def _get_segment_ends(
-    segments: Iterable[flight_record.SegmentRecord],
-) -> list[tuple[flight_record.Place, flight_record.Place]]:
-    return [(segment.a_m, segment.b_m) for segment in segments]
+def _find_middles_m(segments: Iterable[flight_record.SegmentRecord]) -> FloatArray:
+    return _compute_middles_m((segment.a_m, segment.b_m) for segment in segments)
 
 
 def _compute_middles_m(ends_m: Iterable[tuple[flight_record.Place, flight_record.Place]]) -> FloatArray:
     return np.array([np.mean(pair, axis=0) for pair in ends_m]).reshape(-1, 2)
 
 
-def _build_vehicle_handles(styles: Mapping[str, VehicleStyle]) -> list[Artist]:
-    return [Line2D([], [], color=style.colour, lw=4.0, label=name) for name, style in styles.items()]
-
-
-def _build_first_handles() -> list[Artist]:
+def _build_plan_handles(styles: Mapping[str, VehicleStyle]) -> list[Artist]:
     return [
+        *(Line2D([], [], color=style.colour, lw=4.0, label=name) for name, style in styles.items()),
         Line2D([], [], color=INK, lw=FIRST.inspecting_pt, label="planned inspection"),
         Line2D([], [], color=INK, lw=FIRST.transit_pt, label="planned transit"),
     ]
@@ -357,7 +329,7 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
     if understood.has_depot:
         shown_m = np.concatenate((shown_m, np.zeros((1, 2))))
     title = f"{len(network.segments)} spans, {network.lengths_m.sum() / 1000:.1f} km, {len(network.pylons)} poles"
-    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], len(handles))
+    sheet = map_sheet.make_sheet(shown_m, title, ["Network"], handles)
     axes = sheet.panels[0]
     shades = [colours.get(line, FAINT) for line in lines]
     axes.add_collection(LineCollection(list(network.ends_m), colors=shades, linewidths=2.0, zorder=2), autolim=False)
@@ -370,7 +342,6 @@ def draw_network_figure(understood: NetworkImport) -> Figure:
             axes.annotate(_shorten_name(pylon.id), (east_m, north_m), xytext=(4, 4),
             textcoords="offset points", fontsize=7,
                           color=INK, path_effects=make_white_edge(2.0), zorder=5)  # fmt: skip
-    map_sheet.draw_legend(sheet, handles)
     return sheet.figure
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, Polygon, Rectangle
@@ -28,23 +29,17 @@ COVERED = 40.0
 """What one covered point weighs, in label heights of distance."""
 
 
-def sample_line_m(begin_m: Place, end_m: Place, step_m: float) -> FloatArray:
-    """Return (n, 2) float64, points on a straight line at most a step apart, both ends included."""
-    count = max(2, math.ceil(math.dist(begin_m, end_m) / step_m) + 1)
-    return np.linspace(begin_m, end_m, count)
-
-
 class LabelPlacer:
     """Finds room for one label after the other, each with a leader to what it names; each takes the room it gets."""
 
-    def __init__(self, taken_m: FloatArray, low_m: Place, high_m: Place) -> None:
+    def __init__(self, taken_m: FloatArray, low_m: Place | FloatArray, high_m: Place | FloatArray) -> None:
         """Begin with (n, 2) points that should stay visible, and the corners of the map."""
         self._taken_m = taken_m
         self._words_m = np.zeros((0, 2))
         self._low_m = np.array(low_m)
         self._high_m = np.array(high_m)
 
-    def place_label(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[Place, Place]:
+    def place_label(self, anchors_m: FloatArray, size_m: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Return where a label's leader begins and where the label's middle lies.
 
         Args:
@@ -62,7 +57,7 @@ class LabelPlacer:
             if price < best_price:
                 best, best_price = int(index), price
         self._occupy(anchors[best], middles[best], size)
-        return to_place(anchors[best]), to_place(middles[best])
+        return anchors[best], middles[best]
 
     def _generate_candidates(self, anchors_m: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (c, 2) anchors and (c, 2) middles of labels about them, inside the map."""
@@ -87,11 +82,6 @@ class LabelPlacer:
         box = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2) + middle
         self._words_m = np.concatenate((self._words_m, box))
         self._taken_m = np.concatenate((self._taken_m, box, _sample_leader_m(anchor, middle)))
-
-
-def to_place(point_m: FloatArray) -> Place:
-    """Return a point as a tuple."""
-    return float(point_m[0]), float(point_m[1])
 
 
 def _sample_leader_m(anchor_m: FloatArray, middle_m: FloatArray) -> FloatArray:
@@ -140,8 +130,8 @@ class MapSheet:
     """Whether the ground is drawn below: what is over it needs an edge."""
 
 
-def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_entries: int) -> MapSheet:
-    """Return empty panels that show (n, 2) places, with room for a legend of so many entries."""
+def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], handles: Sequence[Artist]) -> MapSheet:
+    """Return empty panels that show (n, 2) places, and below all of them the legend."""
     low, high = shown_m.min(axis=0), shown_m.max(axis=0)
     # A line due east has no height of its own.
     size = np.maximum(high - low, 0.25 * float(max(high - low)) + 1.0)
@@ -155,7 +145,7 @@ def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_en
     half = m_per_in * np.array([width_in, height_in]) / 2.0
     low, high = middle - half, middle + half
 
-    legend_in = LEGEND_ROW_IN * math.ceil(legend_entries / LEGEND_COLUMNS) + MARGIN_IN
+    legend_in = LEGEND_ROW_IN * math.ceil(len(handles) / LEGEND_COLUMNS) + MARGIN_IN
     row_in = PANEL_TITLE_IN + height_in + STRIP_IN + MARGIN_IN
     total_in = TITLE_IN + rows * row_in + legend_in
     figure = make_figure(total_in, title)
@@ -176,21 +166,11 @@ def make_sheet(shown_m: FloatArray, title: str, panels: Sequence[str], legend_en
         axes.set_title(name, loc="left", fontsize=11, color=INK)
         _draw_scale_and_north(axes, m_per_in)
         made.append(axes)
+    figure.legend(
+        handles=handles, loc="lower center", ncols=LEGEND_COLUMNS, frameon=False, fontsize=9, borderaxespad=0.3,
+        handlelength=3.2, columnspacing=1.6,
+    )  # fmt: skip
     return MapSheet(figure, tuple(made), m_per_in, (float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
-
-
-def draw_legend(sheet: MapSheet, handles: Sequence[Artist]) -> None:
-    """Explain all panels at the bottom of the sheet."""
-    sheet.figure.legend(
-        handles=list(handles),
-        loc="lower center",
-        ncols=LEGEND_COLUMNS,
-        frameon=False,
-        fontsize=9,
-        borderaxespad=0.3,
-        handlelength=3.2,
-        columnspacing=1.6,
-    )
 
 
 def draw_ground(axes: Axes, ends_m: FloatArray, pads_m: Sequence[Place]) -> None:
@@ -204,7 +184,7 @@ def draw_ground(axes: Axes, ends_m: FloatArray, pads_m: Sequence[Place]) -> None
     axes.plot([0.0], [0.0], ls="", marker="*", ms=13, mfc=INK, mec=PAPER, mew=0.8, zorder=8)
 
 
-def draw_areas(axes: Axes, areas: Iterable[Area]) -> None:
+def _draw_areas(axes: Axes, areas: Iterable[Area]) -> None:
     """Draw areas hatched, those with a height limit pale, with their names."""
     for area in areas:
         limited = area.kind is AreaKind.HEIGHT_LIMIT
@@ -270,22 +250,13 @@ CONTOUR = "#6b5138"
 """Brown, as on maps; of no vehicle's lightness where it is drawn so thin."""
 FAINT_TEXT = "#666666"
 BEHIND = -5.0
-LABELS = 10
-TRIED = 25
-"""Places along a contour line that are looked at for its height."""
-LABEL_IN = 0.9
-"""A contour line that is shorter than this has no room for its height."""
 LETTERS_PER_IN = 15.0
 
 
-def draw_below(sheet: MapSheet, view: GroundView | None, shown_m: FloatArray) -> MapSheet:
-    """Draw the ground below all panels, within the corners of what may hold words; returns the sheet as it is then.
-
-    Args:
-        sheet: With its panels.
-        view: The ground, if anything is known of it.
-        shown_m: (n, 2) places that are drawn over it, for words to keep off.
-    """
+def draw_below(sheet: MapSheet, view: GroundView | None, areas: Iterable[Area]) -> MapSheet:
+    """Draw areas, and what is known of the ground, below all panels; returns the sheet as it is then."""
+    for axes in sheet.panels:
+        _draw_areas(axes, areas)
     if view is None or (view.background is None and view.relief is None):
         return sheet
     for axes in sheet.panels:
@@ -298,7 +269,7 @@ def draw_below(sheet: MapSheet, view: GroundView | None, shown_m: FloatArray) ->
             veil = Rectangle(clip.get_xy(), clip.get_width(), clip.get_height(), fc=PAPER, ec="none", alpha=VEIL)
             axes.add_patch(veil).set_zorder(BEHIND + 1.0)
         if view.relief is not None:
-            _draw_contours(axes, sheet, view.relief.contours, clip, shown_m)
+            _draw_contours(axes, sheet, view.relief.contours)
         _draw_attribution(axes, sheet, describe_ground(view))
         axes.set_xlim(limits[0])
         axes.set_ylim(limits[1])
@@ -328,45 +299,23 @@ def _show_image(axes: Axes, background: Background, alpha: float) -> AxesImage:
     )  # fmt: skip
 
 
-def _draw_contours(
-    axes: Axes, sheet: MapSheet, contours: Iterable[Contour], clip: Rectangle, shown_m: FloatArray
-) -> None:
-    for bold, width_pt in ((False, 0.35), (True, 0.8)):
-        lines = [np.array(one.places_m) for one in contours if one.bold is bold and len(one.places_m) > 1]
-        collection = LineCollection(lines, colors=CONTOUR, linewidths=width_pt, alpha=0.75, zorder=BEHIND + 2.0)
-        axes.add_collection(collection, autolim=False)
-        collection.set_clip_path(clip)
-    for height_m, place_m, turned_deg in _place_labels(sheet, contours, shown_m):
-        axes.text(*place_m, f"{height_m:g}", fontsize=6.5, color=CONTOUR, rotation=turned_deg, ha="center",
-                  va="center", zorder=BEHIND + 3.0, path_effects=make_white_edge(2.0))  # fmt: skip
-
-
-def _place_labels(
-    sheet: MapSheet, contours: Iterable[Contour], shown_m: FloatArray
-) -> Iterator[tuple[float, Place, float]]:
-    """Yield heights, where they are written, and how they are turned: on the longest bold lines, off all else."""
-    low, high = np.array(sheet.low_m), np.array(sheet.high_m)
-    edge = 0.25 * sheet.m_per_in
-    found: list[tuple[float, float, FloatArray]] = []
+def _draw_contours(axes: Axes, sheet: MapSheet, contours: Iterable[Contour]) -> None:
+    """Draw what is shown of contour lines, every bold one with its height."""
+    lines: dict[tuple[float, bool], list[FloatArray]] = {}
     for one in contours:
-        if one.bold:
-            places = np.array(one.places_m)
-            places = places[((places > low + edge) & (places < high - edge)).all(axis=1)]
-            if len(places) > 2:
-                found.append((float(np.hypot(*np.diff(places, axis=0).T).sum()), one.height_m, places))
-    taken_m = shown_m
-    labels = 0
-    for length_m, height_m, places in sorted(found, key=lambda row: -row[0])[: 3 * LABELS]:
-        tried = np.unique(np.linspace(2, len(places) - 3, TRIED).astype(int).clip(0, len(places) - 1))
-        best = int(tried[find_farthest(places[tried], taken_m)])
-        crowded = nearest_distance_m(places[best : best + 1], taken_m)[0] < LABEL_IN / 3.0 * sheet.m_per_in
-        if length_m < LABEL_IN * sheet.m_per_in or crowded or labels == LABELS:
-            continue
-        labels += 1
-        taken_m = np.concatenate((taken_m, places[best : best + 1]))
-        along_m = places[min(best + 2, len(places) - 1)] - places[max(best - 2, 0)]
-        turned_deg = math.degrees(math.atan2(along_m[1], along_m[0]))
-        yield height_m, (float(places[best, 0]), float(places[best, 1])), (turned_deg + 90.0) % 180.0 - 90.0
+        places_m = np.array(one.places_m)
+        inside = np.all((places_m > sheet.low_m) & (places_m < sheet.high_m), axis=1)
+        parts = np.split(places_m, np.flatnonzero(np.diff(inside)) + 1)[0 if inside[0] else 1 :: 2]
+        lines.setdefault((one.height_m, one.bold), []).extend(part for part in parts if len(part) > 1)
+    shown = {level: parts for level, parts in sorted(lines.items()) if parts}
+    if shown:
+        drawn = ContourSet(
+            axes, [height_m for height_m, _ in shown], list(shown.values()), colors=CONTOUR, alpha=0.75,
+            linewidths=[0.8 if bold else 0.35 for _, bold in shown], zorder=BEHIND + 2.0,
+        )  # fmt: skip
+        bold = [height_m for height_m, is_bold in shown if is_bold]
+        for label in axes.clabel(drawn, bold, fontsize=6.5, fmt="%g", zorder=6.5):
+            label.set_path_effects(make_white_edge(2.0))
 
 
 def _draw_attribution(axes: Axes, sheet: MapSheet, words: str) -> None:

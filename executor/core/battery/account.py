@@ -111,7 +111,7 @@ class BatteryState:
     """Percent given before the account began anew."""
     estimate: BatteryEstimate | None = None
     """What remains and what is used, with their uncertainty."""
-    usual: float | None = None
+    usual: float = 1.0
     """The factor while nothing was wrong."""
     began_s: float | None = None
     """When it began to be used."""
@@ -132,13 +132,6 @@ class BatteryState:
     """When the account began, or began anew."""
     slack: float = 0.0
     """Of its prior."""
-
-    @property
-    def used_pct(self) -> float:
-        """Percent given since the first report."""
-        if self.first_pct is None or self.remaining_pct is None:
-            return 0.0
-        return max(0.0, self.first_pct - self.remaining_pct)
 
     @property
     def given_pct(self) -> float:
@@ -198,6 +191,10 @@ def apply_remaining_report(
         state.charge, remaining_pct + middle_pct + 0.5 * WHOLE_PCT, used, elapsed_s, now_s
     )
     estimate, charge = _correct_estimate(state, charge, ahead, stands_for_pct, elapsed_s, roughness)
+    flown_s = 0.0 if state.began_s is None else now_s - state.began_s
+    # A drain must not become usual before it is found.
+    calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
+    within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
     begins = 0
     while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
         begins += 1
@@ -206,11 +203,11 @@ def apply_remaining_report(
         lowest_pct=remaining_pct if state.lowest_pct is None else min(state.lowest_pct, remaining_pct),
         history=(*state.history[begins:], sample),
         estimate=estimate,
-        usual=_update_usual_factor(state, estimate, drift, elapsed_s, now_s),
+        usual=_follow_factor(state.usual, estimate, elapsed_s, within_s),
         began_s=now_s if state.began_s is None and state.modelled_pct > 0 else state.began_s,
         roughness_pct=roughness,
         drift=drift,
-        usual_long=_update_long_factor(state, estimate, elapsed_s, now_s),
+        usual_long=_follow_factor(state.usual_long, estimate, elapsed_s, max(FIRST_S, flown_s)),
         slow=slow,
         charge=compare_with_percentage(charge, remaining_pct, rose_pct=-used),
         still_pct=still_pct,
@@ -222,7 +219,7 @@ def _update_drifts(
 ) -> tuple[Drift, Drift]:
     """Return what was used beyond the usual, and beyond the usual of minutes, after a stretch."""
     known = state.estimate or kalman.initialise_estimate(0.0, NO_PRIOR)
-    expected = _usual_factor(state) * modelled
+    expected = state.usual * modelled
     slack = _slack_share(state, limits) * expected + (limits.blind_swing_pct_s * elapsed_s if is_blind(state) else 0.0)
     drift = add_usage(
         state.drift, used, expected, slack_pct=slack, elapsed_s=elapsed_s, now_s=now_s,
@@ -258,9 +255,7 @@ def apply_consumed_report(
     if charge.capacity_ah is not None:
         used = 100.0 * (consumed_ah - charge.consumed_ah) / charge.capacity_ah
         elapsed_s = max(0.0, now_s - charge.at_s)
-        expected = _usual_factor(state) * max(
-            state.modelled_pct - charge.modelled_pct, _silent_use_pct(state, elapsed_s)
-        )
+        expected = state.usual * max(state.modelled_pct - charge.modelled_pct, _silent_use_pct(state, elapsed_s))
         drift = add_usage(
             drift, used, expected, slack_pct=_slack_share(state, limits, COUNTED) * expected, elapsed_s=elapsed_s,
             now_s=now_s, memory_s=limits.battery_window_s,
@@ -386,7 +381,7 @@ def excess_pct(state: BatteryState, window_s: float) -> tuple[float, float]:
         return 0.0, 0.0
     last = state.history[-1]
     first = next(sample for sample in state.history if last.at_s - sample.at_s <= window_s)
-    expected = (last.modelled_pct - first.modelled_pct) * _usual_factor(state)
+    expected = (last.modelled_pct - first.modelled_pct) * state.usual
     return (first.remaining_pct - last.remaining_pct) - expected, expected
 
 
@@ -399,36 +394,20 @@ def _silent_use_pct(state: BatteryState, elapsed_s: float) -> float:
     return (last.modelled_pct - first.modelled_pct) / span_s * elapsed_s if span_s > 0 else 0.0
 
 
-def _update_long_factor(state: BatteryState, estimate: BatteryEstimate, elapsed_s: float, now_s: float) -> float:
-    """Return the mean factor of the flight so far."""
-    flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
-    share = min(1.0, elapsed_s / max(FIRST_S, flown_s))
-    # Of a vehicle that nobody knows, what it was seen to use first is usual, and not what such vehicles use.
-    share = 1.0 if estimate.factor_sd > STRANGE_SD else share
-    return state.usual_long + (max(LEAST_FACTOR, estimate.factor) - state.usual_long) * share
+def _follow_factor(usual: float, estimate: BatteryEstimate, elapsed_s: float, within_s: float) -> float:
+    """Return a usual factor after a report: it follows the filter in that time.
 
-
-def _usual_factor(state: BatteryState) -> float:
-    return 1.0 if state.usual is None else state.usual
+    Of a vehicle that nobody knows, what it was seen to use first is usual, and not what such vehicles use.
+    """
+    share = 1.0 if estimate.factor_sd > STRANGE_SD else min(1.0, elapsed_s / within_s)
+    return usual + (max(LEAST_FACTOR, estimate.factor) - usual) * share
 
 
 def _slack_share(state: BatteryState, limits: Limits, share: float = 1.0) -> float:
     if state.estimate is None:
         return share * limits.drain_slack
-    doubt = state.estimate.factor_sd / max(0.1, _usual_factor(state))
+    doubt = state.estimate.factor_sd / max(0.1, state.usual)
     if state.slack and is_blind(state):
         # Most of that doubt is the percentage's own, which `blind_swing_pct_s` gives away already.
         return share * (limits.drain_slack + doubt)
     return share * (limits.drain_slack + state.slack + UNSURE_SD * doubt)
-
-
-def _update_usual_factor(
-    state: BatteryState, estimate: BatteryEstimate, drift: Drift, elapsed_s: float, now_s: float
-) -> float:
-    """Return what is usual now: it follows the filter, but a drain must not become usual before it is found."""
-    calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
-    flown_s = now_s - (state.began_s if state.began_s is not None else now_s)
-    within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
-    # Of a vehicle that nobody knows, its own flight is all there is to go by.
-    share = 1.0 if estimate.factor_sd > STRANGE_SD else min(1.0, elapsed_s / within_s)
-    return _usual_factor(state) + (max(LEAST_FACTOR, estimate.factor) - _usual_factor(state)) * share

@@ -9,12 +9,7 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.formatting import format_count
 from executor.core.interface.commands import Level
 from executor.core.lines import sorties
-from executor.core.replanning import (
-    lower_to_inspection_height,
-    replan_cycle,
-    replan_separation,
-    survivors,
-)
+from executor.core.replanning import lower_to_inspection_height, replan_cycle, replan_separation, survivors
 from executor.core.state.fleet_state import FleetState, Stepped, TakeoffOffer
 from executor.core.state.vehicle_state import IN_THE_AIR, FaultKind, Stage, VehicleState
 from missions import Phase, build_open_task
@@ -27,7 +22,8 @@ LANDING_S = 180.0
 def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
     never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
-    out = not _is_well(vehicle) or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
+    well = vehicle.fault is None or (vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN)
+    out = not well or vehicle.assignment.stubborn or vehicle.orders.excluded or vehicle.armed
     busy = vehicle.turn.asked_s is not None or vehicle.assignment.pending is not None
     if out or busy or never or vehicle.stage not in survivors.ON_GROUND:
         return False
@@ -36,13 +32,6 @@ def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
 """Of a vehicle that came to its pad by its own failsafe, and by the crew's word alone."""
-
-
-def _is_well(vehicle: VehicleState) -> bool:
-    """Return whether it is sound; one that its failsafe brought to its pad may be offered."""
-    if vehicle.fault is None:
-        return True
-    return vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN
 
 
 def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:
@@ -118,11 +107,6 @@ def _find_reinspections(
 def is_offered_reinspection(state: FleetState, vehicle: VehicleState) -> bool:
     """Return whether a vehicle is offered for what counts already, from farther away than asked."""
     return state.crew.offer is not None and state.crew.offer.again and vehicle.name in state.crew.offer.vehicles
-
-
-def is_offer_open(state: FleetState) -> bool:
-    """Return whether the crew is still to answer."""
-    return state.crew.offer is not None
 
 
 def describe_offer(context: Context, offer: TakeoffOffer) -> str:

@@ -60,7 +60,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         said = sorties.PARAMETERS_SET.say(vehicle=vehicle.name, changes="; ".join(event.changed))
         return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
-        return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
+        return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
     heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
     found = vehicle_checks.assess_pack_at_rest(setup, heard)
@@ -70,7 +70,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
     pack = _describe_pack(vehicle, heard, found)
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
-        return _end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
+        return end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
     line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
     if known := vehicle_checks.describe_pack_history(setup, context.drone.capacity_ah):
         more = f"; {sorties.NAMED_PACK.format(label=vehicle.turn.label)}{known}"
@@ -123,7 +123,7 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
     if in_time_pct < survivors.build_pad_survivor(context, vehicle).budget_pct:
         why = sorties.NOT_IN_HOURS
     why = why.format(budget_pct=offer.budget_pct, left="" if math.isinf(left_s) else format_duration(left_s))
-    state, more = _end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
+    state, more = end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
     return state, (*commands, *more)
 
 
@@ -144,21 +144,13 @@ def record_sortie_start(state: FleetState, name: str, now_s: float) -> FleetStat
     return _close_intent(state, vehicle, Outcome.DONE, (None, sorties.ON_BOARD), now_s)
 
 
-def end_failed_turnaround(state: FleetState, name: str, why: str, now_s: float) -> Stepped:
-    """End the crew's word for a vehicle whose sortie could not be put on board, or came there too late."""
-    vehicle = state.vehicles[name]
-    if vehicle.turn.asked_s is None:
-        return state, ()
-    return _end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
-
-
 def end_turnarounds_after_absence(state: FleetState, now_s: float) -> Stepped:
     """End what the crew said before the ground station went away: somebody may stand at the pad by now."""
     plan, commands = state.replanning.replan, list[Command]()
     pending = frozenset[str]() if plan is None else plan.pending
     for vehicle in state.vehicles.values():
         if vehicle.turn.asked_s is not None and vehicle.name not in pending:
-            state, more = _end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
+            state, more = end_turnaround(state, vehicle, IntentReason.OVERTAKEN, sorties.AWAY_MEANWHILE, now_s)
             commands.extend(more)
     return state, tuple(commands)
 
@@ -337,7 +329,7 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
     if over := _find_end_reason(state, vehicle, now_s):
-        return _end_turnaround(state, vehicle, *over, now_s)
+        return end_turnaround(state, vehicle, *over, now_s)
     # The first reports after the launch come in a moment.
     placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
     unknown = vehicle.power.battery.remaining_pct is None or not placed
@@ -403,7 +395,7 @@ def _assign_next_sortie(
         count = format_count(len(visits), "segment")
         said.append(sorties.TAKES_OVER.say(vehicle=vehicle.name, giver=giver, segments=count))
     if not visits and not pool:
-        return _end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
+        return end_turnaround(state, vehicle, IntentReason.NOTHING_TO_PLAN, sorties.NO_SEGMENT, now_s)
     ahead = vehicle.turn.ahead  # from the first of which anything is open
     while ahead and not set(visits) & set(ahead[0].visits):
         ahead = ahead[1:]
@@ -475,8 +467,10 @@ def _next_sortie_number(vehicle: VehicleState) -> int:
     return len(vehicle.turn.sorties) + 1
 
 
-def _end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
+def end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason, why: str, now_s: float) -> Stepped:
     """End the crew's word without a start: it has to be given again."""
+    if vehicle.turn.asked_s is None:
+        return state, ()
     state = state.put(vehicle.with_turn(asked_s=None, ready_s=None).with_orders(cleared_s=None))
     state = _close_intent(state, vehicle, Outcome.FAILED, (code, why), now_s)
     return state, (sorties.NOT_CLEARED.say(vehicle=vehicle.name, why=why),)

@@ -19,7 +19,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import AskPicture, Command
 from executor.core.interface.intents import Reason, fill_in
 from executor.core.lines import operator, pictures
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures, WantedPicture
+from executor.core.payload.camera_state import AwaitedPictures, WantedPicture
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.state.fleet_state import Coverage, FleetState, Stepped
@@ -91,7 +91,7 @@ def list_asked_pictures(context: Context) -> AskedPictures:
 def build_asset_views(context: Context, state: FleetState, asked: AskedPictures) -> tuple[AssetView, ...]:
     """Return what became of each of them, by their numbers."""
     gone, left = find_missed_segments(context, state), find_left_over_segments(state)
-    flew = {one.segment: one.vehicle for one in state.coverage.not_seen}
+    flew = {**state.coverage.not_seen}
     flew |= {segment: waits.vehicle for segment, waits in state.coverage.unseen.items()}
     return tuple(
         AssetView(
@@ -168,7 +168,7 @@ def reopen_segments(coverage: Coverage, again: frozenset[int]) -> Coverage:
         discard_proof(coverage, again),
         unseen=MappingProxyType({one: waits for one, waits in coverage.unseen.items() if one not in again}),
         # What was missed once and seen later is not missed now: somebody wants it better.
-        not_seen=tuple(one for one in coverage.not_seen if one.segment not in was_seen),
+        not_seen=MappingProxyType({one: by for one, by in coverage.not_seen.items() if one not in was_seen}),
         # It gets as many tries as anything that was never flown.
         attempts=MappingProxyType({one: tries for one, tries in coverage.attempts.items() if one not in again}),
     )
@@ -349,7 +349,7 @@ def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
         for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
         if describe_unseen_parts(context, state, segment)
     }
-    return frozenset(waiting | {one.segment for one in state.coverage.not_seen} - set(state.coverage.inspected))
+    return frozenset(waiting | set(state.coverage.not_seen) - set(state.coverage.inspected))
 
 
 def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped:
@@ -364,7 +364,7 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
         if why and now_s - waits.since_s < WAITS_S:
             continue
         if waits.nearer_m is None:
-            state, more = _judge_segment(context, state, segment, waits, why, now_s)
+            state, more = _judge_segment(context, state, segment, waits, why)
         else:
             state, more = _judge_nearer_pictures(context, state, segment, waits, waits.nearer_m, why)
         commands.extend(more)
@@ -372,7 +372,7 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
 
 
 def _judge_segment(
-    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, why: list[str], now_s: float
+    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, why: list[str]
 ) -> Stepped:
     coverage = state.coverage
     unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
@@ -382,8 +382,8 @@ def _judge_segment(
         ), ()
     words = "; ".join(why)
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
-    found = MissingPictures(waits.vehicle, segment, now_s, words)
-    state = state.with_coverage(unseen=unseen, flown=passes, not_seen=(*coverage.not_seen, found))
+    not_seen = MappingProxyType({**coverage.not_seen, segment: waits.vehicle})
+    state = state.with_coverage(unseen=unseen, flown=passes, not_seen=not_seen)
     return state, (pictures.NOT_SEEN.say(vehicle=waits.vehicle, segment=context.segment_name(segment), why=words),)
 
 

@@ -14,7 +14,7 @@ from executor.core.formatting import format_count
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command
 from executor.core.lines import pictures
-from executor.core.payload.camera_state import BrokenCamera, CameraRecord
+from executor.core.payload.camera_state import CameraRecord
 from executor.core.replanning.survivors import find_barred_segments
 from executor.core.replanning.withdrawal import declare_fault, withdraw_vehicle
 from executor.core.state.fleet_state import FleetState, Stepped
@@ -60,9 +60,8 @@ def _check_vehicle_cameras(context: Context, state: FleetState, name: str, now_s
     state = state.put(vehicle)
     if not _is_on_leg(vehicle) or vehicle.fault is not None or vehicle.link.stale or is_under_foreign_control(vehicle):
         return state, ()
-    out = vehicle.payload.broken_camera_names()
     for capture in () if vehicle.leg is None else vehicle.leg.captures:
-        if capture.camera in out:
+        if capture.camera in vehicle.payload.broken:
             continue
         found = next(_find_camera_faults(context, vehicle, capture, now_s), None)
         if found is not None:
@@ -162,8 +161,7 @@ def _report_broken_camera(
     context: Context, state: FleetState, vehicle: VehicleState, camera: str, found: CameraFinding, now_s: float
 ) -> Stepped:
     code, why = found
-    broken = (*vehicle.payload.broken, BrokenCamera(camera, why))
-    vehicle = replace(vehicle, payload=replace(vehicle.payload, broken=broken))
+    vehicle = replace(vehicle, payload=replace(vehicle.payload, broken=vehicle.payload.broken | {camera}))
     if context.camera_home:
         return declare_fault(context, state.put(vehicle), vehicle, Fault(FaultKind.PAYLOAD, why, now_s, code))
     state = state.put(vehicle)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import SINKS_M_S, is_coming_home, is_on_mission
 from executor.core.interface.commands import ChangeSpeed, Command
 from executor.core.lines import speed
-from executor.core.state.fleet_state import ClosestApproach, FleetState, Stepped
+from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, OnboardMission, YieldState
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
@@ -213,12 +214,8 @@ def _find_first_conflict(
     ahead = _predict_path(context, vehicle, board, now_s + LOOK_S) if others else None
     if ahead is None:
         return None
-    found: tuple[Climb, float] | None = None
-    for climb in others:
-        away_m = _conflict_distance_m(ahead, climb, context.setup.inspection.layer_m)
-        if away_m is not None and (found is None or away_m < found[1]):
-            found = climb, away_m
-    return found
+    away_m = ((climb, _conflict_distance_m(ahead, climb, context.setup.inspection.layer_m)) for climb in others)
+    return min(((climb, far_m) for climb, far_m in away_m if far_m is not None), key=itemgetter(1), default=None)
 
 
 def _conflict_distance_m(ahead: PathAhead, climb: Climb, spacing_m: float) -> float | None:
@@ -335,9 +332,9 @@ def record_separation(context: Context, state: FleetState, vehicle: VehicleState
     high = context.limits.airborne_m
     if fix is None or fix.alt_rel_m < high or not vehicle.armed or fix.reckoned:
         return state
-    least = state.progress.separation
+    least_m = state.progress.separation_m
     # Every position is held against every vehicle: the height alone settles nearly all of them.
-    reach_m = math.inf if least is None else least.least_m + RISES_MOST_M
+    reach_m = math.inf if least_m is None else least_m + RISES_MOST_M
     for other in state.vehicles.values():
         seen = other.motion.fix
         if seen is None or abs(seen.alt_msl_m - fix.alt_msl_m) > reach_m:
@@ -352,8 +349,6 @@ def record_separation(context: Context, state: FleetState, vehicle: VehicleState
         east_m = seen.place_m[0] + east_m_s * age_s - fix.place_m[0]
         north_m = seen.place_m[1] + north_m_s * age_s - fix.place_m[1]
         apart_m = math.hypot(east_m, north_m, higher_m)
-        if least is None or apart_m < least.least_m:
-            least = ClosestApproach(apart_m, (vehicle.name, other.name), now_s)
-    if least is state.progress.separation:
-        return state
-    return state.with_progress(separation=least)
+        if least_m is None or apart_m < least_m:
+            least_m = apart_m
+    return state if least_m == state.progress.separation_m else state.with_progress(separation_m=least_m)

@@ -14,19 +14,13 @@ from enum import Enum
 
 from executor.core.context import Context
 from executor.core.formatting import join_first_names
-from executor.core.inflight.custody.mode_causes import (
-    is_failsafe_in_hold,
-    is_long_hold,
-    is_under_foreign_control,
-)
+from executor.core.inflight.custody.mode_causes import is_failsafe_in_hold, is_long_hold, is_under_foreign_control
 from executor.core.interface.commands import Command, LandNow, SendHome
 from executor.core.interface.events import OrderEnded, ReturnEnded
 from executor.core.lines import custody
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause
-from executor.core.state.vehicle_position import (
-    is_kill_switch_text,
-)
+from executor.core.state.vehicle_position import is_kill_switch_text
 from executor.core.state.vehicle_state import IN_THE_AIR, SINKS, Stage, VehicleState
 from missions import Phase
 from missions.area_rules import find_areas_on_return

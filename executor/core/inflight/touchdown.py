@@ -7,9 +7,7 @@ import math
 from executor.core.battery import account
 from executor.core.battery.pack_condition import is_doubtful_at_rest
 from executor.core.context import Context, RelaunchPolicy
-from executor.core.inflight.custody.mode_causes import (
-    is_in_manual_mode,
-)
+from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.inflight.homing import is_coming_home
 from executor.core.interface.commands import Level
 from executor.core.lines import landing
@@ -63,15 +61,7 @@ def _has_come_down(context: Context, vehicle: VehicleState, now_s: float) -> boo
 def apply_touchdown(
     context: Context, state: FleetState, vehicle: VehicleState, now_s: float, *, spare: bool
 ) -> Stepped:
-    """Take a vehicle to be on the ground, as it landed or otherwise.
-
-    Args:
-        context: Of the flight.
-        state: Of the flight.
-        vehicle: Who has landed.
-        now_s: Now.
-        spare: Whether it has budget left for another flight.
-    """
+    """Take a vehicle to be on the ground, as it landed or otherwise; `spare` is budget left for another flight."""
     came_down = _has_come_down(context, vehicle, now_s)
     if came_down is None:
         return state, ()

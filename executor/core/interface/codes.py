@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import StrEnum
 from typing import Self
 
 
@@ -78,7 +78,7 @@ class CheckCode(ReasonCode):
     LEFT_OVER = "left_over", "What the plan leaves over, or is not about."
 
 
-class Severity(Enum):
+class Severity(StrEnum):
     """What a finding means for the flight."""
 
     OK = "ok"

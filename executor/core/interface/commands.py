@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 from missions.fences import Fence
 from missions.flight_model import AS_MODELLED, Pace
@@ -11,7 +11,7 @@ from missions.shortest_ways import Obstacle
 from missions.waypoints import FlightPath
 
 
-class Level(Enum):
+class Level(StrEnum):
     """How much a line matters."""
 
     INFO = "info"

@@ -1,11 +1,12 @@
 """All that can happen.
 
-Each event is logged before it is applied; the log fed to `fleet.step` again gives the same commands.
+Each event is logged before it is applied; the log fed to `fleet_step.step` again gives the same commands.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.intents import Action, Intent
@@ -66,6 +67,7 @@ class StartEnded:
 class ReturnEnded:
     """The order to come home was acknowledged, or not."""
 
+    action: ClassVar[Action] = Action.RETURN
     vehicle: str
     accepted: bool
     reason: str

@@ -169,7 +169,7 @@ class MissionReached:
 
 @dataclass(frozen=True, slots=True)
 class MissionRequest:
-    """MISSION_REQUEST or MISSION_REQUEST_INT; both are answered with MISSION_ITEM_INT."""
+    """MISSION_REQUEST or MISSION_REQUEST_INT, from whoever downloads; both are answered with MISSION_ITEM_INT."""
 
     seq: int
     kind: MissionKind = MissionKind.MISSION
@@ -177,7 +177,7 @@ class MissionRequest:
 
 @dataclass(frozen=True, slots=True)
 class MissionAck:
-    """MISSION_ACK."""
+    """MISSION_ACK, from whoever downloads: closes a transfer (0), or cancels it (15)."""
 
     result: int
     """MAV_MISSION_RESULT."""
@@ -188,7 +188,7 @@ class MissionAck:
 
 @dataclass(frozen=True, slots=True)
 class MissionCount:
-    """MISSION_COUNT, the answer to a request for the list."""
+    """MISSION_COUNT: opens an upload, and answers a request for the list."""
 
     count: int
     kind: MissionKind = MissionKind.MISSION
@@ -197,8 +197,8 @@ class MissionCount:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionItemReceived:
-    """MISSION_ITEM_INT during a download."""
+class MissionItemInt:
+    """MISSION_ITEM_INT, during an upload or a download."""
 
     item: MissionItem
     kind: MissionKind = MissionKind.MISSION
@@ -460,50 +460,18 @@ TextMessage = StatusText | ComponentText
 FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
 """What the core follows in flight; it is logged and replayed."""
 
-DialogueMessage = (
-    MissionRequest | MissionAck | MissionCount | MissionItemReceived | CommandAck | ParamValue | ParamRefused | Version
-)
+TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
+"""Of transfers of a mission, or of another list of items; both sides say the same."""
+DialogueMessage = TransferMessage | CommandAck | ParamValue | ParamRefused | Version
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage
 
 
 @dataclass(frozen=True, slots=True)
-class SendMissionCount:
-    """Opens an upload."""
+class MissionRequestList:
+    """MISSION_REQUEST_LIST: opens a download."""
 
-    count: int
-    kind: MissionKind = MissionKind.MISSION
-
-
-@dataclass(frozen=True, slots=True)
-class SendMissionItem:
-    """Answers a request during an upload."""
-
-    item: MissionItem
-    kind: MissionKind = MissionKind.MISSION
-
-
-@dataclass(frozen=True, slots=True)
-class SendMissionRequestList:
-    """Opens a download."""
-
-    kind: MissionKind = MissionKind.MISSION
-
-
-@dataclass(frozen=True, slots=True)
-class SendMissionRequest:
-    """Asks for one item of a download."""
-
-    seq: int
-    kind: MissionKind = MissionKind.MISSION
-
-
-@dataclass(frozen=True, slots=True)
-class SendMissionAck:
-    """Closes a download (0), or cancels a transfer (15)."""
-
-    result: int
     kind: MissionKind = MissionKind.MISSION
 
 
@@ -539,6 +507,4 @@ class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
-SendMission = SendMissionCount | SendMissionItem | SendMissionRequestList | SendMissionRequest | SendMissionAck
-"""Of transfers of a mission, or of another list of items."""
-Outgoing = SendMission | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat
+Outgoing = TransferMessage | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat

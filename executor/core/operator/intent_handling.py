@@ -319,12 +319,15 @@ _ORDERS: Mapping[Action, _Order] = {
 }
 
 
-def apply_order_result(context: Context, state: FleetState, event: OrderEnded, now_s: float) -> Stepped:
-    """Take a vehicle's answer to an order to hold, to go on or to land."""
+def apply_order_result(context: Context, state: FleetState, event: OrderEnded | ReturnEnded, now_s: float) -> Stepped:
+    """Take a vehicle's answer to an order."""
     name, action = event.vehicle, event.action
-    state, more = homing.apply_homing_result(state, event, now_s) if action is Action.LAND else (state, ())
-    vehicle = state.vehicles[name]
-    state = _close_intents(state, name, {Action.LAND, *_RETURNS} if action is Action.LAND else {action}, event, now_s)
+    actions = {Action.RETURN: _RETURNS, Action.LAND: _RETURNS | {Action.LAND}}.get(action, frozenset({action}))
+    state, more = homing.apply_homing_result(state, event, now_s) if Action.RETURN in actions else (state, ())
+    vehicle, state = state.vehicles[name], _close_intents(state, name, actions, event, now_s)
+    if action is Action.RETURN:
+        line = operator.RTL_REFUSED if event.refused else operator.RTL_UNANSWERED
+        return state, ((operator.COMES_HOME if event.accepted else line).say(vehicle=name, reason=event.reason), *more)
     if action is Action.HOLD and not event.accepted and vehicle.orders.held_s is not None:
         # It may still obey, or have obeyed unheard: no change of mode by itself. `settle_intents` forgets it later.
         state = state.put(vehicle.with_orders(ordered_mode_s=now_s))
@@ -341,15 +344,6 @@ def apply_order_result(context: Context, state: FleetState, event: OrderEnded, n
         note = f"; {describe_down_place(context, vehicle.with_telemetry(heartbeat=None))}"
     line = operator.FOLLOWED.with_level(Level.WARNING) if note else operator.FOLLOWED
     return state, (line.say(vehicle=name, does=_ORDERS[action].does, note=note),)
-
-
-def apply_return_result(state: FleetState, event: ReturnEnded, now_s: float) -> Stepped:
-    """Take a vehicle's answer to the order to come home."""
-    state = _close_intents(state, event.vehicle, _RETURNS, event, now_s)
-    state, more = homing.apply_homing_result(state, event, now_s)
-    line = operator.RTL_REFUSED if event.refused else operator.RTL_UNANSWERED
-    line = operator.COMES_HOME if event.accepted else line
-    return state, (line.say(vehicle=event.vehicle, reason=event.reason), *more)
 
 
 def _close_intents(

@@ -78,14 +78,6 @@ class CameraRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class BrokenCamera:
-    """A camera that does not do its work any more."""
-
-    camera: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True)
 class PayloadState:
     """All cameras of one vehicle."""
 
@@ -97,7 +89,8 @@ class PayloadState:
     """Since when the gimbal does not point where the leg under way wants it."""
     working: tuple[int, float] | None = None
     """The visit on which pictures are due now, and since when it moves along it."""
-    broken: tuple[BrokenCamera, ...] = ()
+    broken: frozenset[str] = frozenset()
+    """Cameras that do not do their work any more, by their names."""
 
     def camera_of(self, name: str, component: int) -> CameraRecord:
         """Return what is known of a camera."""
@@ -107,10 +100,6 @@ class PayloadState:
         """Return it with what is known of one camera replaced."""
         others = tuple(one for one in self.cameras if one.name != camera.name)
         return replace(self, cameras=(*others, camera))
-
-    def broken_camera_names(self) -> frozenset[str]:
-        """Return the names of cameras that do not work any more."""
-        return frozenset(one.camera for one in self.broken)
 
 
 NO_PAYLOAD = PayloadState()
@@ -124,16 +113,6 @@ class AwaitedPictures:
     since_s: float
     nearer_m: float | None = None
     """The distance of one that counts already, from farther away."""
-
-
-@dataclass(frozen=True, slots=True)
-class MissingPictures:
-    """A span that was flown but not seen."""
-
-    vehicle: str
-    segment: int
-    at_s: float
-    why: str
 
 
 def angle_between_deg(pitch_deg: float, yaw_deg: float, other_pitch_deg: float, other_yaw_deg: float) -> float:

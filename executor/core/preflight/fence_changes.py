@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from executor.core.context import Context
@@ -12,9 +12,9 @@ from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.lines import checklist
 from executor.core.preflight.onboard_failsafes import (
     UNKNOWN,
-    Parameters,
     describe_action,
     fence_names,
+    read_fence_kinds,
     select_names,
 )
 from executor.core.preflight.parameter_changes import (
@@ -29,10 +29,16 @@ from executor.core.preflight.parameter_changes import (
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
-from missions import Dialect, FlightPath, MissionItem, MissionKind
+from missions import FlightPath, MissionItem, MissionKind
 from missions.fences import find_first_outside, find_list_differences, parse_outlines
 
 Items = tuple[MissionItem, ...]
+OnboardLists = Mapping[MissionKind, Items | None]
+"""What one vehicle carries beside its mission; None of what it does not let be read."""
+WantedLists = Mapping[MissionKind, Items]
+"""What is put on board of that; what is not in it stays."""
+LIST_WORDS = {MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}
+"""What that is."""
 NEAR_M = 5.0
 """A rally point this near to a pad is the pad."""
 
@@ -44,7 +50,7 @@ class KeptList(BoardChange[Items]):
     @property
     def kind(self) -> MissionKind:
         """Which list."""
-        return MissionKind.FENCE if self.name == "fence" else MissionKind.RALLY
+        return MissionKind[self.name.upper()]
 
     @property
     def words(self) -> str:
@@ -55,20 +61,20 @@ class KeptList(BoardChange[Items]):
     @property
     def words_open(self) -> str:
         """What the vehicle has not got back."""
-        return "fence" if self.name == "fence" else "rally points"
+        return LIST_WORDS[self.kind]
+
+    def describe_other(self, found: Items) -> str:  # noqa: ARG002 - whatever it is
+        """Return in words that somebody put this there since."""
+        return f"somebody has changed the {self.words_open} since: left as found"
+
+    def describe_stay(self, found: Items | None) -> str:
+        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+        return f"{self.words_open} cannot be read" if found is None else f"{self.words_open}: still the flight's"
 
     @staticmethod
     def is_same(one: Items, found: Items) -> bool:
         """Return whether what was found on board is this one, but for what is lost on its way."""
         return not find_list_differences(one, found)
-
-
-@dataclass(frozen=True, slots=True)
-class OnboardLists:
-    """What one vehicle carries beside its mission; None where it does not let it be read."""
-
-    fence: Items | None = None
-    rally: Items | None = None
 
 
 def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
@@ -99,15 +105,13 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     if not names or any(one not in said for one in names):
         return []
     rule = context.vehicles[name].dialect.geofence
-    stands = any(one in said and said[one].value for one in rule.enabled_by)  # it keeps to a fence already
-    limited = stands and (rule.kinds is None or bool(int(said[rule.kinds[0]].value) & rule.kinds[1]))
+    stands = read_fence_kinds(context.vehicles[name].dialect, {one: said[one].value for one in names})
     wanted: dict[str, tuple[float, str, str]] = {}
     if rule.kinds is not None:
         kinds, height_bit, _ = rule.kinds
-        own = int(said[kinds].value) if stands else 0
-        wanted[kinds] = (float(own | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
+        wanted[kinds] = (float(stands | height_bit | rule.polygons), "", checklist.FENCE_KINDS)
     top = _round_up_fence_top(context, name, said)
-    limit = said[rule.height].value if limited else 0.0
+    limit = said[rule.height].value if stands & (rule.kinds[1] if rule.kinds is not None else 1) else 0.0
     if not 0.0 < limit <= top:
         wanted[rule.height] = (top, "m", checklist.FENCE_TOP)
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
@@ -166,20 +170,20 @@ def _check_onboard_fence(
     context: Context, facts: VehicleFacts, path: FlightPath | None, lists: OnboardLists, ours: OnboardLists
 ) -> list[Check]:
     name, given = facts.name, context.fencing is not None and context.fencing.enabled
-    dialect = context.vehicles[name].dialect
-    if lists.fence is None:
+    dialect, fence = context.vehicles[name].dialect, lists.get(MissionKind.FENCE)
+    if fence is None:
         return [checklist.FENCE_UNREADABLE.say(name, Severity.STOP if given else None)]
-    if not lists.fence or lists.fence == ours.fence:
+    if not fence or fence == ours.get(MissionKind.FENCE):
         return []
-    what = checklist.FOREIGN_FENCE.format(items=format_count(len(lists.fence), "item"))
+    what = checklist.FOREIGN_FENCE.format(items=format_count(len(fence), "item"))
     asked = checklist.IS_FENCE_ON.format(fence=what)
     if unread := facts.check_parameters_read(fence_names(dialect), asked, CheckCode.GEOFENCE):
         return unread
-    if not _is_polygon_fence_enabled(dialect, facts.parameters):
+    if not read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
         return [checklist.FENCE_OFF.say(name, fence=what)]
     pad_m = context.vehicles[name].pad_m
     places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
-    shapes = parse_outlines(lists.fence, context.frame)
+    shapes = parse_outlines(fence, context.frame)
     ways = [[pad_m, *places], *([place, pad_m] for place in places)]
     out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
@@ -189,14 +193,14 @@ def _check_onboard_fence(
 
 
 def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLists, ours: OnboardLists) -> list[Check]:
-    name, rule = facts.name, context.fencing
+    name, rule, rally = facts.name, context.fencing, lists.get(MissionKind.RALLY)
     given = rule is not None and rule.enabled and rule.rally != "keep"
-    if lists.rally is None:
+    if rally is None:
         return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
-    if lists.rally == ours.rally:
+    if rally == ours.get(MissionKind.RALLY):
         return []
     pad_m = context.vehicles[name].pad_m
-    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in lists.rally]
+    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in rally]
     far = [one for one in away_m if one > NEAR_M]
     if not far or given:
         return []
@@ -207,11 +211,3 @@ def _round_up_fence_top(context: Context, name: str, said: Present) -> float:
     rule = context.vehicles[name].dialect.geofence
     least = fence_top_m(context, name)
     return float(math.ceil(least)) if said[rule.height].kind != REAL32 else math.ceil(10.0 * least) / 10.0
-
-
-def _is_polygon_fence_enabled(dialect: Dialect, parameters: Parameters) -> bool:
-    """Return whether a vehicle keeps to the polygons on board."""
-    rule = dialect.geofence
-    if not any(parameters.get(one, 0.0) for one in rule.enabled_by):
-        return False
-    return rule.kinds is None or bool(int(parameters.get(rule.kinds[0], rule.polygons)) & rule.polygons)

@@ -107,6 +107,36 @@ def read_link_failsafe(dialect: Dialect, parameters: Parameters, unread: Collect
     return LinkFailsafe(acts, after_s, words, returns=returns, holds_s=holds_s, unread=bool(lacking))
 
 
+LINK_MARGIN_S = 3.0
+"""Beyond the time in which a vehicle's own failsafe has acted."""
+LEAST_LINK_TIMEOUT_S = 10.0
+
+
+def effective_link_timeout_s(
+    dialect: Dialect, wanted_s: float | None, stall_s: float, own: LinkFailsafe | None = None
+) -> float:
+    """Return the silence after which a vehicle is lost.
+
+    It is the site's figure, or by default when the vehicle's own failsafe must have acted. A figure that is shorter
+    than what the vehicle says of itself is not taken: its segments would be given away while it still flies them.
+
+    Args:
+        dialect: The vehicle's autopilot.
+        wanted_s: The site's figure, if it has one.
+        stall_s: The shortest silence that can be told from a busy computer, in the vehicles' time.
+        own: What the vehicle says of itself, once it was asked.
+    """
+    rule = dialect.ground_station_failsafe
+    # Of what nobody knows the worst is assumed: that it acts, and as late as that.
+    acts_s = None if own is None or own.acts is False else own.after_s
+    if wanted_s is not None and wanted_s >= (acts_s or 0.0):
+        return wanted_s
+    if acts_s is None or wanted_s is None:
+        least_s = stall_s + rule.returns_after_s - rule.reacts_after_s
+        acts_s = max(rule.returns_after_s if acts_s is None else acts_s, least_s)
+    return max(LEAST_LINK_TIMEOUT_S, acts_s + LINK_MARGIN_S)
+
+
 def describe_unread_parameters(names: Collection[str]) -> str:
     """Return in words that parameters were not read.
 
@@ -135,23 +165,12 @@ class BatteryAction:
     """Whether this program knows what the value of its parameter means."""
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryRule:
-    """What a vehicle does on a low battery."""
-
-    said: bool
-    """Whether it said so of every level."""
-    actions: tuple[BatteryAction, ...]
-    """What it does, level by level; empty if it does nothing."""
-
-
-def read_battery_rule(dialect: Dialect, parameters: Parameters) -> BatteryRule:
-    """Return what a vehicle does by itself on a low battery."""
+def list_battery_actions(dialect: Dialect, parameters: Parameters) -> list[BatteryAction]:
+    """Return what a vehicle does by itself on a low battery, level by level; empty if it does nothing."""
     failsafe = dialect.battery_failsafe
     capacity_mah = parameters.get(failsafe.capacity, 0.0) if failsafe.capacity is not None else 0.0
     actions = [_read_battery_action(level, parameters, capacity_mah) for level in failsafe.levels]
-    said = all(level.action in parameters for level in failsafe.levels)
-    return BatteryRule(said, tuple(action for action in actions if action is not None))
+    return [action for action in actions if action is not None]
 
 
 def _read_battery_action(level: BatteryLevel, parameters: Parameters, capacity_mah: float) -> BatteryAction | None:
@@ -194,26 +213,18 @@ def list_early_returns(dialect: Dialect, parameters: Parameters, version: Versio
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class GeofenceCylinder:
-    """The geofence that a vehicle's parameters describe."""
-
-    height_m: float | None
-    """Over home; None if there is no limit."""
-    radius_m: float | None
-    """About home."""
-
-
-def read_geofence(dialect: Dialect, parameters: Parameters) -> GeofenceCylinder | None:
-    """Return the cylinder that a vehicle keeps to by itself; None if it has none."""
+def read_fence_kinds(dialect: Dialect, parameters: Parameters) -> int:
+    """Return which limits a vehicle keeps to, as bits of its parameter for that; all of one without it, 0 if off."""
     fence = dialect.geofence
     if not any(parameters.get(name, 0.0) for name in fence.enabled_by):
-        return None
-    height_m, radius_m = parameters.get(fence.height, 0.0), parameters.get(fence.radius, 0.0)
-    if fence.kinds is not None:
-        name, height_bit, radius_bit = fence.kinds
-        kinds = int(parameters.get(name, height_bit | radius_bit))
-        height_m, radius_m = height_m * bool(kinds & height_bit), radius_m * bool(kinds & radius_bit)
-    if height_m <= 0 and radius_m <= 0:
-        return None
-    return GeofenceCylinder(height_m if height_m > 0 else None, radius_m if radius_m > 0 else None)
+        return 0
+    return -1 if fence.kinds is None else int(parameters.get(fence.kinds[0], -1))
+
+
+def read_geofence(dialect: Dialect, parameters: Parameters) -> tuple[float | None, float | None]:
+    """Return height over home and radius about it of the cylinder that a vehicle keeps to; None of no limit."""
+    fence, kinds = dialect.geofence, read_fence_kinds(dialect, parameters)
+    _, height_bit, radius_bit = fence.kinds or ("", 1, 1)
+    height_m = parameters.get(fence.height, 0.0) if kinds & height_bit else 0.0
+    radius_m = parameters.get(fence.radius, 0.0) if kinds & radius_bit else 0.0
+    return height_m if height_m > 0 else None, radius_m if radius_m > 0 else None

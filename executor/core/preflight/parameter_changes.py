@@ -95,6 +95,14 @@ class BoardChange(ABC, Generic[Value]):
     def words_open(self) -> str:
         """What the vehicle has not got back."""
 
+    @abstractmethod
+    def describe_other(self, found: Value) -> str:
+        """Return in words that somebody put this there since."""
+
+    @abstractmethod
+    def describe_stay(self, found: Value | None) -> str:
+        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+
     @staticmethod
     @abstractmethod
     def is_same(one: Value, found: Value) -> bool:
@@ -139,6 +147,14 @@ class KeptParameter(BoardChange[float]):
     def words_open(self) -> str:
         """What the vehicle has not got back."""
         return f"{self.name} (was {format_number(self.old)})"
+
+    def describe_other(self, found: float) -> str:
+        """Return in words that somebody put this there since."""
+        return f"{self.name} is {format_number(found)}, which somebody set since: left as it is"
+
+    def describe_stay(self, found: float | None) -> str:
+        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+        return f"{self.name} does not answer" if found is None else f"{self.name} stays {format_number(found)}"
 
     @staticmethod
     def is_same(one: float, found: float) -> bool:
@@ -325,7 +341,7 @@ def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return checklist.ABOVE_LINE
-    if float(heights.max() - heights.min()) > 1.0:  # as `missions.safety` tells flat from uneven
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers` tells flat from uneven
         return checklist.ABOVE_LAYERS
     return checklist.IN_ITS_LAYER
 

@@ -30,7 +30,7 @@ from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
-from missions import Dialect, Estimate, FlightPath, Pad, check_separation, estimate, margin_m
+from missions import Dialect, Estimate, FlightPath, check_separation, estimate, margin_m
 
 RECORD_BYTES_S = 2500.0
 """Of one vehicle's events and telemetry log: 2300 in a demo flight of four ArduPilot vehicles."""
@@ -100,11 +100,6 @@ class VehicleFacts:
             f"{vehicle_identity.describe_vehicle_type(self.heartbeat.vehicle_type)}, "
             f"{vehicle_identity.describe_autopilot(self.heartbeat.autopilot)} {version}"
         )
-
-
-def pad_from(facts: VehicleFacts, east_m: float, north_m: float) -> Pad:
-    """Return the place where a vehicle really stands, which is where it will land."""
-    return Pad(facts.name, east_m, north_m, facts.position.alt_msl_m - facts.position.alt_rel_m)
 
 
 def check_identity(
@@ -208,14 +203,14 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
     names = onboard_failsafes.battery_names(dialect)
     if unread := facts.check_parameters_read(names, "battery failsafe", CheckCode.BATTERY_FAILSAFE):
         return unread
-    rule = onboard_failsafes.read_battery_rule(dialect, facts.parameters)
+    does = onboard_failsafes.list_battery_actions(dialect, facts.parameters)
     levels = dict.fromkeys(level.action for level in dialect.battery_failsafe.levels)
     absent = [name for name in levels if name not in facts.parameters]
     settings = ", ".join(name if name in absent else f"{name}={facts.parameters[name]:g}" for name in levels)
-    known = rule.said and all(action.known for action in rule.actions)
-    line = checklist.BATTERY_FAILSAFE_NONE if rule.said else checklist.BATTERY_FAILSAFE_UNKNOWN
-    actions = ", ".join(action.words for action in rule.actions)
-    if rule.actions:
+    known = not absent and all(action.known for action in does)
+    line = checklist.BATTERY_FAILSAFE_UNKNOWN if absent else checklist.BATTERY_FAILSAFE_NONE
+    actions = ", ".join(action.words for action in does)
+    if does:
         line = checklist.BATTERY_FAILSAFE
         actions += checklist.FAILSAFE_LACKS.format(absent=", ".join(absent)) if absent else ""
     severity = None if known else Severity.WARNING
@@ -224,7 +219,7 @@ def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_
     found += [checklist.RETURNS_EARLY.say(facts.name, action=words) for words in early]
     return found + [
         checklist.ACTS_IN_FLIGHT.say(facts.name, action=action.words, left_pct=left_pct)
-        for action in rule.actions
+        for action in does
         if left_pct is not None and action.below_pct is not None and action.below_pct >= left_pct
     ]
 
@@ -235,8 +230,8 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     names = onboard_failsafes.fence_names(setup.dialect)
     if unread := facts.check_parameters_read(names, "its geofence is", CheckCode.GEOFENCE):
         return unread
-    cylinder = onboard_failsafes.read_geofence(setup.dialect, facts.parameters)
-    if cylinder is None:
+    ends_high_m, ends_away_m = onboard_failsafes.read_geofence(setup.dialect, facts.parameters)
+    if ends_high_m is None and ends_away_m is None:
         return []
     high_m, away_m = context.return_height_m(facts.name), 0.0
     for point in path.waypoints if path is not None else ():
@@ -250,8 +245,8 @@ def check_own_geofence(context: Context, facts: VehicleFacts, path: FlightPath |
     # What its owner has set is no limit to be lifted for a fence of ours.
     severity = Severity.STOP if context.fencing is not None and context.fencing.enabled else None
     for limit_m, needed_m, name, what in (
-        (cylinder.height_m, high_m, rule.height, "high"),
-        (cylinder.radius_m, away_m, rule.radius, "away from home"),
+        (ends_high_m, high_m, rule.height, "high"),
+        (ends_away_m, away_m, rule.radius, "away from home"),
     ):
         if limit_m is not None and needed_m > limit_m:
             found.append(

@@ -120,12 +120,9 @@ def request_replan_again(state: FleetState, plan: Replan) -> FleetState:
 def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) -> bool:
     """Return whether the upload of a mission that failed is begun again.
 
-    Args:
-        context: Of the flight.
-        vehicle: Who is given it.
-        mixed: Whether a part of it is on board: then it is better whole, also with its pilot.
+    One of which a part is on board, `mixed`, is better whole, also with its pilot.
     """
-    if vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle):
+    if has_left_mission(context, vehicle):
         return False  # it is left to its way home, and to its landing; who lies somewhere flies none
     return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
 
@@ -137,6 +134,11 @@ def estimate_need_s(state: FleetState, name: str) -> float:
     if offer is None or not offer.airborne or vehicle.assignment.board is None:
         return math.inf
     return legs.time_to_reach_s(vehicle, max(0, offer.kept - 1))
+
+
+def has_left_mission(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle does not fly what is on board any more: a mix of two missions does no harm then."""
+    return vehicle.stage in {Stage.RETURNING, Stage.DOWN} or is_coming_down(context, vehicle)
 
 
 def _build_new_mission(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -158,7 +158,9 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
         return new_missions.request_replan_again(state, plan), (said,)
     found = {route.vehicle: route.visits for route in event.routes}
     routes = {offer.vehicle: found.get(offer.vehicle, ()) for offer in offers}
-    plan = _add_low_segments(context, state, plan, routes, now_s)
+    if replan_separation.may_leave_layers(context):
+        low = replan_separation.choose_low_segments(context, state, plan, routes, now_s)
+        plan = replace(plan, low=MappingProxyType({name: tuple(sorted(low[name])) for name in routes}))
     unmade = tuple(
         NewRoute(offer.vehicle, routes[offer.vehicle])
         for offer in offers
@@ -187,16 +189,6 @@ def apply_solution(context: Context, state: FleetState, event: SolveEnded, now_s
     state = replace(state, coverage=set_aside_segments(context, state.coverage, event.uncovered))
     state, commands = new_missions.compose_missions(context, state.with_replanning(replan=plan), plan, now_s)
     return state, (*lines, *commands)
-
-
-def _add_low_segments(
-    context: Context, state: FleetState, plan: Replan, routes: Mapping[str, tuple[int, ...]], now_s: float
-) -> Replan:
-    """Choose which segments vehicles come down to, where they leave their layers at all."""
-    if not replan_separation.may_leave_layers(context):
-        return plan
-    low = replan_separation.choose_low_segments(context, state, plan, routes, now_s)
-    return replace(plan, low=MappingProxyType({name: tuple(sorted(low[name])) for name in routes}))
 
 
 def _is_moved(state: FleetState, plan: Replan, offer: Survivor) -> bool:
@@ -270,12 +262,7 @@ def explain_orphan_segments(context: Context, state: FleetState, alone: frozense
 
 
 def announce_solution(event: SolveEnded, names: list[str]) -> Say:
-    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission.
-
-    Args:
-        event: The solver's answer.
-        names: Of those who are given one.
-    """
+    """Say what a re-plan came to: what it is better in than what is on board, and who is given a new mission."""
     gained = "" if event.gain is None else f": {_describe_gain(event.gain, changed=bool(names))}"
     given = ", ".join(sorted(names)) or replanning.NO_VEHICLE
     return replanning.FOUND.say(revision=event.revision, solve_s=event.solve_s, gained=gained, vehicles=given)

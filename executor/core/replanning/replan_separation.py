@@ -292,16 +292,7 @@ def find_low_tail_segments(vehicle: VehicleState, offer: Survivor) -> frozenset[
 def find_mission_conflicts(
     context: Context, state: FleetState, plan: Replan, name: str, path: FlightPath, now_s: float
 ) -> tuple[frozenset[str], list[str]]:
-    """Return for whose new mission one has to wait, and in words what keeps it from being flown at all.
-
-    Args:
-        context: Of the flight.
-        state: Of the fleet.
-        plan: The re-plan.
-        name: Whose new mission it is.
-        path: That mission.
-        now_s: The time.
-    """
+    """Return whose new missions that of `name` has to wait for, and in words what keeps it from being flown at all."""
     offers = plan.solve.survivors
     offer = next((offer for offer in offers if offer.vehicle == name), None)
     new = build_airway(context.setup, path, 0 if offer is None else offer.kept)

@@ -19,7 +19,6 @@ from executor.core.state.vehicle_position import has_fresh_heartbeat
 from executor.core.state.vehicle_state import Stage, VehicleState, current_setup_of
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
-from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
 
 ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
@@ -32,7 +31,7 @@ BESIDE_M = 5.0
 def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
     """Return the segments that a vehicle cannot see: it has no camera that does what they, or a day, ask for."""
     by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
-    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken_camera_names()) | by_day
+    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
 
 
 def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[IntentReason, Reason]:
@@ -203,10 +202,9 @@ def _build_offer(
         tail = tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
     blind = find_barred_segments(context, state)
     most = remaining - setup.reserve_pct - spent_pct
-    learned = state.assignment.learned
     return Survivor(
         state.name, start_m, max(0.0, budget), account.consumption_factor(state.power.battery), airborne, tail, kept,
-        max(0.0, most), pace=AS_MODELLED if learned is None else learned.pace, barred=tuple(sorted(blind)),
+        max(0.0, most), pace=state.assignment.pace, barred=tuple(sorted(blind)),
     )  # fmt: skip
 
 

@@ -30,7 +30,6 @@ from executor.core.state.vehicle_parts import LastKnown, ModeCause, OnboardMissi
 from executor.core.state.vehicle_state import VehicleState, last_known_of
 from missions import Pace, Phase
 from missions.autopilots.dialect import is_home_mode, is_manual_mode, is_mission_mode
-from missions.flight_model import AS_MODELLED
 from missions.geometry import locate_on_leg
 from planner import segment_of
 
@@ -96,14 +95,9 @@ def recover_after_silence(context: Context, state: FleetState, vehicle: VehicleS
 def catch_up_mission(
     context: Context, state: FleetState, vehicle: VehicleState, board: OnboardMission, seq: int | None
 ) -> Stepped:
-    """Take a vehicle on its mission for where it is now, with what it flew on its way there.
+    """Take a vehicle on its mission for where it is now, with what it flew on its way there since `before`.
 
-    Args:
-        context: Of the flight.
-        state: Of it.
-        vehicle: Heard again; `before` says where it was.
-        board: What it carries.
-        seq: The item that it flies to; None where its state has that.
+    It carries `board`, and flies to the item `seq`; None where its state has that.
     """
     waypoint = vehicle.assignment.waypoint
     if seq is not None and 0 <= seq < len(board.waypoint_of):
@@ -136,13 +130,9 @@ def catch_up_mission(
 def _close_gap(
     vehicle: VehicleState, board: OnboardMission, counted: Collection[int] = (), *, told: bool = False
 ) -> VehicleState:
-    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it counts all the same.
+    """Return a vehicle whose gap is judged: the inspection that it broke is over, unless it is `counted` all the same.
 
-    Args:
-        vehicle: Heard again.
-        board: What it carries.
-        counted: Segments that count.
-        told: Whether it is said already why the others do not.
+    Why the others do not count may be `told` already.
     """
     known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
     judged = replace(known, before=None)
@@ -176,11 +166,7 @@ NOTHING = InferredCoverage()
 def infer_coverage(context: Context, state: VehicleState, board: OnboardMission, waypoint: int) -> InferredCoverage:
     """Return what a vehicle inspected between the last position before the silence and its newest one.
 
-    Args:
-        context: Of the flight.
-        state: The vehicle, its link regained; `before` says where it was.
-        board: The mission that it was found to carry.
-        waypoint: Of that mission, the end of the leg under way.
+    Its link is regained, it was found to carry `board`, and is on the leg to a waypoint of that.
     """
     before, fix = state.assignment.before, state.motion.fix
     if before is None or fix is None or before.waypoint >= len(board.legs):
@@ -199,7 +185,7 @@ def infer_coverage(context: Context, state: VehicleState, board: OnboardMission,
         return _infer_after_landing(context, state, before, fix, board)
     if why_not := _describe_deviation(context, state, before, fix, board, waypoint):
         return InferredCoverage(why_not=why_not)
-    return _infer_in_flight(context, before, fix, board, waypoint, _pace_of(state))
+    return _infer_in_flight(context, before, fix, board, waypoint, state.assignment.pace)
 
 
 def _infer_in_flight(
@@ -240,7 +226,7 @@ def _describe_deviation(
         return resume.WENT_BACK
     if state.telemetry.mode_since_s > before.fix.at_s:
         return resume.MODE_CHANGED
-    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
+    away_m = locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], fix.place_m)[1]
     return _describe_interference(state, before.fix.at_s) or (
         resume.OFF_TRACK.format(away_m=away_m) if away_m > context.corridor_m else ""
     )
@@ -262,7 +248,7 @@ def _infer_after_landing(
     elapsed_s = fix.boot_s - before.fix.boot_s
     if why_not := _describe_other_landing(context, state, before, fix):
         return InferredCoverage(why_not=why_not)
-    expected_s, modelled_pct = _estimate_rest(board, before.waypoint, before.fix, _pace_of(state))
+    expected_s, modelled_pct = _estimate_rest(board, before.waypoint, before.fix, state.assignment.pace)
     visits = _select_passed_visits(before, board, len(board.legs))
     if elapsed_s < expected_s - _tolerance_s(context, board, visits):
         return InferredCoverage(why_not=resume.TOO_SHORT.format(elapsed_s=elapsed_s, expected_s=expected_s))
@@ -314,11 +300,6 @@ def _tolerance_s(context: Context, board: OnboardMission, visits: tuple[int, ...
     return max(performance.settle_s + performance.hold_s + INDEX_S, float(usual_s - fast_s))
 
 
-def _pace_of(state: VehicleState) -> Pace:
-    """Return the factors on the times of legs that were seen of it in this flight."""
-    return AS_MODELLED if state.assignment.learned is None else state.assignment.learned.pace
-
-
 def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace: Pace) -> tuple[float, float]:
     """Return how long the rest of a mission takes from a place on one of its legs, and what it costs in percent."""
     points, legs = board.path.waypoints[waypoint:], board.legs[waypoint:]
@@ -326,8 +307,3 @@ def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace:
     factors[0] *= remaining_leg_share(board, waypoint, fix)
     paced = list(zip(factors, legs, strict=True))
     return sum(factor * leg.duration_s for factor, leg in paced), sum(factor * leg.energy_pct for factor, leg in paced)
-
-
-def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
-    """Return how far beside the leg to a waypoint a place lies."""
-    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

@@ -71,14 +71,9 @@ def apply_reopening(state: FleetState, event: Reopened, now_s: float) -> Stepped
 def compare_onboard_mission(
     context: Context, state: FleetState, name: str, items: Sequence[MissionItem] | None, seq: int | None
 ) -> Found:
-    """Compare what was read from a vehicle that answers with every mission that it may have been given.
+    """Compare what was read from a vehicle that answers with every mission that it may have been given by the log.
 
-    Args:
-        context: Of the flight.
-        state: By the log.
-        name: Of the vehicle.
-        items: What is on board; None if it could not be read.
-        seq: The item that it flies to.
+    `items` are on board, None if they could not be read; it flies to the one of number `seq`.
     """
     given, plan, dialect = state.vehicles[name].assignment, state.replanning.replan, context.vehicles[name].dialect
     boards = (given.board, None if given.declined is None else given.declined.maybe)
@@ -278,12 +273,7 @@ def _handle_unstarted_vehicle(
 ) -> Resumption:
     """Look what became of a vehicle that had been told to take off, and is on the ground.
 
-    Args:
-        context: Of the flight.
-        state: Of it.
-        vehicle: Who.
-        now_s: The time.
-        ours: Whether what it carries is what it should fly. If not it waits for the next re-plan as others do.
+    If what it carries is not `ours`, what it should fly, it waits for the next re-plan as others do.
     """
     name = vehicle.name
     vehicle = vehicle.with_assignment(before=None)

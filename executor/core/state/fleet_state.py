@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from executor.core.interface.codes import CheckCode
+from executor.core.interface.codes import Check
 from executor.core.interface.commands import Command, Level, Solve
 from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.inspection_proof import SegmentPass
 from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
@@ -90,15 +90,6 @@ class ReplanRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ClosestApproach:
-    """The nearest that two flying vehicles came to each other."""
-
-    least_m: float
-    between: tuple[str, str]
-    at_s: float
-
-
-@dataclass(frozen=True, slots=True)
 class GroundStationAbsence:
     """A time in which the ground station was not there: stopped, or restarted."""
 
@@ -112,22 +103,11 @@ class GroundStationAbsence:
 
 @dataclass(frozen=True, slots=True)
 class OperatorLine:
-    """A line for the operator, kept for who looks later."""
+    """A line for the operator, kept for who looks later: a decision with its reason."""
 
     at_s: float
     level: Level
     text: str
-
-
-@dataclass(frozen=True, slots=True)
-class CheckLine:
-    """One line of the checklist before the flight."""
-
-    severity: str
-    """ok, warning or stop."""
-    subject: str
-    text: str
-    code: CheckCode
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +139,7 @@ class TakeoffOffer:
 class Briefing:
     """What a crew reads before the flight."""
 
-    checks: tuple[CheckLine, ...] = ()
+    checks: tuple[Check, ...] = ()
     """The checklist, in the order in which a crew reads it."""
     question: Question | None = None
     """What it is asked now."""
@@ -182,7 +162,8 @@ class FlightProgress:
     recalled: bool = False
     """The flight was aborted."""
     finished: bool = False
-    separation: ClosestApproach | None = None
+    separation_m: float | None = None
+    """The nearest that two flying vehicles came to each other."""
 
     @property
     def is_under_way(self) -> bool:
@@ -219,8 +200,8 @@ class Coverage:
     """The same of segments that count, taken from nearer: they take the others' place once they show all of it."""
     unseen: Mapping[int, AwaitedPictures] = field(default_factory=lambda: MappingProxyType({}))
     """Segments that were flown, and whose pictures are waited for."""
-    not_seen: tuple[MissingPictures, ...] = ()
-    """Segments that were flown but not seen, in the order of time; some were seen later."""
+    not_seen: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Segment to the vehicle that flew it last without seeing it; some were seen later."""
 
     def is_nearer_than_counted(self, segment: int, at_m: float | None) -> bool:
         """Return whether a segment that counts was inspected from farther away than this."""
@@ -330,10 +311,6 @@ class FleetState:
     def want_replan(self, trigger: str, since_s: float) -> FleetState:
         """Return the state in which a re-plan begins at once, for this reason and as old as that."""
         return self.with_replanning(urgent=True, trigger=trigger, trigger_s=since_s)
-
-    def with_lines(self, lines: tuple[OperatorLine, ...]) -> FleetState:
-        """Return the state with lines for the operator added."""
-        return self.with_crew(said=(*self.crew.said, *lines)[-KEPT_LINES:])
 
     def later_segments(self) -> frozenset[int]:
         """Return the segments of the sorties that are planned for later."""

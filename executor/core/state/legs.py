@@ -27,8 +27,7 @@ from executor.core.state.vehicle_parts import (
 )
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
-from missions import LegEstimate, Pace, Phase
-from missions.flight_model import AS_MODELLED
+from missions import LegEstimate, Phase
 from planner import CLIMB_SHARE_PER_M_S, segment_of
 
 FAR, PLENTY_PCT = 3.0, 10.0
@@ -39,7 +38,7 @@ UPRIGHT_M = 1.0
 
 def time_to_reach_s(state: VehicleState, waypoint: int) -> float:
     """Return how long the vehicle needs until the end of a waypoint's leg at its own pace; 0 if it has passed."""
-    pace, ahead = _own_pace(state), _iterate_legs_ahead(state, waypoint)
+    pace, ahead = state.assignment.pace, _iterate_legs_ahead(state, waypoint)
     return sum((pace.factor_of(phase) * (share * leg.duration_s) for phase, leg, share in ahead), 0.0)
 
 
@@ -49,13 +48,8 @@ def energy_to_reach_pct(state: VehicleState, waypoint: int) -> float:
     With its pace, as who takes longer draws its power for longer, but without its consumption: that is a factor of
     power, learned by velocities, and comes on top.
     """
-    pace, ahead = _own_pace(state), _iterate_legs_ahead(state, waypoint)
+    pace, ahead = state.assignment.pace, _iterate_legs_ahead(state, waypoint)
     return sum((pace.factor_of(phase) * (share * leg.energy_pct) for phase, leg, share in ahead), 0.0)
-
-
-def _own_pace(state: VehicleState) -> Pace:
-    learned = state.assignment.learned
-    return AS_MODELLED if learned is None else learned.pace
 
 
 def _iterate_legs_ahead(state: VehicleState, waypoint: int) -> Iterator[tuple[Phase, LegEstimate, float]]:
@@ -120,8 +114,7 @@ def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetu
     if fix is None:
         return None
     performance, known = context.model_of(setup)
-    learned = state.assignment.learned
-    pace = known.transit * (1.0 if learned is None else learned.pace.transit)
+    pace = known.transit * state.assignment.pace.transit
     east_m, north_m = setup.pad_m[0] - fix.place_m[0], setup.pad_m[1] - fix.place_m[1]
     away_m, up_m = math.hypot(east_m, north_m), max(0.0, fix.alt_rel_m)
     if away_m <= context.limits.pad_m:

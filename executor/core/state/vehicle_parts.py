@@ -24,8 +24,9 @@ from executor.core.state.inspection_proof import InspectionRun, Track
 from executor.core.state.link_quality import DuplicateIdWatch, LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.vehicle_learning import LearnedFactors
-from missions import FlightPath, LegEstimate, Phase
+from missions import FlightPath, LegEstimate, Pace, Phase
 from missions.fences import Fence
+from missions.flight_model import AS_MODELLED
 from missions.items import MissionItem
 
 
@@ -386,6 +387,11 @@ class Assignment:
     """Legs that are behind it, of all its missions."""
     learned: LearnedFactors | None = None
     """What they say of the vehicle; None as long as they say nothing."""
+
+    @property
+    def pace(self) -> Pace:
+        """The factors on the times of its legs, as far as they were seen of it in this flight."""
+        return AS_MODELLED if self.learned is None else self.learned.pace
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.scenarios import Day, TripStart, build_day_instance
 from benchmarks.scenarios.road_graph import build_road_graph
-from planner import InstanceError, Iterations
-from planner.sorties import SortiePlan, evaluate_sorties, solve_sorties
+from planner import InstanceError, Iterations, Plan
+from planner.sorties import evaluate_sorties, solve_sorties
 from tests.benchmarks.scenarios.builders import instance_of, random_day, row_day
 
 SEEDS = st.integers(0, 10**6)
@@ -25,7 +25,7 @@ def walks_of(day: Day, iterations: int = 50) -> list[list[tuple[int, ...]]]:
     found = solve_sorties(instance, stop=Iterations(iterations), seed=1)
     assert found.evaluation.violations == ()
     everybody, done = [], set()
-    for number, own in enumerate(found.plan.sorties):
+    for number, own in enumerate(map(found.plan.routes_of, range(len(instance.vehicles)))):
         walks = list(day.list_walks(range(len(day.tasks)), instance.vehicles[number].base, own))
         end_s = max((trip.end_s for trip in day.time_walks(walks, instance.vehicles[number].ready_s)), default=0.0)
         assert end_s <= found.evaluation.finish_s + 1e-6
@@ -91,7 +91,7 @@ def test_the_search_finds_the_optimum_of_small_days(
     seed: int, tasks: int, vehicles: int, depots: int, whole: bool
 ) -> None:
     instance = instance_of(random_day(seed, tasks, vehicles, depots, whole=whole), seed)
-    best: SortiePlan | None = solve_sorties_exact(instance)
+    best: Plan | None = solve_sorties_exact(instance)
     found = solve_sorties(instance, stop=Iterations(6_000), seed=1, starts=2)
     assert found.evaluation.violations == ()
     if best is None:

@@ -13,11 +13,9 @@ from hypothesis import strategies as st
 
 from benchmarks.exact_sorties import solve_sorties_exact
 from benchmarks.scenarios import TripStart, build_day_instance, least_end, least_last_end_s
-from planner import InstanceError
+from planner import InstanceError, Plan, Route
 from planner.sorties import (
-    Sortie,
     SortieInstance,
-    SortiePlan,
     evaluate_sorties,
     sortie_duration_s,
 )
@@ -26,7 +24,7 @@ from tests.benchmarks.scenarios.builders import instance_of, random_day, row_day
 SEEDS = st.integers(0, 10**6)
 
 
-def every_order(instance: SortieInstance, number: int, waiting: frozenset[int]) -> Iterator[tuple[Sortie, ...]]:
+def every_order(instance: SortieInstance, number: int, waiting: frozenset[int]) -> Iterator[tuple[Route, ...]]:
     """Yield every sequence of a vehicle's sorties through all of some segments."""
     own, bases = instance.vehicles[number], range(len(instance.bases))
     for order in itertools.permutations(sorted(waiting)):
@@ -38,8 +36,8 @@ def every_order(instance: SortieInstance, number: int, waiting: frozenset[int]) 
                 for ends in itertools.product(bases, repeat=2 * len(parts)):
                     sorties, place, ready_s = [], own.base, own.ready_s
                     for part, base, land in zip(parts, ends[::2], ends[1::2], strict=True):
-                        one = Sortie(base, part, land, ready_s + float(instance.transfer_s[place, base]))
-                        place, lasts_s = land, sortie_duration_s(instance, number, one)
+                        one = Route(number, part, base, land, ready_s + float(instance.transfer_s[place, base]))
+                        place, lasts_s = land, sortie_duration_s(instance, one)
                         ready_s = one.start_s + lasts_s + instance.bases[land].turnaround_s
                         sorties.append(one)
                     yield tuple(sorties)
@@ -53,10 +51,7 @@ def best_by_trying(instance: SortieInstance) -> float:
         for size in range(instance.segments + 1):
             for chosen in itertools.combinations(segments, size):
                 others = tuple(task for task in segments if task not in chosen)
-                plans = (
-                    SortiePlan(tuple(own if row == number else () for row in fleet), others)
-                    for own in every_order(instance, number, frozenset(chosen))
-                )
+                plans = (Plan(own, others) for own in every_order(instance, number, frozenset(chosen)))
                 found = (evaluate_sorties(instance, plan) for plan in plans)
                 ends[number, frozenset(chosen)] = min(
                     (one.finish_s for one in found if not one.violations), default=np.inf

@@ -19,8 +19,8 @@ from benchmarks.scenarios import (
     replan_losses,
 )
 from benchmarks.scenarios.road_graph import build_road_graph
-from planner import InstanceError, Iterations, PlanError
-from planner.sorties import Sortie, SortieInstance, SortiePlan, solve_sorties
+from planner import InstanceError, Iterations, Plan, PlanError, Route
+from planner.sorties import SortieInstance, solve_sorties
 from tests.benchmarks.scenarios.builders import instance_of, random_day
 
 ROW = build_road_graph(5, [(place, place + 1, 10.0) for place in range(4)])
@@ -30,7 +30,7 @@ PLAN = (DAY.time_walks([(0, 1, 0), (0, 1, 2, 1, 0)]), DAY.time_walks([(4, 3, 4),
 """Each does the outer task, and the inner one after it: from 25 s on."""
 
 
-def replanned(instance: SortieInstance, tails: tuple[tuple[Sortie, ...], ...]) -> SortiePlan:
+def replanned(instance: SortieInstance, tails: tuple[Route, ...]) -> Plan:
     return solve_sorties(instance, stop=Iterations(200), seed=1, initial=tails).plan
 
 
@@ -64,7 +64,7 @@ def test_a_survivor_ends_its_trip_and_may_be_given_another_after_its_turnaround(
     assert left.open == (0, 1, 2)
     assert left.instance is not None
     assert [(DAY.bases[own.base], own.ready_s) for own in left.instance.vehicles] == [(4, 25.0)]
-    assert left.tails == ((Sortie(1, (5,), 1, 25.0),),)  # the third of what is open, towards the start
+    assert left.tails == (Route(0, (5,), 1, 1, 25.0),)  # the third of what is open, towards the start
     # One that has long been ready begins at the loss, where its next trip is not under way.
     waiting = (PLAN[0], PLAN[1][:1])
     later = build_day_left(DAY, waiting, [0], 60.0)
@@ -165,7 +165,7 @@ def test_shortest_ways_lead_along_edges() -> None:
 def test_a_plan_for_nobody_changes_nothing() -> None:
     left = build_day_left(DAY, PLAN, [0], 500.0)
     assert left.instance is None
-    assert day_after(DAY, left, SortiePlan(())) == left.kept
+    assert day_after(DAY, left, Plan(())) == left.kept
 
 
 def test_who_knows_all_losses_counts_on_nobody_who_will_be_lost() -> None:

@@ -19,7 +19,6 @@ from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 from missions.geometry import locate_on_leg
-from planner import segment_of
 from simulator.fleet import SimulatedVehicle
 from tests.missions.builders import FRAME
 
@@ -148,12 +147,7 @@ def test_what_is_inspected_from_a_layer_is_flown_again_before_the_way_home(tmp_p
     """uav1 begins beside the depot, at the end of a line of which the other half is uav2's."""
     chosen = ground(tmp_path, autopilot)
     plan = plan_with(chosen, {"uav1": (2, 0), "uav2": (4, 6), "uav3": (8,)})
-    from_layers = {
-        segment_of(visit)
-        for own, route in zip(plan.vehicles, plan.plan.routes, strict=True)
-        for visit in route.visits
-        if plan.inspection_height_m(own.name, segment_of(visit)) != 15.0
-    }
+    from_layers = {visit.segment for route in plan.routes for visit in route.visits if visit.inspected_at_m != 15.0}
     assert from_layers
     flight, seen = flown(chosen, plan)
     assert set(judged(chosen, flight, seen)) == {15.0}

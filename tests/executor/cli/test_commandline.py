@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -39,3 +42,34 @@ def test_an_installed_package_says_where_benchmarks_are(monkeypatch: pytest.Monk
     monkeypatch.setattr(commandline, "ROOT", tmp_path)
     with pytest.raises(CheckoutRequired, match=r"^bench: not part of the installed package; run ./scripts/bench in"):
         load_command("bench")
+
+
+ROOT = Path(__file__).parents[3]
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+
+
+def run_faultline(*given: str, **environment: str) -> str:
+    command = [sys.executable, "-m", "executor", *given]
+    done = subprocess.run(
+        command, cwd=ROOT, env={**os.environ, **environment}, capture_output=True, text=True, check=True, timeout=100
+    )
+    return done.stdout
+
+
+def test_the_version_is_the_package_s() -> None:
+    assert run_faultline("--version") == f"faultline {VERSION}\n"
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.findall(r"^version: (.*)$", citation, re.MULTILINE) == [VERSION]
+
+
+@pytest.mark.parametrize("given", [("-h",), ("plan", "-h"), ("bench", "-h")], ids=" ".join)
+def test_help_is_asked_for_in_short(given: tuple[str, ...]) -> None:
+    assert run_faultline(*given) == run_faultline(*given[:-1], "--help")
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"), [("faultline resu", "resume\n"), ("faultline plan --pict", "--picture\n")]
+)
+def test_the_shell_completes_commands_and_options(words: str, completed: str) -> None:
+    count = str(len(words.split()) - 1)
+    assert run_faultline(_FAULTLINE_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=count) == completed

@@ -19,7 +19,7 @@ from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.preflight.parameter_changes import ChangeStage, KeptParameter
 from executor.core.vehicle_learning import KnownVehicle, PaceEstimate
-from executor.flight.restore_vehicles import write_kept_parameters
+from executor.flight.restore_vehicles import PARAMETERS
 from executor.site.learned_files import build_learned_document
 from missions import Pace, read_plan
 from planner import PRESETS
@@ -476,13 +476,13 @@ def test_what_cannot_be_restored_is_refused(place: Place) -> None:
     ):
         path.write_text(text)
         assert place.refused("restore", str(place.folder)).startswith(f"{path}: {words}")
-    write_kept_parameters(place.folder, [kept(ChangeStage.SET)])
+    PARAMETERS.write(place.folder, [kept(ChangeStage.SET)])
     (place.folder / "site.toml").unlink()
     assert place.refused("restore", str(place.folder)).startswith(str(place.folder / "site.toml"))
 
 
 def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> None:
-    write_kept_parameters(place.folder, [kept(ChangeStage.SET)])
+    PARAMETERS.write(place.folder, [kept(ChangeStage.SET)])
     with lock_run_directory(place.folder):
         assert "another faultline flies this directory already" in place.refused(
             "restore", str(place.folder), "--yes", "--quiet"
@@ -491,7 +491,7 @@ def test_a_directory_that_is_flown_from_is_not_restored_from(place: Place) -> No
 
 def test_nothing_to_restore_is_done(place: Place) -> None:
     for rows in ([], [kept(ChangeStage.RESTORED)]):
-        write_kept_parameters(place.folder, rows)
+        PARAMETERS.write(place.folder, rows)
         assert place.run("restore", str(place.folder)) == (0, f"{place.folder}: all parameters are restored\n", "")
         assert place.run("restore", str(place.folder), "--quiet") == (0, "", "")
         code, out, _ = place.run("restore", str(place.folder), "--json")
@@ -499,7 +499,7 @@ def test_nothing_to_restore_is_done(place: Place) -> None:
 
 
 def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
-    write_kept_parameters(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
+    PARAMETERS.write(place.folder, [kept(ChangeStage.SET), kept(ChangeStage.RESTORED, "RTL_CONE_SLOPE")])
     code, out, err = place.run("restore", str(place.folder))
     assert (code, out) == (1, "")
     assert [line.strip() for line in err.splitlines()] == [
@@ -510,9 +510,7 @@ def test_without_a_yes_nothing_is_told_to_anybody(place: Place) -> None:
 
 def test_a_vehicle_that_does_not_answer_stays_as_it_is(place: Place) -> None:
     place.site(extra="[flight]\nconnect_timeout_s = 0.1")
-    write_kept_parameters(
-        place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)]
-    )
+    PARAMETERS.write(place.folder, [kept(ChangeStage.SET), replace(kept(ChangeStage.SET), vehicle="uav9", sysid=9)])
     code, out, err = place.run("restore", str(place.folder), "--yes")
     assert (code, out) == (1, f"{place.folder}: 2 of 2 not restored\n")
     assert "uav1: RTL_ALT (was 1500) not restored: does not answer" in err

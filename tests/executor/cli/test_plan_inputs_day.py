@@ -235,12 +235,9 @@ def test_the_days_of_a_plan_are_flown_one_after_the_other(place: Place, monkeypa
     place.write(NETWORK, LATER_DAYS, NORTH, SOUTH, VEHICLES)
     assert place.plan("-o", "days.json")[0] == 0
     whole = read_day_plan(place.folder / "days.json")
-    ends_s, ids = [end_s for _, end_s in whole.days], [segment.id for segment in whole.segments]
     planned = [
-        {ids[visit >> 1] for own in whole.plan.sorties for one in own for visit in one.visits
-         if end_s - 86_400.0 < one.start_s <= end_s}
-        for end_s in ends_s
-    ]  # fmt: skip
+        {visit.segment for one in whole.routes_on(day) for visit in one.visits} for day in range(len(whole.days))
+    ]
     assert all(planned)
 
     lost = min(planned[0])  # the first day leaves one of its segments, and does one of the second day's

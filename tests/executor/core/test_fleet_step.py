@@ -40,6 +40,11 @@ def test_nothing_flies_before_the_launch() -> None:
     assert flight.given(Start) == [Start(name) for name in THREE]
 
 
+def test_what_is_said_is_kept_to_a_hundredth_of_a_second() -> None:
+    state, _ = fleet_step.step(FLEET.context, under_way().state, ReturnAllOrdered(), 40.12345)
+    assert state.crew.said[-1].at_s == 40.12
+
+
 def test_a_silent_link_is_a_fault_at_its_time_out() -> None:
     flight = under_way()
     flight.crafts["uav2"].mute = True

@@ -11,7 +11,6 @@ from executor.core import fleet_step
 from executor.core.interface.commands import HandsOff, Level, Say, SendHome
 from executor.core.interface.events import Heard
 from executor.core.interface.messages import FlightMessage, MissionCurrent, Position, StationHeard, StatusText
-from executor.core.state.fleet_state import ClosestApproach
 from executor.core.state.vehicle_parts import HomingOrder, ModeCause, Takeover, TextWindow
 from executor.core.state.vehicle_state import Stage, VehicleState
 from tests.executor.builders import with_facts
@@ -332,14 +331,8 @@ SEPARATIONS = [
 def test_how_near_two_came(
     what: str, one: VehicleState, event: Heard, other: VehicleState, least_m: float | None, expected_m: float | None
 ) -> None:
-    before = None if least_m is None else ClosestApproach(least_m, ("a", "b"), 0.0)
-    after, _ = fleet_step.step(FLEET.context, flight_of(one, other, separation=before), event, NOW_S)
-    if expected_m is None:
-        assert after.progress.separation is before
-    else:
-        assert after.progress.separation is not None
-        assert (after.progress.separation.between, after.progress.separation.at_s) == (("uav1", "uav2"), NOW_S)
-        assert after.progress.separation.least_m == pytest.approx(expected_m)
+    after, _ = fleet_step.step(FLEET.context, flight_of(one, other, separation_m=least_m), event, NOW_S)
+    assert after.progress.separation_m == (least_m if expected_m is None else pytest.approx(expected_m))
 
 
 def test_an_inspection_is_kept_with_how_it_was_flown_by_who_came_first() -> None:

@@ -91,7 +91,9 @@ def test_where_it_is_and_where_it_heads(
 ) -> None:
     fix = replace(at(up_m=20.04, age_s=1.26), velocity_m_s=velocity, heading_deg=compass)
     lat_deg, lon_deg = CONTEXT.frame.to_wgs84_deg(*fix.place_m)
-    assert shown(fix=fix).position == PositionView(round(lat_deg, 5), round(lon_deg, 5), 20.0, heading, speed, 1.3)
+    assert shown(fix=fix).position == PositionView(
+        round(lat_deg, 5), round(lon_deg, 5), 20.0, speed, 1.3, None, heading
+    )
 
 
 def test_the_battery_against_the_plan() -> None:
@@ -190,7 +192,7 @@ def test_what_its_loss_would_mean_is_shown_while_it_is_on_its_mission() -> None:
 
 
 def test_the_flight_as_a_whole() -> None:
-    lines = tuple(OperatorLine(NOW_S + 0.004, Level.INFO, f"line {number}") for number in range(70))
+    lines = tuple(OperatorLine(NOW_S, Level.INFO, f"line {number}") for number in range(70))
     view = fleet(flying(), given_up=frozenset({5, 2}), inspected=MappingProxyType({2: "uav1"}), said=lines)
     assert (view.now_s, view.flight_s, view.uncovered, view.segments_total) == (NOW_S, 100.0, (5,), 6)
     assert [one.text for one in view.said] == [f"line {number}" for number in range(10, 70)]

@@ -13,11 +13,10 @@ from executor.core.fleet_view import (
     IntentView,
     OfferView,
     ReplanView,
-    SaidView,
 )
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, IntentRecord
-from executor.core.state.fleet_state import ClosestApproach, OperatorLine, TakeoffOffer
+from executor.core.state.fleet_state import OperatorLine, TakeoffOffer
 from executor.core.state.vehicle_state import VehicleState
 from tests.executor.core.steps import (
     Changes,
@@ -82,7 +81,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             silent_since_s=5.0,
             recalled=True,
             finished=True,
-            separation=ClosestApproach(5.126, ("uav1", "uav2"), 5.0),
+            separation_m=5.126,
             offer=OPEN,
         ),
         {
@@ -117,7 +116,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "the last lines",
         lambda: [(len(found), found[0]) for count in (60, 61) for found in (page(said=lines(count))["said"],)],
-        [(60, SaidView(at_s=0.0, level="info", text="0")), (60, SaidView(at_s=1.0, level="info", text="1"))],
+        [(60, OperatorLine(0.0, Level.INFO, "0")), (60, OperatorLine(1.0, Level.INFO, "1"))],
     ),
     (
         "the last wishes",

@@ -22,7 +22,7 @@ from executor.core.interface.intents import Action
 from executor.core.interface.messages import StationHeard
 from executor.core.state.vehicle_state import Stage
 from executor.flight import flight_recorder, resume_flight
-from executor.flight.flight_recorder import Checkpoint, Checkpointer, Planned
+from executor.flight.flight_recorder import Checkpoint, Checkpointer, InheritedRecord, Planned
 from executor.flight.run_start import read_run_start
 from tests.executor.builders import with_facts
 from tests.executor.flight.test_resume_flight import Diary, launched, left, prepared
@@ -76,7 +76,8 @@ def every_cut(run: Path) -> list[Checkpoint]:
             if state.progress.launched_s is not None:
                 digest = hashlib.sha256(content[0] + content[number - 1]).hexdigest()
                 solve = solves[max(solves)] if solves else None
-                cuts.append(Checkpoint(LogPlace(size, number, at_s, digest), state, solve, tuple(planned), set_s))
+                legacy = InheritedRecord(tuple(planned), solve, set_s)
+                cuts.append(Checkpoint(LogPlace(size, number, at_s, digest), state, legacy))
             event, at_s = from_plain(entry["event"]), entry["t_s"]
             if isinstance(event, SolveEnded) and event.routes is not None:
                 planned.append((solves[event.revision], event))
@@ -283,7 +284,7 @@ def checkpoint_of(diary: Diary, flight: Story) -> Callable[[LogPlace], Checkpoin
     ends = [event for _, event in flight.events if isinstance(event, SolveEnded) and event.routes is not None]
     solve = solves[max(solves)] if solves else None
     planned = tuple((solves[end.revision], end) for end in ends)
-    return lambda place: Checkpoint(place, state, solve, planned, 0.0)
+    return lambda place: Checkpoint(place, state, InheritedRecord(planned, solve))
 
 
 @pytest.mark.asyncio

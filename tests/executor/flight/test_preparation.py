@@ -22,13 +22,12 @@ from executor.errors import LogError, PreflightFailed
 from executor.flight import preparation
 from executor.flight.restore_vehicles import (
     HEARD_S,
+    PARAMETERS,
     ROUNDS,
     build_parameter_rows,
     check_run,
     find_open_parameters,
-    read_kept_parameters,
     restore_board,
-    write_kept_parameters,
 )
 from missions import dialect_for
 from tests.executor.builders import Fleet, fleet_of, site_of
@@ -149,7 +148,7 @@ async def test_a_flight_and_its_end(autopilot: str, tmp_path: Path) -> None:
     kept = await pads.give_back()
     assert pads.as_before
     assert all(row.restored for row in build_parameter_rows(kept))
-    assert {one.stage for one in read_kept_parameters(tmp_path) or ()} == {ChangeStage.RESTORED}
+    assert {one.stage for one in PARAMETERS.read(tmp_path)} == {ChangeStage.RESTORED}
     [said] = [line for line in pads.console.lines if "uav1" in line]
     assert said.startswith("info uav1: RTL_")
     assert said.endswith(" restored")
@@ -171,7 +170,7 @@ async def test_looking_changes_nothing(autopilot: str, tmp_path: Path) -> None:
     )
     assert pads.sets() == []
     assert pads.as_before
-    assert read_kept_parameters(tmp_path) is None
+    assert PARAMETERS.read(tmp_path) == ()
     pads.close()
 
 
@@ -256,7 +255,7 @@ async def test_a_flight_again_in_the_same_directory_gives_back_the_oldest_value(
     pads.lines_up(42.0)
     pads.connect(CLEAN)
     await pads.apply()
-    assert {one.earlier for one in read_kept_parameters(tmp_path) or () if one.name == "RTL_RETURN_ALT"} != {()}
+    assert {one.earlier for one in PARAMETERS.read(tmp_path) if one.name == "RTL_RETURN_ALT"} != {()}
     await pads.give_back()
     assert pads.as_before
     pads.close()
@@ -270,7 +269,7 @@ async def test_killed_before_the_second_attempt_has_set_anything(tmp_path: Path)
     pads.connect(CLEAN)
     assert await died(pads, pads.apply, 4), "after it has asked for two parameters of two vehicles"
     pads.connect(CLEAN)
-    assert {one.stage for one in read_kept_parameters(tmp_path) or () if one.name == "RTL_ALT"} == {ChangeStage.PLANNED}
+    assert {one.stage for one in PARAMETERS.read(tmp_path) if one.name == "RTL_ALT"} == {ChangeStage.PLANNED}
     await pads.give_back()
     assert pads.as_before, pads.console.lines
     pads.close()
@@ -357,7 +356,7 @@ async def test_what_somebody_set_since_is_left(tmp_path: Path) -> None:
     pads.vehicles["uav1"].parameters["RTL_ALT"] = 4000.0
     await pads.give_back()
     assert pads.vehicles["uav1"].parameters == {**pads.before, "RTL_ALT": 4000.0}
-    assert {one.name: one.stage for one in read_kept_parameters(tmp_path) or ()} == {
+    assert {one.name: one.stage for one in PARAMETERS.read(tmp_path)} == {
         "RTL_ALT": ChangeStage.LEFT, "RTL_CONE_SLOPE": ChangeStage.RESTORED,
     }  # fmt: skip
     assert pads.console.lines[-2] == (
@@ -371,7 +370,7 @@ async def test_a_vehicle_that_does_not_take_its_layer_does_not_fly(tmp_path: Pat
     pads.vehicles["uav1"].stubborn.add("RTL_ALT")
     with pytest.raises(PreflightFailed, match=r"uav1: RTL altitude stays 12.2 m \(RTL_ALT\), not the .* RTL_ALT stays"):
         await pads.apply()
-    assert {one.name: one.stage for one in read_kept_parameters(tmp_path) or ()} == {
+    assert {one.name: one.stage for one in PARAMETERS.read(tmp_path)} == {
         "RTL_ALT": ChangeStage.PLANNED, "RTL_CONE_SLOPE": ChangeStage.SET,
     }  # fmt: skip
     pads.vehicles["uav1"].stubborn = {"RTL_CONE_SLOPE"}
@@ -384,7 +383,7 @@ async def test_a_vehicle_that_does_not_take_its_layer_does_not_fly(tmp_path: Pat
 async def test_another_vehicle_with_that_number_is_not_touched(tmp_path: Path) -> None:
     pads = Pads(tmp_path, "ardupilot", names=1)
     await pads.apply()
-    write_kept_parameters(tmp_path, [replace(one, autopilot="px4") for one in read_kept_parameters(tmp_path) or ()])
+    PARAMETERS.write(tmp_path, [replace(one, autopilot="px4") for one in PARAMETERS.read(tmp_path)])
     await pads.give_back()
     assert "is another vehicle now: its autopilot is 3, expected px4" in pads.console.lines[-2]
     assert not pads.as_before
@@ -423,7 +422,7 @@ async def test_interrupted_while_it_gives_back_it_says_what_stays(tmp_path: Path
 
 
 async def test_a_directory_with_the_record_of_other_vehicles_is_not_flown_from(tmp_path: Path) -> None:
-    write_kept_parameters(
+    PARAMETERS.write(
         tmp_path, [KeptParameter("uav9", 9, "px4", "RTL_RETURN_ALT", 30.0, 60.0, 9, "m", "", stage=ChangeStage.SET)]
     )
     with pytest.raises(LogError, match=r"parameters.json: uav9 \(system 9\) has not got its RTL_RETURN_ALT back"):

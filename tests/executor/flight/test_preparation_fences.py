@@ -10,13 +10,13 @@ import pytest
 
 from executor.core.context import FenceRules
 from executor.core.interface.commands import Upload
-from executor.core.interface.messages import SendMissionCount
+from executor.core.interface.messages import MissionCount
 from executor.core.preflight.fence_changes import KeptList
 from executor.core.preflight.parameter_changes import ChangeStage
 from executor.core.state.onboard_fence import build_first_fences
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import preparation
-from executor.flight.restore_vehicles import read_kept_lists, restore_board
+from executor.flight.restore_vehicles import LISTS, restore_board
 from missions import MissionItem, MissionKind, dialect_for
 from missions.fences import Fence, build_fence_items, find_list_differences
 from missions.items import PlaceCommand
@@ -85,11 +85,11 @@ async def test_everybody_is_given_a_fence_and_gets_its_own_back(autopilot: str, 
     for name, fence in pads.first.items():
         assert find_list_differences(build_fence_items(fence, pads.context.frame), pads.fence_of(name)) == ()
         assert len(pads.vehicles[name].beside[RALLY].items) == 1
-    assert {one.stage for one in read_kept_lists(tmp_path)} == {ChangeStage.SET}
+    assert {one.stage for one in LISTS.read(tmp_path)} == {ChangeStage.SET}
     assert {one.stage for one in await pads.give_back()} == {ChangeStage.RESTORED}
     assert pads.as_before
     assert "info uav1: fence, rally points restored" in pads.console.lines
-    assert await pads.give_back() == read_kept_lists(tmp_path), "what is back is not asked for again"
+    assert await pads.give_back() == LISTS.read(tmp_path), "what is back is not asked for again"
     pads.close()
 
 
@@ -123,10 +123,10 @@ async def test_who_is_armed_is_left_alone(autopilot: str, tmp_path: Path) -> Non
     pads = Pads(tmp_path, autopilot)
     await pads.put()
     pads.vehicles["uav2"].armed = True
-    sent = len(pads.links["uav2"].of_kind(SendMissionCount))
+    sent = len(pads.links["uav2"].of_kind(MissionCount))
     open_ = {one.vehicle for one in await pads.give_back() if one.is_open}
     assert open_ == {"uav2"}
-    assert len(pads.links["uav2"].of_kind(SendMissionCount)) == sent
+    assert len(pads.links["uav2"].of_kind(MissionCount)) == sent
     pads.vehicles["uav2"].armed = False
     await pads.give_back()
     assert pads.as_before
@@ -181,7 +181,7 @@ async def test_a_fence_that_was_widened_in_flight_is_ours(tmp_path: Path) -> Non
 async def test_a_record_that_cannot_be_read_is_said(tmp_path: Path) -> None:
     (tmp_path / "fences.json").write_text('{"format": "faultline-fences/1", "lists": [{"vehicle": 3}]}')
     with pytest.raises(LogError, match=r"fences.json: lists\[0\]"):
-        read_kept_lists(tmp_path)
+        LISTS.read(tmp_path)
 
 
 async def test_nothing_is_read_where_the_site_says_nothing_of_fences(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import sys
 
 import httpx
 import pytest
@@ -15,7 +14,6 @@ from executor.core.interface.intents import Action, Intent, Outcome
 from executor.core.state.fleet_state import FleetState
 from executor.errors import SiteError
 from executor.flight import publication as web
-from executor.flight import web_token
 from executor.runtime.flight_loop import Flight, Observer
 from executor.site.mqtt_and_web_keys import WebTable
 from executor.site.site_file import check_site
@@ -143,20 +141,6 @@ async def test_a_port_that_is_taken_does_not_stop_a_flight() -> None:
         async with web.serve_page(WebTable(port=port), flight, clock, lines):
             await asyncio.sleep(0)
     assert lines.lines[1].endswith("the flight goes on without its page")
-
-
-@pytest.mark.asyncio
-@pytest.mark.parametrize("missing", ["starlette", "uvicorn"])
-async def test_a_page_that_is_not_installed_does_not_stop_a_flight(
-    monkeypatch: pytest.MonkeyPatch, missing: str
-) -> None:
-    """It is wanted by default, so nobody may have asked for it."""
-    monkeypatch.setitem(sys.modules, missing, None)
-    clock, lines = SystemClock(1.0), Lines()
-    web_token.check_web(WebTable())
-    async with web.serve_page(WebTable(), flight_of(clock), clock, lines):
-        await asyncio.sleep(0)
-    assert lines.lines == ["the page needs the extra web: pip install starlette uvicorn; the flight goes on without it"]
 
 
 @pytest.mark.asyncio

@@ -363,22 +363,6 @@ def finished(run: Path) -> None:
     diary.log.close()
 
 
-@pytest.mark.asyncio
-async def test_a_flight_that_cannot_be_published_here_is_taken_up_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The other computer may lack the extra; the vehicles are in the air."""
-    run = prepared(tmp_path)
-    with (run / "site.toml").open("a", encoding="utf-8") as file:
-        file.write("\n[mqtt]\n")
-    finished(run)
-    monkeypatch.setitem(sys.modules, "aiomqtt", None)
-    console = Watchful()
-    assert (await resume_flight.resume_flight(run, console)).report.finished
-    why = f"[mqtt] in {run / 'site.toml'} needs the extra mqtt: pip install aiomqtt"
-    assert console.said[0] == f"{why}; the flight goes on unpublished"
-
-
 def test_a_flight_without_pictures_has_its_report(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,7 +33,7 @@ async def flown(folder: Path, run: Path, **made: object) -> Eyes:
     await sky.fly()
     assert sky.flight is not None
     context = sky.flight.context
-    cards = SimulatedCards(folder, context.setup.network, BEGAN_S, **made)  # type: ignore[arg-type]
+    cards = SimulatedCards(folder, BEGAN_S, **made)  # type: ignore[arg-type]
     for name, shots in sky.shots.items():
         for shot in shots:
             cards.write(name, shot)

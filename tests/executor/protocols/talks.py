@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from executor.core.interface.messages import (
     Message,
+    MissionCount,
+    MissionItemInt,
     Outgoing,
-    SendMissionCount,
-    SendMissionItem,
 )
 from executor.protocols.machine import DialogueMachine
 
@@ -16,9 +16,9 @@ LATE = None
 def words(sent: Outgoing) -> object:
     """Return a message in a few words."""
     match sent:
-        case SendMissionItem(item):
+        case MissionItemInt(item):
             return f"item {item.seq}"
-        case SendMissionCount(count):
+        case MissionCount(count):
             return f"count {count}"
         case _:
             return sent

@@ -7,10 +7,9 @@ import pytest
 from executor.core.interface.messages import (
     MissionAck,
     MissionCount,
-    MissionItemReceived,
-    SendMissionAck,
-    SendMissionRequest,
-    SendMissionRequestList,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestList,
 )
 from executor.protocols.machine import Accepted, TimedOut
 from executor.protocols.mission_transfer import DownloadDialogue
@@ -30,17 +29,17 @@ def test_a_question_is_asked_again_when_the_link_would_have_answered_it() -> Non
     """Answers take 0.4 s: the second question waits for that, and for as much again as the first guess allows."""
     state, _ = DownloadDialogue().begin(100.0)
     state, sent = state.on_message(MissionCount(3), 100.4)
-    assert (sent, state.tries) == ((SendMissionRequest(0),), 1)
+    assert (sent, state.tries) == ((MissionRequest(0),), 1)
     assert state.deadline_s == pytest.approx(101.2)
     state, sent = state.on_deadline(101.2)
-    assert (sent, state.tries) == ((SendMissionRequest(0),), 2)
+    assert (sent, state.tries) == ((MissionRequest(0),), 2)
     assert state.deadline_s == pytest.approx(102.0)
     state, _ = state.on_deadline(102.0)
     assert state.deadline_s == pytest.approx(103.6), "more and more seldom"
     state, _ = state.on_deadline(103.6)
     assert state.deadline_s == pytest.approx(105.6), "but as often as PX4 wants it"
-    state, sent = state.on_message(MissionItemReceived(ITEMS[0]), 103.7)
-    assert (sent, state.tries) == ((SendMissionRequest(1),), 1)
+    state, sent = state.on_message(MissionItemInt(ITEMS[0]), 103.7)
+    assert (sent, state.tries) == ((MissionRequest(1),), 1)
     assert state.deadline_s == pytest.approx(105.7), "which of them was answered nobody knows"
 
 
@@ -54,18 +53,18 @@ def test_a_transfer_that_the_vehicle_has_ended_is_begun_anew() -> None:
     """PX4 ends one with an error where a doubled question comes late, and answers no further question for an item."""
     state, _ = DownloadDialogue().begin(100.0)
     state, _ = state.on_message(MissionCount(3), 100.4)
-    state, _ = state.on_message(MissionItemReceived(ITEMS[0]), 100.8)
+    state, _ = state.on_message(MissionItemInt(ITEMS[0]), 100.8)
     state, sent = state.on_message(MissionAck(1), 101.0)
     assert sent == (), "it may be about the upload before"
     state, sent = state.on_deadline(state.deadline_s)
-    assert sent == (SendMissionRequestList(),)
-    state, sent = state.on_message(MissionItemReceived(ITEMS[1]), 102.0)
+    assert sent == (MissionRequestList(),)
+    state, sent = state.on_message(MissionItemInt(ITEMS[1]), 102.0)
     assert sent == (), "late, of the transfer that has ended"
     state, sent = state.on_message(MissionCount(3), 102.5)
-    assert sent == (SendMissionRequest(0),)
+    assert sent == (MissionRequest(0),)
     for item in ITEMS:
-        state, sent = state.on_message(MissionItemReceived(item), 103.0)
-    assert (state.outcome, state.items, sent) == (Accepted(), ITEMS, (SendMissionAck(0),))
+        state, sent = state.on_message(MissionItemInt(item), 103.0)
+    assert (state.outcome, state.items, sent) == (Accepted(), ITEMS, (MissionAck(0),))
 
 
 def test_a_transfer_that_nobody_answers_is_begun_anew_when_px4_has_given_it_up() -> None:
@@ -76,8 +75,8 @@ def test_a_transfer_that_nobody_answers_is_begun_anew_when_px4_has_given_it_up()
         at_s = state.deadline_s
         state, sent = state.on_deadline(at_s)
         said += [(at_s > 105.1, message) for message in sent]
-    assert {message for later, message in said if not later} == {SendMissionRequest(0)}
-    assert {message for later, message in said if later} == {SendMissionRequestList()}
+    assert {message for later, message in said if not later} == {MissionRequest(0)}
+    assert {message for later, message in said if later} == {MissionRequestList()}
     assert state.outcome == TimedOut("no answer when asked for item 0 of 3")
 
 

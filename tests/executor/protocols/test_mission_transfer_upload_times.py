@@ -6,8 +6,8 @@ import pytest
 
 from executor.core.interface.messages import (
     MissionAck,
+    MissionItemInt,
     MissionRequest,
-    SendMissionItem,
 )
 from executor.protocols.machine import Accepted, Rejected, TimedOut
 from executor.protocols.mission_transfer import UploadDialogue
@@ -32,11 +32,11 @@ def test_a_request_that_is_repeated_within_a_round_trip_crossed_our_answer() -> 
     """The count was answered after 0.5 s; that the next answer takes half as long again surprises nobody."""
     state, _ = uploading().begin(100.0)
     state, sent = state.on_message(MissionRequest(0), 100.5)
-    assert (sent, state.deadline_s) == ((SendMissionItem(ITEMS[0]),), 101.5)
+    assert (sent, state.deadline_s) == ((MissionItemInt(ITEMS[0]),), 101.5)
     assert state.on_message(MissionRequest(0), 100.59)[1] == ()
     assert state.on_message(MissionRequest(0), 101.24)[1] == ()
-    assert state.on_message(MissionRequest(0), 101.26)[1] == (SendMissionItem(ITEMS[0]),)
-    assert state.on_message(MissionRequest(1), 100.51)[1] == (SendMissionItem(ITEMS[1]),)
+    assert state.on_message(MissionRequest(0), 101.26)[1] == (MissionItemInt(ITEMS[0]),)
+    assert state.on_message(MissionRequest(1), 100.51)[1] == (MissionItemInt(ITEMS[1]),)
     assert state.on_message(MissionRequest(3), 100.51) == (state, ())
     assert state.on_message(MissionRequest(-1), 100.51) == (state, ())
 
@@ -45,14 +45,14 @@ def test_on_a_fast_link_a_request_is_answered_again_after_a_tenth_of_a_second() 
     state, _ = uploading().begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 100.001)
     assert state.on_message(MissionRequest(0), 100.1)[1] == ()
-    assert state.on_message(MissionRequest(0), 100.11)[1] == (SendMissionItem(ITEMS[0]),)
+    assert state.on_message(MissionRequest(0), 100.11)[1] == (MissionItemInt(ITEMS[0]),)
 
 
 def test_of_an_item_that_was_sent_twice_the_copy_that_can_have_arrived_is_the_measure() -> None:
     state, _ = uploading().begin(100.0)
     state, _ = state.on_message(MissionRequest(0), 100.4)
     twice, sent = state.on_message(MissionRequest(0), 101.2)
-    assert sent == (SendMissionItem(ITEMS[0]),)
+    assert sent == (MissionItemInt(ITEMS[0]),)
     second, _ = twice.on_message(MissionRequest(1), 101.6)
     assert second.round_trip.mean_s == pytest.approx(0.4), "the second: the first had got lost"
     first, _ = twice.on_message(MissionRequest(1), 101.25)
@@ -64,7 +64,7 @@ def test_a_request_of_before_is_late_unless_it_goes_on() -> None:
     state, _ = state.on_message(MissionRequest(0), 100.2)
     state, _ = state.on_message(MissionRequest(1), 100.4)
     assert state.on_message(MissionRequest(0), 100.5)[1] == ()
-    assert state.on_message(MissionRequest(0), 101.4)[1] == (SendMissionItem(ITEMS[0]),), "it has begun anew"
+    assert state.on_message(MissionRequest(0), 101.4)[1] == (MissionItemInt(ITEMS[0]),), "it has begun anew"
 
 
 @pytest.mark.parametrize("asked", [0, 1, 2])
@@ -75,7 +75,7 @@ def test_an_item_is_repeated_more_and_more_seldom_until_the_silence_is_too_long(
     while state.deadline_s < 105.0:
         spoken_s.append(state.deadline_s)
         state, sent = state.on_deadline(state.deadline_s)
-        assert sent == (SendMissionItem(ITEMS[asked]),)
+        assert sent == (MissionItemInt(ITEMS[asked]),)
     first = [101.0, 102.0, 103.0, 104.0] if asked == 2 else [100.25, 100.5, 100.9, 101.7, 103.3]
     assert spoken_s == pytest.approx(first), "the last one is waited for a second: the vehicle asks for what it lacks"
     state, _ = state.on_deadline(105.0)

@@ -12,7 +12,6 @@ from executor.core.interface.messages import (
     MissionAck,
     MissionCount,
     MissionRequest,
-    SendMissionAck,
 )
 from executor.protocols import mission_transfer
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
@@ -163,7 +162,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         [
             [
                 ("count 3", 101.5),
-                (SendMissionAck(result=15), math.inf),
+                (MissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),
@@ -172,7 +171,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 ("count 3", 101.5),
                 ("item 0", 103.0),
-                (SendMissionAck(result=15), math.inf),
+                (MissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
                 (math.inf,),

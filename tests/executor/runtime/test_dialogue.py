@@ -9,10 +9,10 @@ import pytest
 from executor.core.interface.messages import (
     CommandAck,
     Heartbeat,
+    MissionAck,
+    MissionCount,
     Outgoing,
     SendCommand,
-    SendMissionAck,
-    SendMissionCount,
 )
 from executor.protocols.machine import Accepted, TimedOut
 from executor.protocols.mission_transfer import UploadDialogue
@@ -84,7 +84,7 @@ async def test_a_dialogue_that_is_given_up_tells_the_vehicle() -> None:
     with pytest.raises(asyncio.CancelledError):
         await upload
     said: list[Outgoing] = [message for _, message in link.sent]
-    assert said == [SendMissionCount(1), SendMissionAck(15)]
+    assert said == [MissionCount(1), MissionAck(15)]
     link.close()
 
 

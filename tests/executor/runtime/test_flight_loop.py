@@ -15,7 +15,7 @@ from executor.core import fleet_step
 from executor.core.interface.commands import Level, Say, Solve
 from executor.core.interface.events import Event, Heard, IntentReceived, ReturnAllOrdered, SolveEnded, Tick
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
-from executor.core.interface.messages import Heartbeat, Outgoing, SendHeartbeat, SendMissionCount
+from executor.core.interface.messages import Heartbeat, MissionCount, Outgoing, SendHeartbeat
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage
 from executor.runtime import procedures
@@ -135,7 +135,7 @@ async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
 async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_is_heard_meanwhile() -> None:
     async with flying(fleet_of(), LOSSY) as (sky, _):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
-        counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
+        counts = {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()}
         sky.disk.clear()
         sky.links["uav2"].cut = True
         await sky.until(
@@ -143,7 +143,7 @@ async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_
         )
         applied = sky.applied
         await sky.until(lambda: sky.applied > applied + 50)
-        assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
+        assert {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()} == counts
         sky.disk.set()
     assert set(sky.state.coverage.inspected) == set(range(6))
 
@@ -167,9 +167,9 @@ async def test_a_newer_order_takes_the_place_of_an_older_one() -> None:
     async with flying(fleet_of(autopilot="px4")) as (sky, _):
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.flyers["uav1"].missions.stops_at = 2
-        counts = len(sky.links["uav1"].of_kind(SendMissionCount))
+        counts = len(sky.links["uav1"].of_kind(MissionCount))
         sky.links["uav2"].cut = True
-        await sky.until(lambda: len(sky.links["uav1"].of_kind(SendMissionCount)) > counts)
+        await sky.until(lambda: len(sky.links["uav1"].of_kind(MissionCount)) > counts)
         sky.flight.apply(ReturnAllOrdered())
         sky.links["uav2"].cut = False
     assert {vehicle.stage for vehicle in sky.state.vehicles.values()} == {Stage.LANDED}
@@ -211,11 +211,11 @@ async def test_who_leaves_while_the_solver_works_gives_nobody_another_mission() 
         await sky.until(lambda: len(sky.state.coverage.inspected) == 1)
         sky.links["uav2"].cut = True
         await sky.until(lambda: bool(sky.solver.asked))
-        counts = {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()}
+        counts = {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()}
         assert sky.flight.stop_supervising() == ()
         async with asyncio.timeout(5):
             await task
-        assert {name: len(link.of_kind(SendMissionCount)) for name, link in sky.links.items()} == counts
+        assert {name: len(link.of_kind(MissionCount)) for name, link in sky.links.items()} == counts
 
 
 async def test_who_leaves_during_an_upload_leaves_no_mixture_on_board() -> None:

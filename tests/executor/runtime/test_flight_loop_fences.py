@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from executor.core.context import FenceRules
-from executor.core.interface.messages import SendMissionCount
+from executor.core.interface.messages import MissionCount
 from executor.core.state.vehicle_state import Stage
 from missions import MissionKind, ModeNumber
 from missions.fences import parse_outlines
@@ -32,7 +32,7 @@ def fenced(autopilot: str) -> Fleet:
 def uploads(sky: Sky, name: str, kind: MissionKind) -> list[int]:
     """Return where in all that was sent to a vehicle an upload was announced."""
     sent = enumerate(message for _, message in sky.links[name].sent)
-    return [index for index, one in sent if isinstance(one, SendMissionCount) and one.kind is kind]
+    return [index for index, one in sent if isinstance(one, MissionCount) and one.kind is kind]
 
 
 @pytest.mark.parametrize("air", [CLEAN, LOSSY], ids=["clean", "lossy"])

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from executor.core.interface.codes import Ending
-from executor.core.interface.messages import SendMissionCount, StatusText
+from executor.core.interface.messages import MissionCount, StatusText
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult
 from missions import ARDUPILOT, PX4, Dialect, LocalFrame, MissionKind
@@ -83,7 +83,7 @@ async def test_nothing_is_said_to_a_vehicle_that_a_person_has(dialect: Dialect) 
     board = Board(dialect)
     done = await board.put(wanted=False)
     assert (done.accepted, done.code) == (False, Ending.LEFT_MISSION)
-    assert board.link.of_kind(SendMissionCount) == []
+    assert board.link.of_kind(MissionCount) == []
     assert tuple(board.fence.items) == OLD
 
 

@@ -9,9 +9,9 @@ import pytest
 from executor.core.interface.messages import (
     Message,
     MissionAck,
-    SendMissionCount,
-    SendMissionItem,
-    SendMissionRequestList,
+    MissionCount,
+    MissionItemInt,
+    MissionRequestList,
 )
 from executor.runtime import procedures
 from executor.runtime.procedures import ProcedureResult
@@ -69,7 +69,7 @@ async def test_a_clean_link(dialect: Dialect) -> None:
     board = Board(dialect)
     assert await board.put() == ProcedureResult(accepted=True)
     assert board.missing == ()
-    assert len(board.link.of_kind(SendMissionItem)) == len(board.items), "every item is sent once"
+    assert len(board.link.of_kind(MissionItemInt)) == len(board.items), "every item is sent once"
 
 
 @DIALECTS
@@ -94,7 +94,7 @@ async def test_an_old_acknowledgement_does_not_pass_for_the_present_one(dialect:
     board.link.say(MissionAck(15))
     assert (await board.put()).accepted
     assert board.missing == ()
-    assert len(board.link.of_kind(SendMissionCount)) == 1
+    assert len(board.link.of_kind(MissionCount)) == 1
 
 
 @DIALECTS
@@ -124,7 +124,7 @@ async def test_a_part_on_board_is_told_to_who_decides_and_in_the_end() -> None:
         return False
 
     def cut(_: Message) -> None:
-        board.link.cut |= len(board.link.of_kind(SendMissionItem)) >= 3
+        board.link.cut |= len(board.link.of_kind(MissionItemInt)) >= 3
 
     board.link.listen(cut)
     done = await procedures.upload_and_verify(board.link, board.clock, board.dialect, board.items, wanted)
@@ -139,7 +139,7 @@ async def test_a_computer_that_stands_still_faster_than_real_time(dialect: Diale
     """At thirty times real time, two seconds without an answer are a minute of the flight, and nobody's fault."""
     board = Board(dialect, Air(delay_s=(0.01, 0.01)), speedup=30.0)
     upload = asyncio.ensure_future(board.put())
-    while len(board.link.of_kind(SendMissionItem)) < sent:
+    while len(board.link.of_kind(MissionItemInt)) < sent:
         board.link.spoken_to.clear()
         await board.link.spoken_to.wait()
     board.link.cut = True
@@ -154,7 +154,7 @@ async def test_a_refusal_is_believed_at_any_speed(dialect: Dialect) -> None:
     board = Board(dialect, speedup=30.0)
     board.vehicle.missions.refuses = 4
     assert not (await board.put()).accepted
-    assert len(board.link.of_kind(SendMissionCount)) == procedures.UPLOAD_TRIES
+    assert len(board.link.of_kind(MissionCount)) == procedures.UPLOAD_TRIES
 
 
 @DIALECTS
@@ -163,7 +163,7 @@ async def test_a_refusal_has_begun_nothing(dialect: Dialect) -> None:
     board.vehicle.missions.refuses = 4
     done = await board.put()
     assert done == ProcedureResult(accepted=False, reason="mission refused: no space", mixed=False)
-    assert len(board.link.of_kind(SendMissionCount)) == procedures.UPLOAD_TRIES
+    assert len(board.link.of_kind(MissionCount)) == procedures.UPLOAD_TRIES
 
 
 @DIALECTS
@@ -193,7 +193,7 @@ async def test_a_lost_final_acknowledgement_is_no_failure(dialect: Dialect) -> N
     board = Board(dialect)
     board.vehicle.missions.swallows_ack = True
     assert (await board.put()).accepted
-    assert len(board.link.of_kind(SendMissionCount)) == 1
+    assert len(board.link.of_kind(MissionCount)) == 1
     assert board.clock.now_s() < 3.0
 
 
@@ -225,6 +225,6 @@ async def test_a_transfer_that_never_ends_is_told_and_believed(dialect: Dialect)
 async def test_the_next_upload_waits_until_a_transfer_that_was_left_is_over() -> None:
     """PX4 calls itself busy for five seconds after a download whose end it did not hear."""
     board = Board(PX4)
-    board.vehicle.missions.hear(SendMissionRequestList(), 0.0)
+    board.vehicle.missions.hear(MissionRequestList(), 0.0)
     assert (await board.put()).accepted
-    assert len(board.link.of_kind(SendMissionCount)) == 3
+    assert len(board.link.of_kind(MissionCount)) == 3

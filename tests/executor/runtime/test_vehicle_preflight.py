@@ -10,11 +10,11 @@ import pytest
 from executor.core.interface.messages import (
     DoubleHeard,
     Message,
+    MissionItemInt,
+    MissionRequestList,
     Outgoing,
     Position,
     SendCommand,
-    SendMissionItem,
-    SendMissionRequestList,
     StationHeard,
     StatusText,
     SystemStatus,
@@ -242,8 +242,8 @@ async def test_a_radio_that_is_gone_from_the_midst_of_an_upload_on_is_waited_for
     mission = encode(build_flight_path(setup, "uav1", (0, 2)), dialect)
 
     def cut() -> None:
-        items = sum(isinstance(message, SendMissionItem) for _, message in ready.link.sent)
-        asked = any(isinstance(message, SendMissionRequestList) for _, message in ready.link.sent)
+        items = sum(isinstance(message, MissionItemInt) for _, message in ready.link.sent)
+        asked = any(isinstance(message, MissionRequestList) for _, message in ready.link.sent)
         ready.link.cut = asked if when == "before its read-back" else items >= 4
         if not ready.link.cut:
             asyncio.get_running_loop().call_later(0.01, cut)

@@ -14,10 +14,10 @@ from executor.core.interface.messages import (
     Heartbeat,
     Message,
     MissionCount,
-    MissionItemReceived,
+    MissionItemInt,
+    MissionRequest,
+    MissionRequestList,
     Outgoing,
-    SendMissionRequest,
-    SendMissionRequestList,
 )
 from executor.core.state.fleet_state import FleetState, NewMission, Replan
 from executor.core.state.vehicle_state import Stage
@@ -51,10 +51,10 @@ class Speaker:
 
     def hear(self, message: Outgoing, now_s: float) -> Sequence[Message]:
         match message:
-            case SendMissionRequestList():
+            case MissionRequestList():
                 return [MissionCount(len(self._items))]
-            case SendMissionRequest(seq):
-                return [MissionItemReceived(self._items[seq])]
+            case MissionRequest(seq):
+                return [MissionItemInt(self._items[seq])]
             case _:
                 return ()
 
@@ -83,7 +83,7 @@ async def asked(state: FleetState, air: Air) -> tuple[Found, float, FakeLink]:
 async def test_what_somebody_carries_who_does_not_fly_by_it_is_not_read(stage: Stage) -> None:
     found, _, link = await asked(known(stage), CLEAN)
     assert (found.heard, found.items) == (True, None)
-    assert link.of_kind(SendMissionRequestList) == []
+    assert link.of_kind(MissionRequestList) == []
 
 
 async def test_what_somebody_carries_who_flies_by_it_is_read() -> None:

@@ -45,7 +45,6 @@ from missions import (
     MissionsError,
     PlanFile,
     build_plan_document,
-    check_day_plan,
     check_plan,
     read_any_plan,
     write_plan,
@@ -117,14 +116,14 @@ class Loaded:
         """The plan of one flight."""
         found = site_planning.plan_site(self.ground, REQUEST)
         assert check_plan(found, search_window=False) == []
-        return replace(found, solved=replace(found.solved, seconds=0.0))
+        return replace(found, seconds=0.0)
 
     @cached_property
     def day(self) -> DayPlanFile:
         """The plan of a day."""
         found = solve_day(build_day_problem(self.ground), REQUEST, list_spares(self.ground))
-        assert check_day_plan(found) == []
-        return replace(found, solved=replace(found.solved, seconds=0.0))
+        assert check_plan(found) == []
+        return replace(found, seconds=0.0)
 
     @cached_property
     def first(self) -> PlanFile | None:
@@ -177,7 +176,7 @@ def replan(loaded: Loaded) -> object:
     at_s = 0.3 * max(content.durations_s)
     lost = content.vehicles[0].name
     found = site_planning.preview_loss(content, lost, at_s, cost=Cost.MINMAX, seconds=60.0, seed=1)
-    answer = document(replace(found.plan, solved=replace(found.plan.solved, seconds=0.0)))
+    answer = document(replace(found.plan, seconds=0.0))
     later = None
     if loaded.sets_day and loaded.first is not None:
         later = decide(begin(loaded, loaded.first, loaded.day)[0])
@@ -200,7 +199,7 @@ def _resume(loaded: Loaded, content: PlanFile, day: DayPlanFile | None) -> objec
     AskedVehicles(format="faultline-vehicles/1", vehicles=(), counts_packs=True).write(RunDirectory(run).vehicles)
     found = read_run_start(run)
     again, below = Loaded(found.ground.site, run, found.ground), read_ground_files(run)
-    flown = document(replace(found.plan, solved=content.solved))
+    flown = document(replace(found.plan, seconds=content.seconds))
     return flown, as_text((found.context, found.state)), again.beside, below
 
 
@@ -210,7 +209,7 @@ def check(loaded: Loaded) -> object:
     for content in (loaded.plan, loaded.day):
         write_plan(path, content)
         read = read_any_plan(path)
-        assert (check_day_plan(read) if isinstance(read, DayPlanFile) else check_plan(read, search_window=False)) == []
+        assert check_plan(read, search_window=False) == []
         said.append(document(read))
     return said
 

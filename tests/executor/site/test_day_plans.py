@@ -46,8 +46,8 @@ def ground() -> SiteModel:
 def day(ground: SiteModel) -> DayPlanFile:
     """A day of several sorties each."""
     found = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=2000, starts=1))
-    assert not found.plan.uncovered
-    assert max(map(len, found.plan.sorties)) >= 2
+    assert not found.uncovered
+    assert max(len(found.routes_of(name)) for name in found.names) >= 2
     return replace(found, source="day.json")
 
 
@@ -61,7 +61,7 @@ def test_the_first_sorties_are_the_plan_and_the_others_wait_behind_them(ground: 
     everything = [segment_of(visit) for own in ahead.values() for one in own for visit in one.visits]
     assert sorted(everything) == list(range(12))
     first = {segment_of(visit) for route in routes for visit in route.visits}
-    assert find_later_segments(day) == set(range(12)) - first == {plan.segments[one].id for one in plan.plan.uncovered}
+    assert find_later_segments(day) == set(range(12)) - first == {*plan.uncovered}
     assert min(one.start_s for own in ahead.values() for one in own) == 0.0
     assert [line.partition(":")[0] for line in describe_later_sorties(day)] == [
         name for name, own in ahead.items() if len(own) > 1
@@ -109,7 +109,7 @@ def test_who_has_a_pad_of_its_own_is_planned_from_there() -> None:
     ground = ground_for(moved, line_east(13))
     day = solve_day(build_day_problem(ground), PlanRequest(None, 600.0, 1, iterations=200, starts=1))
     second_m = ground.setup.base_of("uav2").place_m[:2]
-    assert [own[0].place_m[:2] for own in day.pads] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
+    assert [own.pads[0].place_m[:2] for own in day.vehicles] == [pytest.approx((300.0, -200.0), abs=0.01), second_m]
     build_first_sorties_plan(day, ground)
     assert "the pad of uav1 is elsewhere" in refused(replace(day, source="day.json"), ground_for(site, line_east(13)))
 
@@ -151,7 +151,7 @@ def test_a_day_of_another_line_is_refused(day: DayPlanFile) -> None:
 
 
 def test_a_day_whose_figures_are_not_its_own_is_refused(ground: SiteModel, day: DayPlanFile) -> None:
-    wrong = replace(day, evaluation=replace(day.evaluation, finish_s=1.0))
+    wrong = replace(day, finish_s=1.0)
     assert "finish_s is 1, its content gives" in refused(wrong, ground)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,11 @@ from executor.site import site_model
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan
 from executor.site.site_file import Site, check_site
 from executor.site.site_model import SiteModel
-from missions import DayPlanFile, MissionsError, Network, Task, check_day_plan, read_day_plan, write_plan
+from missions import DayPlanFile, MissionsError, Network, Task, check_plan, read_day_plan, write_plan
 from missions.line_heights import add_ground_heights, add_structure_heights
 from missions.terrain import Terrain
 from planner import Cost, Plan, Route, evaluate, visit_of
-from planner.sorties import Sortie, SortiePlan, evaluate_sorties
+from planner.sorties import Objective, evaluate_sorties
 from tests.executor.builders import site_of
 from tests.executor.site.test_terrain import MOUNTAIN, RASTER
 from tests.mountains import write_raster
@@ -160,13 +159,11 @@ def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountai
         routes[data.draw(st.sampled_from(able))].append(visit_of(segment, data.draw(st.booleans())))
     plan = Plan(tuple(Route(row, tuple(own)) for row, own in enumerate(routes)))
     flight = evaluate(task.instance, plan, Cost.MINMAX)
-    flown = SortiePlan(
-        tuple((Sortie(0, tuple(own), 0, 3e4 + 60 * row),) if own else () for row, own in enumerate(routes))
-    )
+    flown = Plan(tuple(Route(row, tuple(own), 0, 0, 3e4 + 60 * row) for row, own in enumerate(routes) if own))
     figures = evaluate_sorties(day.build_instance(), flown)
-    assert [sum(own) for own in figures.lasts_s] == pytest.approx(flight.durations_s, rel=CLOSE)
-    assert [sum(own) for own in figures.energies_pct] == pytest.approx(flight.energies_pct, rel=CLOSE)
-    day = replace(day, plan=flown, evaluation=figures)
+    assert figures.durations_s == pytest.approx([one for one in flight.durations_s if one], rel=CLOSE)
+    assert figures.energies_pct == pytest.approx([one for one in flight.energies_pct if one], rel=CLOSE)
+    day = day.with_plan(flown, figures, Objective.FINISH)
     path = mountains.folder / "day.json"
     write_plan(path, day)
     again = read_day_plan(path)
@@ -176,7 +173,7 @@ def test_a_day_of_one_sortie_each_takes_what_the_flight_takes(mountains: Mountai
         day.terrain,
         day.pricing.barred,
     )
-    if any("its budget is" in line for line in check_day_plan(again)):
+    if any("its budget is" in line for line in check_plan(again)):
         return
     first = build_first_sorties_plan(again, ground)
     for said_s, planned_s in zip(first.durations_s, flight.durations_s, strict=True):

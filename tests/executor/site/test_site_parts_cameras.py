@@ -120,6 +120,7 @@ def test_a_plan_knows_how_long_pylons_take_from_below_and_from_the_layer(autopil
     kept = site_planning.build_site_plan_file(
         made, flown, plan, Cost.MINMAX, SolverRecord(seed=1, solver="search", seconds=0.0)
     )
-    for route, name, segment in zip(routes, made.names, (first, second), strict=True):
-        by_mission_m = segment_distances_m(made.setup, paths[name], route.visits)[segment]
-        assert kept.inspection_height_m(name, segment) == pytest.approx(by_mission_m)
+    for route, kept_route, segment in zip(routes, kept.routes, (first, second), strict=True):
+        by_mission_m = segment_distances_m(made.setup, paths[kept_route.vehicle], route.visits)[segment]
+        (said_m,) = (visit.inspected_at_m for visit in kept_route.visits if visit.segment == segment)
+        assert said_m == pytest.approx(by_mission_m)

@@ -10,7 +10,8 @@ from pydantic import TypeAdapter
 
 from executor.errors import SiteError
 from executor.site.site_planning import read_search_params
-from planner import DEFAULT_PARAMS, AnnealingParams, SearchParams, WindowSearchParams
+from planner import DEFAULT_PARAMS, SearchParams
+from planner.params import AnnealingParams, WindowSearchParams
 
 
 def loaded(folder: Path, text: str) -> SearchParams:

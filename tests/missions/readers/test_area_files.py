@@ -117,9 +117,12 @@ REFUSED: dict[str, tuple[object, str]] = {
 }
 KML = {
     "no coordinates": ("<Polygon><outerBoundaryIs><LinearRing/></outerBoundaryIs></Polygon>", "coordinates: expected"),
-    "no outline": ("<Polygon></Polygon>", "'x': outerBoundaryIs: expected a LinearRing, found none"),
-    "a point": ("<Point><coordinates>15,49</coordinates></Point>", "'x': geometry: expected a Polygon or a LineString"),
-    "nothing": ("", "Placemark 'x': geometry: expected a Polygon or a LineString, got none"),
+    "no outline": ("<Polygon></Polygon>", "'x' (line 1): outerBoundaryIs: expected a LinearRing, found none"),
+    "a point": (
+        "<Point><coordinates>15,49</coordinates></Point>",
+        "'x' (line 1): geometry: expected a Polygon or a LineString",
+    ),
+    "nothing": ("", "Placemark 'x' (line 1): geometry: expected a Polygon or a LineString, got none"),
     "words": ("<LineString><coordinates>here there</coordinates></LineString>", "expected longitude,latitude"),
     "an open outline": (
         "<LinearRing><coordinates>15,49 16,49 16,50 15,50</coordinates></LinearRing>",

@@ -141,4 +141,5 @@ def test_the_whole_public_network_is_read() -> None:
 
 def test_a_graph_file_is_flat_unless_its_z_say_otherwise(tmp_path: Path) -> None:
     assert read_network(graph_file(tmp_path), depot=DEPOT).flat
+    assert read_network(graph_file(tmp_path), depot=DEPOT, radius_m=220.0).flat
     assert not read_network(graph_file(tmp_path, GRAPH.replace("200 150 0", "200 150 12.5")), depot=DEPOT).flat

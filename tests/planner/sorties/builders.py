@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner import Dynamics, Iterations, MoveGeometry, Travel
-from planner.sorties import SortieBase, SortieInstance, SortiePlan, SortieVehicle, solve_sorties
+from planner import Iterations, Plan, Travel
+from planner.moves import Dynamics, MoveGeometry
+from planner.sorties import SortieBase, SortieInstance, SortieVehicle, solve_sorties
 
 TRAVEL = Travel(5.0, 2.0, 0.1, 0.12)
 BROAD = Travel(4.0, 2.0, 0.09, 0.12, Dynamics())
@@ -65,7 +66,7 @@ def line_instance(
     )  # fmt: skip
 
 
-def short_day(seed: int = 3, end_s: float = 1_200.0, packs: int | None = None) -> tuple[SortieInstance, SortiePlan]:
+def short_day(seed: int = 3, end_s: float = 1_200.0, packs: int | None = None) -> tuple[SortieInstance, Plan]:
     """Return a day of two vehicles that a loss may leave too short, and its plan."""
     instance = line_instance(seed, 20, budget_pct=45.0, days=((0.0, end_s),), packs=packs)
     found = solve_sorties(instance, stop=Iterations(20_000), seed=1)

@@ -42,6 +42,4 @@ def test_more_spares_finish_more_often_and_nobody_fails_without_failures() -> No
         for spares in ((), (0, 1))
     ]
     assert shares[0] < shares[1]
-    assert certain.packs_for_share(0.95) == tuple(
-        sum(one.base == base for own in plan.sorties for one in own) for base in range(2)
-    )
+    assert certain.packs_for_share(0.95) == tuple(sum(one.base == base for one in plan.routes) for base in range(2))

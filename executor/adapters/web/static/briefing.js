@@ -1,7 +1,7 @@
 // Before the take-off: what is asked, and the checklist with what stops the flight first.
 import { byId, element, write } from "./elements.js";
 
-/** @import { CheckLine, Question, State } from "../documents.js" */
+/** @import { Check, Question, State } from "../documents.js" */
 /** @import { Intents } from "./intents.js" */
 
 /**
@@ -53,7 +53,7 @@ export class Briefing {
 
   /**
    * @param {Group} group
-   * @param {CheckLine[]} checks
+   * @param {Check[]} checks
    */
   group([severity, mark, words], checks) {
     const found = checks.filter((one) => one.severity === severity);

@@ -187,15 +187,7 @@ CHARGE_CRITICAL, CHARGE_EMERGENCY = 3, 4
 def update_mode_cause(
     context: Scene, absences: Sequence[GroundStationAbsence], before: VehicleState, after: VehicleState, now_s: float
 ) -> VehicleState:
-    """Return a vehicle with the cause of its mode, after a HEARTBEAT.
-
-    Args:
-        context: Of the flight.
-        absences: When the ground station was not there.
-        before: Before the heartbeat.
-        after: With it.
-        now_s: The time.
-    """
+    """Return a vehicle with the cause of its mode, after a HEARTBEAT; `absences` are those of the ground station."""
     beat, old = after.telemetry.heartbeat, before.telemetry.heartbeat
     if beat is None:
         return after

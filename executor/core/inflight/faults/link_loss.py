@@ -35,11 +35,7 @@ def discount_host_pause(context: Scene, state: FleetState, now_s: float) -> Step
 def check_all_links(context: Scene, state: FleetState, now_s: float, *, least: int = 1) -> Stepped:
     """Tell the silence of all, which is our own fault until proven otherwise, from the silence of one.
 
-    Args:
-        context: Of the flight.
-        state: Of it.
-        now_s: The time.
-        least: Of fewer vehicles that should be heard it is the silence of each.
+    Of fewer vehicles than `least` that should be heard it is the silence of each.
     """
     if state.progress.launched_s is None or (len(state.vehicles) < least and state.listening.silent_since_s is None):
         return state, ()

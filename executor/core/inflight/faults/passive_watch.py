@@ -1,7 +1,7 @@
 """Watching without acting: the watchpoints of the live flight over vehicles that somebody else flies.
 
 ``step(scene, state, event, now_s) -> (state, findings)``. Messages are folded and faults are judged by the very
-functions that `fleet.step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
+functions that `step` uses; nothing is ordered. As nobody here starts the vehicles, one that arms is taken to fly
 until it disarms, whatever was declared of it: a battery that fails hides no crash. One whose link is regained is
 watched again. Who changed a mode is told with the mode.
 """
@@ -13,7 +13,11 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from executor.core.context import Scene
-from executor.core.inflight.custody.mode_causes import attribute_mode_change, is_attribution_final
+from executor.core.inflight.custody.mode_causes import (
+    attribute_mode_change,
+    is_attribution_final,
+    is_set_by_person,
+)
 from executor.core.inflight.faults import link_loss, warning_rules, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView, describe_reported_failure
 from executor.core.interface.events import Heard, Tick
@@ -82,7 +86,7 @@ class VehicleReports:
 class PassiveWatch:
     """What is known of all vehicles, and what is not well now."""
 
-    fleet: FleetState
+    fleet: FleetState = field(default_factory=lambda: FleetState(MappingProxyType({})))
     open: Mapping[tuple[str, str], Degradation] = field(default_factory=lambda: MappingProxyType({}))
     """By vehicle and name of the warning."""
     warned_s: float = float("-inf")
@@ -101,16 +105,6 @@ class PassiveWatch:
 
 
 Stepped = tuple[PassiveWatch, tuple[Finding, ...]]
-
-
-def start_watch(names: tuple[str, ...]) -> PassiveWatch:
-    """Return the state before anything was heard."""
-    return PassiveWatch(FleetState(MappingProxyType({name: VehicleState(name) for name in names})))
-
-
-def add_watched_vehicle(state: PassiveWatch, name: str) -> PassiveWatch:
-    """Return the state with a vehicle that was not known before."""
-    return replace(state, fleet=state.fleet.put(VehicleState(name)))
 
 
 def step_watch(scene: Scene, state: PassiveWatch, event: Heard | Tick, now_s: float) -> Stepped:
@@ -223,8 +217,7 @@ def _leave_mission_to_person(scene: Scene, before: VehicleState, vehicle: Vehicl
     setup = scene.vehicles[vehicle.name]
     if before.mode is None or is_mission_mode(setup.dialect, before.mode):
         return vehicle
-    persons = attribute_mode_change(setup, before).by in {Actor.PILOT, Actor.GROUND_STATION}
-    if not persons and not is_manual_mode(setup.dialect, before.mode):
+    if not is_set_by_person(scene, before) and not is_manual_mode(setup.dialect, before.mode):
         return vehicle
     again = is_mission_mode(setup.dialect, vehicle.mode)
     return vehicle.with_sortie(flew_mission=again and vehicle.sortie.took_off)
@@ -305,7 +298,7 @@ LATE_S = 4.0
 """So long after it disarmed it may still say why."""
 
 
-def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Finding]:
+def update_degradations(view: WatchView, open_: dict[tuple[str, str], Degradation]) -> list[Degradation]:
     """Begin and end what is not well; returns what ended."""
     name = view.state.name
     now = {row.name: (row.kind, words) for row, words in warning_rules.find_warnings(view)}

@@ -105,20 +105,14 @@ def _iterate_excesses(
     known: account.BatteryState, limits: Limits, *, hurried: bool
 ) -> Iterator[tuple[cusum.Drift, float, str]]:
     """Yield what was used beyond the usual, in each way of counting, with its threshold and how it was counted."""
-    share = PLUNGE if hurried else 1.0
+    share, blind = PLUNGE if hurried else 1.0, account.is_blind(known)
     yield known.charge.drift, share * limits.charge_excess_pct, battery.BY_COUNTER
-    if account.is_blind(known) and account.has_running_counter(known):
+    if blind and account.has_running_counter(known):
         return  # what the percentage says is something else than what the counter counts
-    if not account.is_blind(known):
-        yield known.drift, share * (limits.battery_excess_pct + known.roughness_pct), ""
-    else:
-        yield known.drift, limits.blind_excess_pct, ""
+    excess_pct = limits.blind_excess_pct if blind else share * (limits.battery_excess_pct + known.roughness_pct)
+    yield known.drift, excess_pct, ""
     if not hurried:
-        yield (
-            known.slow,
-            limits.slow_blind_pct if account.is_blind(known) else limits.slow_excess_pct,
-            battery.OVER_MINUTES,
-        )
+        yield known.slow, limits.slow_blind_pct if blind else limits.slow_excess_pct, battery.OVER_MINUTES
 
 
 def check_voltage_step(view: WatchView) -> Finding:

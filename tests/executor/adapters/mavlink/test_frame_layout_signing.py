@@ -12,14 +12,15 @@ from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.adapters.mavlink.frame_layout import EPOCH_UNIX_S, TICKS_PER_S, FrameRejection, LinkSigning
 from executor.core.interface.messages import (
     Heartbeat,
+    MissionCount,
     MissionCurrent,
     OrderSeen,
     Radio,
     SendHeartbeat,
-    SendMissionCount,
 )
+from simulator import messages as simulated
 from simulator.config import Signing as SimSigning
-from simulator.messages import MissionCount, build_message
+from simulator.messages import build_message
 from simulator.wire import Codec as SimCodec
 from tests.executor.adapters.mavlink.test_endpoints_link import into
 
@@ -183,9 +184,9 @@ def test_after_a_restart_with_the_clock_set_back_we_are_still_believed() -> None
     """The flight's clock goes on from its log; the vehicle has heard later times than the time of day says."""
     vehicle = SimCodec(7, signing=SimSigning(KEY, TICKS))
     first = ours(NOW_UNIX_S)
-    assert vehicle.decode(first.encode(SendMissionCount(3), 7, 1))
-    assert vehicle.decode(ours(NOW_UNIX_S - 3600).encode(SendMissionCount(3), 7, 1)) == []
-    assert vehicle.decode(ours(NOW_UNIX_S + 1).encode(SendMissionCount(3), 7, 1))
+    assert vehicle.decode(first.encode(MissionCount(3), 7, 1))
+    assert vehicle.decode(ours(NOW_UNIX_S - 3600).encode(MissionCount(3), 7, 1)) == []
+    assert vehicle.decode(ours(NOW_UNIX_S + 1).encode(MissionCount(3), 7, 1))
 
 
 def test_the_simulated_vehicle_signs_and_asks_for_signatures() -> None:
@@ -194,10 +195,10 @@ def test_the_simulated_vehicle_signs_and_asks_for_signatures() -> None:
     extended = build_message("MISSION_CURRENT", seq=5, total=9, mission_state=3, mission_mode=1, mission_id=77)
     said = verdicts(codec, vehicle.encode(plain, 1.0), vehicle.encode(extended, 1.0), vehicle.encode(plain, 1.0))
     assert said == [MissionCurrent(4, 9), MissionCurrent(5, 9, 77), MissionCurrent(4, 9)]
-    [received] = vehicle.decode(codec.encode(SendMissionCount(3), 7, 1))
-    assert isinstance(received.body, MissionCount)
-    assert vehicle.decode(MavlinkCodec().encode(SendMissionCount(3), 7, 1)) == []
-    assert vehicle.decode(ours(key=bytes(32)).encode(SendMissionCount(3), 7, 1)) == []
+    [received] = vehicle.decode(codec.encode(MissionCount(3), 7, 1))
+    assert isinstance(received.body, simulated.MissionCount)
+    assert vehicle.decode(MavlinkCodec().encode(MissionCount(3), 7, 1)) == []
+    assert vehicle.decode(ours(key=bytes(32)).encode(MissionCount(3), 7, 1)) == []
 
 
 def test_what_is_refused_is_counted_and_goes_nowhere() -> None:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import common as mav
 
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
-from executor.core.interface.messages import SendMissionCount
+from executor.core.interface.messages import MissionCount
 from tests.executor.adapters.mavlink.test_codec import Vehicle
 from tests.fakes.disk import room_for
 
@@ -22,7 +22,7 @@ def test_pymavlink_reads_both_directions_with_their_times(tmp_path: Path) -> Non
     log = TelemetryLog(tmp_path / "uav1.tlog", lambda: next(stamps))
     vehicle = Vehicle()
     log.write(vehicle.pack(mav.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3)))
-    log.write(MavlinkCodec().encode(SendMissionCount(4), 7, 1))
+    log.write(MavlinkCodec().encode(MissionCount(4), 7, 1))
     log.write(vehicle.pack(mav.MAVLink_mission_request_message(255, 190, 0)))
     log.close()
 
@@ -36,7 +36,6 @@ def test_pymavlink_reads_both_directions_with_their_times(tmp_path: Path) -> Non
         ("MISSION_COUNT", 255, pytest.approx(BEGAN_USEC / 1e6 + 0.5)),
         ("MISSION_REQUEST", 7, pytest.approx(BEGAN_USEC / 1e6 + 1.0)),
     ]
-    assert log.lost == 0
 
 
 def test_a_log_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
@@ -76,7 +75,6 @@ def test_a_full_disk_ends_no_flight_and_tears_no_frame(tmp_path: Path) -> None:
     with room_for(40_000):
         for _ in range(60):
             log.write(bytes(992))
-    assert log.lost > 0
     log.write(bytes(992))
     log.close()
     content = (tmp_path / "uav1.tlog").read_bytes()
@@ -84,4 +82,4 @@ def test_a_full_disk_ends_no_flight_and_tears_no_frame(tmp_path: Path) -> None:
     stamps_read = [int.from_bytes(content[at : at + 8], "big") for at in range(0, len(content), 1000)]
     assert stamps_read == sorted(stamps_read)
     assert all(stamp % 2_000_000 == BEGAN_USEC % 2_000_000 for stamp in stamps_read)
-    assert len(content) // 1000 + log.lost == 61
+    assert 40 <= len(content) // 1000 < 61

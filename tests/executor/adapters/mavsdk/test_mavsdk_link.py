@@ -21,11 +21,10 @@ from executor.core.interface.messages import (
     ComponentText,
     Heartbeat,
     Message,
-    MissionItemReceived,
+    MissionItemInt,
     ParamRefused,
     ParamValue,
     SendHeartbeat,
-    SendMissionItem,
     SendParamSet,
     StationHeard,
     StatusText,
@@ -98,7 +97,7 @@ async def found(log: Frames | None = None) -> AsyncIterator[Air]:
 async def test_numbers_come_through_exactly() -> None:
     item = MissionItem(3, 6, 16, 1.0, 1e-45, 0.1, math.nan, 496000001, -156000001, 47.13)
     async with found() as air:
-        air.link.send(SendMissionItem(item))
+        air.link.send(MissionItemInt(item))
         sent = await air.hear("MISSION_ITEM_INT")
         assert (sent.get_srcSystem(), sent.get_srcComponent(), sent.target_system, sent.seq) == (255, 190, 7, 3)
         assert struct.pack("<3f", sent.param1, sent.param2, sent.z) == struct.pack("<3f", 1.0, 1e-45, 47.13)
@@ -109,7 +108,7 @@ async def test_numbers_come_through_exactly() -> None:
                 255, 190, 3, 6, 16, 0, 1, 1.0, 1e-45, 0.1, math.nan, item.x, item.y, 47.13
             )
         )
-        assert isinstance(back, MissionItemReceived)
+        assert isinstance(back, MissionItemInt)
         assert struct.pack("<4f", *(getattr(back.item, key) for key in ("param1", "param2", "param3", "z"))) == (
             struct.pack("<4f", 1.0, 1e-45, 0.1, 47.13)
         )

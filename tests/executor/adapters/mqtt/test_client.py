@@ -12,8 +12,8 @@ import aiomqtt
 import pytest
 
 from executor.adapters.mqtt import client as connection
-from executor.adapters.mqtt.broker import BrokerAddress
 from executor.adapters.mqtt.client import MqttClient, MqttMessage, Outbox, Presence
+from executor.adapters.mqtt.topics import BrokerAddress
 from executor.core.interface.commands import Level
 from tests.brokers import KIND, PASSWORD, USER, RealBroker, running, secured_in
 from tests.patience import PATIENCE_S
@@ -237,4 +237,4 @@ async def test_a_broker_that_talks_nonsense(said: bytes, monkeypatch: pytest.Mon
             for _ in range(3):
                 await calls.get()
         assert "mqtt: " in here.said[0]
-    assert [taken.letter.payload for taken in here.outbox.take_batch(9)] == [b"kept"]
+    assert [taken.payload for taken in here.outbox.take_batch(9)] == [b"kept"]

@@ -9,9 +9,10 @@ from typing import Any
 import jsonschema
 import pytest
 
-from executor.adapters.mqtt.broker import IntakeReason, MqttTopics, RefusedMessage
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
+from executor.adapters.mqtt.intent_intake import IntakeReason, RefusedMessage
 from executor.adapters.mqtt.publisher import ASSETS_EVERY_S, AT_LEAST_EVERY_S, Publisher
+from executor.adapters.mqtt.topics import MqttTopics
 from executor.core.fleet_view import build_fleet_view
 from executor.core.imaging.asset_status import AssetState, AssetView
 from executor.core.interface.commands import Level, Say
@@ -50,7 +51,7 @@ class Desk:
         return self.written()
 
     def written(self) -> list[MqttMessage]:
-        return [taken.letter for taken in self.outbox.take_batch(10_000)]
+        return self.outbox.take_batch(10_000)
 
 
 def content(letter: MqttMessage) -> dict[str, Any]:

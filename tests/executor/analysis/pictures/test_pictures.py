@@ -29,10 +29,11 @@ from executor.analysis.pictures import (
 )
 from executor.analysis.pictures.battery_figure import spread_heights
 from executor.analysis.pictures.map_figures import group_connected
-from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m, sample_line_m
+from executor.analysis.pictures.map_sheet import LabelPlacer, find_farthest, round_length_m
 from executor.analysis.pictures.style import COLOURS, DPI, INK, LOSS, style_of
 from missions import PlanFile, Window
 from missions.geo import FloatArray
+from missions.geometry import sample_leg
 from planner import find_repairs_at, replan_window
 from tests.executor.flights import first_plan_file, write_run
 
@@ -204,7 +205,7 @@ def test_a_scale_is_round_and_fills_at_least_two_fifths(most_m: float) -> None:
 
 
 def test_labels_find_room_off_the_lines_and_off_each_other() -> None:
-    line = sample_line_m((0.0, 0.0), (100.0, 0.0), 1.0)
+    line = sample_leg(np.array([(0.0, 0.0), (100.0, 0.0)]), 1.0)
     placer = LabelPlacer(line, (-50.0, -50.0), (150.0, 50.0))
     boxes = []
     for _ in range(6):
@@ -262,12 +263,12 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
     found = replan_window(content.build_instance(), content.plan, effort=100)
     repairs = find_repairs_at(content.build_instance(), content.plan, found.earliest_s, effort=100)
     figure = draw_window_figure(content, found, repairs)
-    (axes,) = figure.axes
+    axes = figure.axes[0]
     assert {left.lost for left, _ in repairs} == {0, 1}
     solid = [line for line in axes.lines if line.get_color() in COLOURS and line.get_linestyle() == "-"]
     assert [float(_x(line)[-1]) for line in solid] == pytest.approx(list(content.durations_s))
     assert any(line.get_linestyle() == "--" for line in axes.lines)
-    assert {text.get_text() for text in axes.texts} >= {
+    assert {text.get_text() for panel in figure.axes for text in panel.texts} >= {
         "budget, 75 %", f"window begins, {found.earliest_s:.0f} s", f"longest route, {found.longest_route_s:.0f} s",
     }  # fmt: skip
     assert _legend_words(figure) >= {"plan", "re-plan without uav1", "re-plan without uav2", "re-plan window"}
@@ -279,7 +280,9 @@ def test_the_window_figure_has_the_plan_and_the_replans_at_its_beginning(tmp_pat
 def trade(longest_route_s: float, earliest_s: float, energy_pct: float) -> PlanFile:
     """Return a plan with these figures."""
     window = Window(0.0, earliest_s, longest_route_s, None)
-    return replace(first_plan_file(), durations_s=(longest_route_s,), energies_pct=(energy_pct,), window=window)
+    plan = first_plan_file()
+    route = replace(plan.routes[0], duration_s=longest_route_s, energy_pct=energy_pct)
+    return replace(plan, routes=(route,), window=window)
 
 
 def test_the_front_is_numbered_and_has_the_others_beside_it(tmp_path: Path) -> None:

@@ -82,7 +82,6 @@ def test_the_factor_stays_in_its_range() -> None:
 def test_nothing_is_learned_from_nothing() -> None:
     assert account.consumption_factor(BatteryState()) == 1.0
     assert account.excess_pct(BatteryState(), 90.0) == (0.0, 0.0)
-    assert BatteryState().used_pct == 0.0
 
 
 @pytest.mark.parametrize("period_s", [1.0, 2.0])
@@ -211,7 +210,7 @@ def test_two_roundings_are_never_farther_off_than_one(charge: float, before: flo
 
 def test_a_percent_that_jumps_up_is_another_pack() -> None:
     state = charged(60.0, 58.0, 100.0)
-    assert (state.first_pct, state.remaining_pct, state.used_pct) == (100.0, 100.0, 0.0)
+    assert (state.first_pct, state.remaining_pct) == (100.0, 100.0)
     assert state.least_pct == 58.0
     assert account.consumption_factor(state) == 1.0
     assert account.excess_pct(state, 90.0) == (0.0, 0.0)
@@ -219,7 +218,7 @@ def test_a_percent_that_jumps_up_is_another_pack() -> None:
 
 def test_a_percent_that_rises_a_little_is_a_resting_voltage() -> None:
     state = charged(60.0, 55.0, 58.0)
-    assert (state.first_pct, state.remaining_pct, state.least_pct, state.used_pct) == (60.0, 58.0, 55.0, 2.0)
+    assert (state.first_pct, state.remaining_pct, state.least_pct) == (60.0, 58.0, 55.0)
 
 
 def test_of_two_packs_the_emptier_one_counts() -> None:

@@ -29,7 +29,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "lowest_pct": None,
             "earlier_pct": 0.0,
             "estimate": None,
-            "usual": None,
+            "usual": 1.0,
             "began_s": None,
             "roughness_pct": 0.0,
             "drift": Drift(),

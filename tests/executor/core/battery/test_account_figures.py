@@ -468,7 +468,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what was given",
         lambda: [
-            (state.used_pct, state.given_pct)
+            state.given_pct
             for state in (
                 BatteryState(),
                 used(*STEADY),
@@ -476,7 +476,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 used(*STEADY, (5.0, 0.0, 96.0)),
             )
         ],
-        [(0.0, 0.0), (5.5, 5.5), (0.0, 5.5), (3.5, 5.5)],
+        [0.0, 5.5, 5.5, 5.5],
     ),
     (
         "what is used beyond the usual",

@@ -40,7 +40,7 @@ def test_what_is_usual_is_unknown_while_a_percentage_stands_still() -> None:
 @pytest.mark.parametrize("per_report", [0.0, 0.01])
 def test_no_vehicle_is_taken_to_fly_on_nothing(per_report: float) -> None:
     state = fed(BatteryState(), [90.0 - per_report * n for n in range(60)], from_s=0.0)
-    assert (state.usual or 0.0) >= LEAST_FACTOR
+    assert state.usual >= LEAST_FACTOR
     assert state.usual_long >= LEAST_FACTOR
 
 

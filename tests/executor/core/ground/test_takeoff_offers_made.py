@@ -412,11 +412,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
         ],
     ),
-    (
-        "an offer stands",
-        lambda: [takeoff_offers.is_offer_open(flight_of(offer=offer)) for offer in (None, OFFER)],
-        [False, True],
-    ),
 ]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from executor.core.context import Context
 from executor.core.imaging.asset_status import AssetState, AssetView, build_asset_views, list_asked_pictures
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.fleet_state import FleetState
 from missions.cameras import Camera, CameraTasks, SpanCameraTask, Trigger
 from tests.executor.core.imaging.test_asset_status_reinspected import EVERYBODY, SITE, sighted
@@ -27,11 +27,7 @@ FLOWN = flight_of(
     inferred=frozenset({2}),
     caught=CAUGHT,
     unseen=MappingProxyType({1: AwaitedPictures("uav3", NOW_S)}),
-    not_seen=(
-        MissingPictures("uav1", 3, 5.0, "nothing"),
-        MissingPictures("uav2", 3, 9.0, "nothing"),
-        MissingPictures("uav2", 0, 9.0, ""),
-    ),
+    not_seen=MappingProxyType({3: "uav2", 0: "uav2"}),
     given_up=frozenset({3}),
     left_over=frozenset({4}),
 )

@@ -92,7 +92,7 @@ def test_nearer_pictures_that_lack_a_viewpoint_take_nothing_away() -> None:
         line.text == "uav1: pylon p1 counts as before, closer pictures are missing: rgb has no picture from viewpoint 1"
     )
     assert (state.coverage.inspected, state.coverage.inspected_at_m, state.coverage.caught) == counted
-    assert (state.coverage.caught_nearer, state.coverage.unseen, state.coverage.not_seen) == ({}, {}, ())
+    assert (state.coverage.caught_nearer, state.coverage.unseen, state.coverage.not_seen) == ({}, {}, {})
 
 
 @pytest.mark.parametrize(("seen", "by"), [((1,), None), ((0, 1), "uav1")])

@@ -17,7 +17,7 @@ from executor.core.interface.commands import Level, Say, Solve
 from executor.core.interface.events import IntentReceived, Tick
 from executor.core.interface.intents import Action, Intent, IntentReason, Outcome
 from executor.core.operator import intent_refusals
-from executor.core.payload.camera_state import AwaitedPictures, MissingPictures
+from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.fleet_state import FleetState
 from missions import Segment
 from missions.areas import Unreachable
@@ -86,13 +86,12 @@ def test_a_name_stands_for_all_that_carry_it_and_are_not_open() -> None:
 
 
 def test_what_waits_for_its_words_or_was_given_up_gets_its_tries_anew() -> None:
-    gone = MissingPictures("uav1", 3, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
     state = flight_of(
         flying(),
         given_up=frozenset({3}),
         attempts=MappingProxyType({3: 3, 4: 1}),
         unseen=MappingProxyType({4: AwaitedPictures("uav1", NOW_S - 1.0)}),
-        not_seen=(gone,),
+        not_seen=MappingProxyType({3: "uav1"}),
     )
     after, _ = stepped(state, 3, 4)
     assert (after.coverage.given_up, dict(after.coverage.unseen)) == (frozenset(), {})
@@ -101,8 +100,8 @@ def test_what_waits_for_its_words_or_was_given_up_gets_its_tries_anew() -> None:
 
 
 def test_what_was_missed_once_and_seen_later_is_not_missed_again() -> None:
-    gone = MissingPictures("uav1", 0, NOW_S - 60.0, "rgb does not show 10 to 60 m of 100 m")
-    after, _ = stepped(flight_of(flying(), **SEEN, not_seen=(gone, replace(gone, segment=4))), 0)
+    gone = MappingProxyType({0: "uav1", 4: "uav1"})
+    after, _ = stepped(flight_of(flying(), **SEEN, not_seen=gone), 0)
     assert find_missed_segments(SITE, after) == {4}
 
 

@@ -13,7 +13,7 @@ from executor.core.preflight import fence_changes, vehicle_checks
 from executor.core.preflight.fence_changes import OnboardLists
 from executor.core.preflight.parameter_changes import Answers, propose_return_changes
 from executor.core.state.onboard_fence import fence_top_m
-from missions import MissionItem
+from missions import MissionItem, MissionKind
 from missions.items import PlaceCommand
 from tests.executor.builders import fleet_of
 from tests.executor.core.preflight.test_vehicle_checks import said
@@ -23,7 +23,8 @@ SHIPS = {name: fleet_of(autopilot=name) for name in ("ardupilot", "px4")}
 OFF = {"FENCE_ENABLE": 0.0, "FENCE_AUTOENABLE": 0.0, "FENCE_TYPE": 7.0, "FENCE_ALT_MAX": 100.0, "FENCE_ACTION": 1.0}
 PIXHAWK = {"GF_ACTION": 2.0, "GF_MAX_VER_DIST": 0.0}
 TOP_M = 35.0
-NOTHING = OnboardLists()
+FENCE, RALLY = MissionKind.FENCE, MissionKind.RALLY
+NOTHING: OnboardLists = {}
 
 
 def context_of(autopilot: str = "ardupilot", **rule: object) -> Context:
@@ -116,40 +117,40 @@ def found_on_board(
 
 def test_a_fence_of_others_that_the_flight_leaves_stops_it() -> None:
     for context in (context_of(), context_of(enabled=False)):
-        [(severity, text)] = found_on_board(context, OnboardLists(circle(200.0), ()))
+        [(severity, text)] = found_on_board(context, {FENCE: circle(200.0), RALLY: ()})
         assert severity is Severity.STOP
         assert text.startswith(
             "a fence of 1 item that is not ours is on board, and its flight or its way home leaves it"
         )
-        [(severity, _)] = found_on_board(context, OnboardLists(circle(40.0, PlaceCommand.EXCLUSION_CIRCLE), ()))
+        [(severity, _)] = found_on_board(context, {FENCE: circle(40.0, PlaceCommand.EXCLUSION_CIRCLE), RALLY: ()})
         assert severity is Severity.STOP
 
 
 def test_a_fence_of_others_that_holds_the_flight_or_is_off_is_said() -> None:
-    [(severity, text)] = found_on_board(context_of(), OnboardLists(circle(2000.0), ()))
+    [(severity, text)] = found_on_board(context_of(), {FENCE: circle(2000.0), RALLY: ()})
     assert severity is Severity.OK
     assert text.endswith("and its flight fits into it; kept, and given back after the landing")
     for off in ({"FENCE_ENABLE": 0.0}, {"FENCE_TYPE": 3.0}):
-        [(severity, text)] = found_on_board(context_of(), OnboardLists(circle(200.0), ()), NOTHING, **off)
+        [(severity, text)] = found_on_board(context_of(), {FENCE: circle(200.0), RALLY: ()}, NOTHING, **off)
         assert (severity, text) == (Severity.OK, "a fence of 1 item that is not ours is on board, switched off")
 
 
 def test_what_an_earlier_attempt_left_is_ours() -> None:
-    assert found_on_board(context_of(), OnboardLists(circle(10.0), ()), OnboardLists(circle(10.0), ())) == []
-    assert found_on_board(context_of(), OnboardLists((), ())) == []
-    assert found_on_board(SHIPS["ardupilot"].context, OnboardLists()) == []
+    assert found_on_board(context_of(), {FENCE: circle(10.0), RALLY: ()}, {FENCE: circle(10.0), RALLY: ()}) == []
+    assert found_on_board(context_of(), {FENCE: (), RALLY: ()}) == []
+    assert found_on_board(SHIPS["ardupilot"].context, NOTHING) == []
 
 
 def test_what_cannot_be_read_stops_whom_a_fence_is_for() -> None:
-    assert [one for one, _ in found_on_board(context_of(), OnboardLists())] == [Severity.STOP, Severity.STOP]
-    assert [one for one, _ in found_on_board(context_of(enabled=False), OnboardLists())] == [Severity.WARNING] * 2
+    assert [one for one, _ in found_on_board(context_of(), NOTHING)] == [Severity.STOP, Severity.STOP]
+    assert [one for one, _ in found_on_board(context_of(enabled=False), NOTHING)] == [Severity.WARNING] * 2
 
 
 def test_rally_points_of_others_are_said_where_they_stay() -> None:
     lat_deg, lon_deg = SHIPS["ardupilot"].context.frame.to_wgs84_deg(0.0, 500.0)
     far = (MissionItem(0, 3, PlaceCommand.RALLY_POINT, x=round(1e7 * lat_deg), y=round(1e7 * lon_deg)),)
-    assert found_on_board(context_of(), OnboardLists((), far)) == []
-    [(severity, text)] = found_on_board(context_of(rally="keep"), OnboardLists((), far))
+    assert found_on_board(context_of(), {FENCE: (), RALLY: far}) == []
+    [(severity, text)] = found_on_board(context_of(rally="keep"), {FENCE: (), RALLY: far})
     assert severity is Severity.WARNING
     assert text.startswith("1 rally point on board, up to 4")
     assert text.endswith(" m from its pad: its RTL may end there")

@@ -9,8 +9,6 @@ import pytest
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import (
     BatteryAction,
-    BatteryRule,
-    GeofenceCylinder,
     LinkFailsafe,
 )
 from missions import ARDUPILOT, PX4
@@ -18,6 +16,7 @@ from tests.executor.core.steps import rounded
 
 ARDU = {"FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 7.0, "SYSID_MYGCS": 254.0}
 PACK = {"BATT_FS_LOW_ACT": 2.0, "BATT_LOW_MAH": 1000.0, "BATT_LOW_VOLT": 14.4, "BATT_CAPACITY": 5000.0}
+NO_FENCE = (None, None)
 FENCE = {"FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_ALT_MAX": 80.0, "FENCE_RADIUS": 300.0}
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -164,7 +163,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "what a vehicle does on a low battery",
         lambda: [
-            onboard_failsafes.read_battery_rule(ARDUPILOT, parameters)
+            onboard_failsafes.list_battery_actions(ARDUPILOT, parameters)
             for parameters in (
                 {},
                 {"BATT_LOW_MAH": 1000.0, "BATT_CRT_MAH": 500.0, "BATT_CAPACITY": 5000.0},
@@ -182,55 +181,32 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            BatteryRule(said=False, actions=()),
-            BatteryRule(said=False, actions=()),
-            BatteryRule(
-                said=False,
-                actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),),
-            ),
-            BatteryRule(
-                said=True,
-                actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),),
-            ),
-            BatteryRule(
-                said=True,
-                actions=(
-                    BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),
-                    BatteryAction(below_pct=10.0, words="land below 10 % (BATT_FS_CRT_ACT=1)"),
-                ),
-            ),
-            BatteryRule(
-                said=False,
-                actions=(BatteryAction(below_pct=None, words="RTL below 1000 mAh or 14.4 V (BATT_FS_LOW_ACT=2)"),),
-            ),
-            BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=20.0, words="RTL below 20 % (BATT_FS_LOW_ACT=2)"),)
-            ),
-            BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 14.4 V (BATT_FS_LOW_ACT=2)"),)
-            ),
-            BatteryRule(
-                said=False,
-                actions=(
-                    BatteryAction(
-                        below_pct=20.0, words="unknown action below 20 % or 14.4 V (BATT_FS_LOW_ACT=99)", known=False
-                    ),
-                ),
-            ),
-            BatteryRule(said=False, actions=()),
-            BatteryRule(said=False, actions=()),
-            BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 1 mAh (BATT_FS_LOW_ACT=2)"),)
-            ),
-            BatteryRule(
-                said=False, actions=(BatteryAction(below_pct=None, words="RTL below 1 V (BATT_FS_LOW_ACT=2)"),)
-            ),
+            [],
+            [],
+            [BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)")],
+            [BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)")],
+            [
+                BatteryAction(below_pct=20.0, words="RTL below 20 % or 14.4 V (BATT_FS_LOW_ACT=2)"),
+                BatteryAction(below_pct=10.0, words="land below 10 % (BATT_FS_CRT_ACT=1)"),
+            ],
+            [BatteryAction(below_pct=None, words="RTL below 1000 mAh or 14.4 V (BATT_FS_LOW_ACT=2)")],
+            [BatteryAction(below_pct=20.0, words="RTL below 20 % (BATT_FS_LOW_ACT=2)")],
+            [BatteryAction(below_pct=None, words="RTL below 14.4 V (BATT_FS_LOW_ACT=2)")],
+            [
+                BatteryAction(
+                    below_pct=20.0, words="unknown action below 20 % or 14.4 V (BATT_FS_LOW_ACT=99)", known=False
+                )
+            ],
+            [],
+            [],
+            [BatteryAction(below_pct=None, words="RTL below 1 mAh (BATT_FS_LOW_ACT=2)")],
+            [BatteryAction(below_pct=None, words="RTL below 1 V (BATT_FS_LOW_ACT=2)")],
         ],
     ),
     (
         "what PX4 does on a low battery",
         lambda: [
-            onboard_failsafes.read_battery_rule(PX4, parameters)
+            onboard_failsafes.list_battery_actions(PX4, parameters)
             for parameters in (
                 {},
                 {"COM_LOW_BAT_ACT": 3.0, "BAT_CRIT_THR": 0.07, "BAT_EMERGEN_THR": 0.05},
@@ -238,15 +214,12 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            BatteryRule(said=False, actions=()),
-            BatteryRule(
-                said=True,
-                actions=(
-                    BatteryAction(below_pct=7.0, words="RTL below 7 % (COM_LOW_BAT_ACT=3)"),
-                    BatteryAction(below_pct=5.0, words="land below 5 % (COM_LOW_BAT_ACT=3)"),
-                ),
-            ),
-            BatteryRule(said=True, actions=(BatteryAction(below_pct=7.0, words="land below 7 % (COM_LOW_BAT_ACT=2)"),)),
+            [],
+            [
+                BatteryAction(below_pct=7.0, words="RTL below 7 % (COM_LOW_BAT_ACT=3)"),
+                BatteryAction(below_pct=5.0, words="land below 5 % (COM_LOW_BAT_ACT=3)"),
+            ],
+            [BatteryAction(below_pct=7.0, words="land below 7 % (COM_LOW_BAT_ACT=2)")],
         ],
     ),
     (
@@ -269,18 +242,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             )
         ],
         [
-            None,
-            GeofenceCylinder(height_m=80.0, radius_m=300.0),
-            None,
-            GeofenceCylinder(height_m=80.0, radius_m=300.0),
-            GeofenceCylinder(height_m=80.0, radius_m=None),
-            GeofenceCylinder(height_m=None, radius_m=300.0),
-            None,
-            GeofenceCylinder(height_m=80.0, radius_m=None),
-            GeofenceCylinder(height_m=None, radius_m=300.0),
-            None,
-            GeofenceCylinder(height_m=None, radius_m=1.0),
-            GeofenceCylinder(height_m=1.0, radius_m=None),
+            NO_FENCE,
+            (80.0, 300.0),
+            NO_FENCE,
+            (80.0, 300.0),
+            (80.0, None),
+            (None, 300.0),
+            NO_FENCE,
+            (80.0, None),
+            (None, 300.0),
+            NO_FENCE,
+            (None, 1.0),
+            (1.0, None),
         ],
     ),
     (
@@ -294,7 +267,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 {"GF_ACTION": 0.0, "GF_MAX_HOR_DIST": 200.0},
             )
         ],
-        [None, GeofenceCylinder(height_m=60.0, radius_m=None), GeofenceCylinder(height_m=None, radius_m=200.0), None],
+        [NO_FENCE, (60.0, None), (None, 200.0), NO_FENCE],
     ),
 ]
 

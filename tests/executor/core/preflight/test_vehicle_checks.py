@@ -261,11 +261,9 @@ def test_a_fence_that_is_smaller_than_the_plan_is_a_warning() -> None:
 
 
 def test_a_fence_that_is_off_is_none() -> None:
-    assert onboard_failsafes.read_geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) is None
-    assert onboard_failsafes.read_geofence(PX4, said(PX4).parameters) is None
-    assert onboard_failsafes.read_geofence(
-        PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters
-    ) == onboard_failsafes.GeofenceCylinder(None, 500.0)
+    assert onboard_failsafes.read_geofence(ARDUPILOT, said(FENCE_RADIUS=1.0).parameters) == (None, None)
+    assert onboard_failsafes.read_geofence(PX4, said(PX4).parameters) == (None, None)
+    assert onboard_failsafes.read_geofence(PX4, said(PX4, GF_MAX_HOR_DIST=500.0).parameters) == (None, 500.0)
 
 
 def test_pre_arm_checks_in_words() -> None:

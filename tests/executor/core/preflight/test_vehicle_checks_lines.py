@@ -14,7 +14,7 @@ from executor.core.interface.messages import DoubleHeard, Position, StationHeard
 from executor.core.preflight import vehicle_checks as checks
 from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from missions import ARDUPILOT, PX4, Pad
+from missions import ARDUPILOT, PX4
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import DISARMED, FLEET, flying
 
@@ -149,11 +149,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 )
             ],
         ],
-    ),
-    (
-        "where it really stands",
-        lambda: checks.pad_from(replace(FACTS, position=replace(PLACE, alt_rel_m=3.0)), 1.0, 2.0),
-        Pad(vehicle="uav1", east_m=1.0, north_m=2.0, alt_m=447.0),
     ),
     (
         "how long it is waited for",

@@ -269,7 +269,7 @@ def test_the_operator_sends_everybody_home_while_it_is_solved() -> None:
 
 def test_a_vehicle_landing_when_the_plan_was_made_may_fly_what_was_left() -> None:
     flight = story(fleet_of({"uav1": (0,), "uav2": (2, 4, 6, 8, 10)}))
-    flight.run(lambda: flight.stage("uav1") is Stage.FLYING and flight.vehicle("uav1").power.battery.used_pct > 0)
+    flight.run(lambda: flight.stage("uav1") is Stage.FLYING and flight.vehicle("uav1").power.battery.given_pct > 0)
     board = flight.vehicle("uav1").assignment.board
     assert board is not None
     flight.run(lambda: flight.crafts["uav1"].leg == len(board.path.waypoints) - 1)

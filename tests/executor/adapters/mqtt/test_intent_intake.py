@@ -7,7 +7,7 @@ from typing import get_args
 
 import pytest
 
-from executor.adapters.mqtt.broker import (
+from executor.adapters.mqtt.intent_intake import (
     BURST,
     MOST_BYTES,
     IntakeReason,

@@ -1,4 +1,4 @@
-"""Where a flight is published, and what comes in from there: an intent of the operator's, or a reason why it is none.
+"""What comes in over MQTT: an intent of the operator's, or a reason why it is none.
 
 docs/mqtt.md has the same in words. Who can publish on the topic can write anything there: sizes are bounded before
 anything is read, unknown keys are refused, and what was meant for another moment (kept by the broker, or written long
@@ -8,10 +8,9 @@ ago) is not carried out now. Nothing of this needs aiomqtt.
 from __future__ import annotations
 
 import hmac
-import ssl
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -20,54 +19,6 @@ from executor.core.interface.codes import ReasonCode
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
 from missions import format_first_error
-
-MAJOR = "v1"
-
-
-@dataclass(frozen=True, slots=True)
-class BrokerAddress:
-    """Where the broker is, and what it wants to know."""
-
-    host: str
-    port: int
-    identifier: str
-    """The same at every connection: a broker then ends the one before, and with it its last will."""
-    username: str | None = None
-    password: str | None = field(default=None, repr=False)
-    tls: ssl.SSLContext | None = None
-
-    def __str__(self) -> str:
-        """Return it as people write it."""
-        return f"{self.host}:{self.port}"
-
-
-@dataclass(frozen=True, slots=True)
-class MqttTopics:
-    """Where everything is published under a prefix."""
-
-    prefix: str
-
-    def __str__(self) -> str:
-        """Return what all topics begin with."""
-        return f"{self.prefix}/{MAJOR}"
-
-    def vehicle_topic(self, name: str, what: Literal["state", "telemetry"]) -> str:
-        """Return a vehicle's topic."""
-        return f"{self}/vehicle/{name}/{what}"
-
-    def fleet_topic(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
-        """Return a topic of the whole flight."""
-        return f"{self}/fleet/{what}"
-
-    @property
-    def intent_topic(self) -> str:
-        """Return where intents are taken from."""
-        return f"{self}/intent"
-
-    @property
-    def acknowledgement_topic(self) -> str:
-        """Return where they are answered."""
-        return f"{self}/intent/ack"
 
 
 @dataclass(frozen=True, slots=True)

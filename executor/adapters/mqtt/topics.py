@@ -1,0 +1,55 @@
+"""Where a flight is published: the broker, and the names of all topics. docs/mqtt.md has the same in words."""
+
+from __future__ import annotations
+
+import ssl
+from dataclasses import dataclass, field
+from typing import Literal
+
+MAJOR = "v1"
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerAddress:
+    """Where the broker is, and what it wants to know."""
+
+    host: str
+    port: int
+    identifier: str
+    """The same at every connection: a broker then ends the one before, and with it its last will."""
+    username: str | None = None
+    password: str | None = field(default=None, repr=False)
+    tls: ssl.SSLContext | None = None
+
+    def __str__(self) -> str:
+        """Return it as people write it."""
+        return f"{self.host}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class MqttTopics:
+    """Where everything is published under a prefix."""
+
+    prefix: str
+
+    def __str__(self) -> str:
+        """Return what all topics begin with."""
+        return f"{self.prefix}/{MAJOR}"
+
+    def vehicle_topic(self, name: str, what: Literal["state", "telemetry"]) -> str:
+        """Return a vehicle's topic."""
+        return f"{self}/vehicle/{name}/{what}"
+
+    def fleet_topic(self, what: Literal["state", "connection", "event", "fault", "plan", "assets"]) -> str:
+        """Return a topic of the whole flight."""
+        return f"{self}/fleet/{what}"
+
+    @property
+    def intent_topic(self) -> str:
+        """Return where intents are taken from."""
+        return f"{self}/intent"
+
+    @property
+    def acknowledgement_topic(self) -> str:
+        """Return where they are answered."""
+        return f"{self}/intent/ack"

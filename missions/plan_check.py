@@ -1,0 +1,150 @@
+"""The check of a plan file: every figure of it again, from its own content."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from missions.plan_file import DayPlanFile, PlanContent, PlanFile
+from missions.plan_parts import WINDOW_COST, PlanRoute, Window
+from missions.shortest_ways import build_area_graph
+from planner import Cost, PlanError, evaluate, replan_window
+from planner.sorties import Objective, evaluate_sorties
+
+PLACE_TOLERANCE_M = 0.05
+"""Local metres and latitude/longitude of one place agree to this; 1e-7 degrees are 1 cm."""
+FIGURE_TOLERANCE = 1e-6
+"""Recomputed figures agree to this, relative to the larger of the figure and 1: sums depend on their order."""
+
+
+def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -> list[str]:
+    """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
+
+    Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
+    the re-plan window; of days packs, hours and take-offs too, but no window after losses.
+
+    Args:
+        content: The file.
+        search_window: Whether the window is searched for anew: a second or two for a hundred segments. Otherwise only
+            its percentage and longest route are recomputed.
+
+    Raises:
+        PlanFileError: its vehicles or coordinates make no planning problem at all.
+    """
+    findings = [*_check_places(content), *_check_areas(content)]
+    if isinstance(content, DayPlanFile):
+        return [*findings, *_check_days(content)]
+    findings += _check_flight(content)
+    if search_window and content.window is not None and not findings:
+        findings.extend(_check_window(content, content.window))
+    return findings
+
+
+def _check_window(content: PlanFile, written: Window) -> Iterator[str]:
+    try:
+        found = replan_window(content.build_instance(), content.plan, fly_again=content.fly_again)
+    except PlanError as error:
+        yield f"window: {error}"
+        return
+    yield from _describe_wrong_figures([("window.earliest_s", written.earliest_s, found.earliest_s)])
+
+
+def _check_flight(content: PlanFile) -> Iterator[str]:
+    cost, window = content.cost, content.window
+    evaluation = evaluate(
+        content.build_instance(), content.plan, Cost.MINMAX if cost.name == WINDOW_COST else Cost(cost.name)
+    )
+    yield from _describe_wrong_routes(
+        ((f"route of {route.vehicle}", route) for route in content.routes),
+        evaluation.durations_s, evaluation.energies_pct,
+    )  # fmt: skip
+    figures = []
+    if cost.name != WINDOW_COST:
+        figures.append((f"cost.value ({cost.name})", cost.value, evaluation.value))
+    elif window is not None:
+        figures.append((f"cost.value ({cost.name})", cost.value, window.earliest_s))
+    if window is not None:
+        longest_s = evaluation.longest_route_s
+        window_pct = 100.0 * ((longest_s - window.earliest_s) / longest_s) if longest_s > 0 else 100.0
+        figures.append(("window.longest_route_s", window.longest_route_s, longest_s))
+        figures.append(("window.window_pct", window.window_pct, window_pct))
+    yield from _describe_wrong_figures(figures)
+    accounted = {*content.uncovered, *(visit.segment for route in content.routes for visit in route.visits)}
+    for segment in content.segments:
+        if segment.id not in accounted:
+            yield f"{segment.display_name} is neither visited nor named as uncovered"
+    for vehicle, energy_pct in zip(content.vehicles, evaluation.energies_pct, strict=True):
+        if energy_pct > vehicle.budget_pct + FIGURE_TOLERANCE:
+            yield f"route of {vehicle.name}: spends {energy_pct:.3f} %, its budget is {vehicle.budget_pct:.3f} %"
+
+
+def _check_days(content: DayPlanFile) -> Iterator[str]:
+    computed = evaluate_sorties(content.build_instance(), content.plan)
+    yield from _describe_wrong_routes(
+        (
+            (f"sortie {index} of {name}", route)
+            for name in content.names for index, route in enumerate(content.routes_of(name), 1)
+        ),
+        computed.durations_s, computed.energies_pct,
+    )  # fmt: skip
+    yield from _describe_wrong_figures(
+        [
+            ("finish_s", content.finish_s, computed.finish_s),
+            ("flight_s", content.flight_s, computed.flight_s),
+            (f"cost.value ({content.cost.name})", content.cost.value, computed.value_of(Objective(content.cost.name))),
+        ]
+    )
+    yield from computed.violations
+
+
+def _describe_wrong_routes(
+    named: Iterable[tuple[str, PlanRoute]], durations_s: Sequence[float], energies_pct: Sequence[float]
+) -> Iterator[str]:
+    """Yield which routes' figures, by what they are called, are not what they were computed anew to be."""
+    for (name, route), duration_s, energy_pct in zip(named, durations_s, energies_pct, strict=True):
+        yield from _describe_wrong_figures([
+            (f"{name}: duration_s", route.duration_s, duration_s), (f"{name}: energy_pct", route.energy_pct, energy_pct)
+        ])  # fmt: skip
+
+
+def _check_places(content: PlanContent) -> Iterator[str]:
+    for segment in content.segments:
+        for key, enu_m, lat_lon_deg in (
+            ("a", segment.a_enu_m, segment.a_lat_lon_deg),
+            ("b", segment.b_enu_m, segment.b_lat_lon_deg),
+        ):
+            apart_m = math.dist(enu_m[:2], content.frame.to_local_m(*lat_lon_deg))
+            if not apart_m <= PLACE_TOLERANCE_M:
+                yield f"{segment.display_name}: {key} and {key}_lat_lon_deg are {apart_m:.2f} m apart"
+        length_m = math.dist(segment.a_enu_m[:2], segment.b_enu_m[:2])
+        if not _is_same_figure(segment.length_m, length_m):
+            yield f"{segment.display_name}: length_m is {segment.length_m:.6g}, its ends are {length_m:.6g} m apart"
+
+
+def _check_areas(content: PlanFile | DayPlanFile) -> Iterator[str]:
+    """Yield what of the inspection legs that are flown, and of vehicles' pads, is in an area."""
+    if (pricing := content.pricing) is None:
+        return
+    pads = content.pads if isinstance(content, DayPlanFile) else [*pricing.bases.items()]
+    flown = sorted({content.positions[visit.segment] for route in content.routes for visit in route.visits})
+    tracks_m = pricing.tracks_m[flown, :, :2]
+    for one in pricing.kept_out:
+        graph = build_area_graph(one.area)
+        for number in np.flatnonzero(graph.is_met(tracks_m[:, 0], tracks_m[:, 1])).tolist():
+            yield f"{content.segments[flown[number]].display_name} is flown, and lies in area {one.area.name!r}"
+        for name, pad in pads:
+            if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:
+                yield f"the pad of {name} lies in area {one.area.name!r}"
+
+
+def _describe_wrong_figures(figures: Iterable[tuple[str, float, float]]) -> Iterator[str]:
+    """Yield which figures, by their name, are not what they were computed anew to be."""
+    for name, written, computed in figures:
+        if not _is_same_figure(written, computed):
+            yield f"{name} is {written:.6g}, its content gives {computed:.6g}"
+
+
+def _is_same_figure(written: float, computed: float) -> bool:
+    return abs(written - computed) <= FIGURE_TOLERANCE * max(1.0, abs(computed))
