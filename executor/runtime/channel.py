@@ -1,4 +1,7 @@
-"""What links to several vehicles share: one radio. Its transfers take turns, its round trip is known to all of them."""
+"""What links to several vehicles share: one radio. Its transfers take turns, its round trip is known to all of them.
+
+Whether a transfer comes on is a matter of the computer's time, as that of its vehicle's answers.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from itertools import count
 from weakref import WeakKeyDictionary
 
 from executor.core.interface.messages import Radio
-from executor.core.interface.ports import Clock, Link
+from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
 from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
 
@@ -30,7 +33,7 @@ class Channel:
     radio: Radio | None = None
     radio_s: float = float("-inf")
     under_way: dict[Turn, float] = field(default_factory=dict)
-    """Transfers, and when each came on last."""
+    """Transfers, and when each came on last by the loop's clock."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     _numbers: count[int] = field(default_factory=count)
@@ -48,28 +51,28 @@ class Channel:
         if round_trip.mean_s is not None:
             self.round_trip = round_trip
 
-    def note_progress(self, now_s: float) -> None:
+    def note_progress(self) -> None:
         """Note that the transfer of this task has come on."""
         turn = _TURN.get()
         if turn in self.under_way:
-            self.under_way[turn] = now_s
+            self.under_way[turn] = asyncio.get_running_loop().time()
 
     @asynccontextmanager
-    async def take_turn(self, clock: Clock, rank: Rank, needed_s: float = math.inf) -> AsyncIterator[bool]:
+    async def take_turn(self, rank: Rank, needed_s: float = math.inf) -> AsyncIterator[bool]:
         """Wait until a transfer may begin, and hold the channel inside the block; yields whether that took any time."""
         if _TURN.get() in self.under_way:  # it is a part of one
             yield False
             return
-        turn, waited = Turn(rank, needed_s, next(self._numbers)), False
+        turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(turn, self.waiting, self.under_way.values(), now_s := clock.now_s()):
+            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
                 waited = True
-                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s)) / clock.speedup)
+                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
         finally:
             self.waiting.discard(turn)
             self._tell()
-        self.under_way[turn] = clock.now_s()
+        self.under_way[turn] = now_s()
         token = _TURN.set(turn)
         try:
             yield waited

@@ -271,7 +271,7 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
     channel, paced = channel_of(link), _DialogueClock(underlying(clock))
     if not machine.is_transfer:
         return await _run_to_end(machine, link, channel, clock, paced)
-    async with channel.take_turn(paced, Rank.BEFORE_FLIGHT):
+    async with channel.take_turn(Rank.BEFORE_FLIGHT):
         return await _run_to_end(machine, link, channel, clock, paced)
 
 
@@ -302,7 +302,7 @@ async def _run_to_end(machine: M, link: Link, channel: Channel, clock: Clock, pa
                 machine, send = machine.on_message(heard, paced.now_s())
                 if machine is not before:
                     patience.begin()
-                    channel.note_progress(paced.now_s())
+                    channel.note_progress()
         except asyncio.CancelledError:
             _send_all(link, machine.cancel()[1])
             raise

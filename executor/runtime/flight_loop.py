@@ -423,8 +423,9 @@ class Flight:
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            dialect = self.context.vehicles[vehicle].dialect
-            await procedures.request_streams(self._links[vehicle], self._clock, dialect, again=True)
+            setup, heard = self.context.vehicles[vehicle], self.state.vehicles[vehicle].link.quality.radio
+            streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=heard is not None)
+            await procedures.request_streams(self._links[vehicle], self._clock, streams_hz, again=True)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_internal_error(f"an order to {vehicle}", error)
 

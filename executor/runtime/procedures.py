@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -19,7 +19,7 @@ from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
-from executor.protocols.vehicle_commands import CommandDialogue
+from executor.protocols.vehicle_commands import CommandDialogue, StreamsDialogue
 from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import (
     LEAST_WAIT_S,
@@ -134,7 +134,7 @@ async def upload_and_verify(
             break
         if attempt:
             await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
-        async with channel_of(link).take_turn(clock, need.rank, need.needed_s) as waited:
+        async with channel_of(link).take_turn(need.rank, need.needed_s) as waited:
             if (attempt or waited) and not wanted(mixed):
                 return ProcedureResult(
                     accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
@@ -488,36 +488,19 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
             return ended
 
 
-STREAMS_HZ = {
-    vehicle_commands.GLOBAL_POSITION_INT: 5.0,
-    vehicle_commands.SYS_STATUS: 1.0,
-    vehicle_commands.BATTERY_STATUS: 1.0,
-    vehicle_commands.MISSION_CURRENT: 2.0,
-    vehicle_commands.EXTENDED_SYS_STATE: 1.0,
-    vehicle_commands.ATTITUDE: 1.0,
-    vehicle_commands.GPS_RAW_INT: 1.0,
-    vehicle_commands.RC_CHANNELS: 1.0,  # its pilot's switches
-}
-"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 HEARTBEAT_HZ = 1.0
 
 
-def streams_hz(dialect: Dialect) -> dict[int, float]:
-    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
-    return STREAMS_HZ | dict(dialect.own_streams_hz)
-
-
-async def request_streams(link: Link, clock: Clock, dialect: Dialect, *, again: bool = False) -> None:
+async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:
     """Ask a vehicle for everything that we follow.
 
     Args:
         link: To it.
         clock: The flight's.
-        dialect: The vehicle's.
+        streams_hz: What, and how often.
         again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
     """
     beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
-    for message, rate_hz in (beat_hz | streams_hz(dialect)).items():
-        await send_order(
-            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
-        )
+    asked = (beat_hz | dict(streams_hz)).items()
+    wanted = tuple(vehicle_commands.set_message_interval(message, rate_hz) for message, rate_hz in asked)
+    await _run_patiently(StreamsDialogue(wanted), link, clock)

@@ -394,6 +394,8 @@ async def open_mavlink_links(
     orders: Mapping[str, LinkRequest],
     keyring: Keyring | None = None,
     radios: Collection[Sender] | None = None,
+    *,
+    one_radio: bool = False,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
 
@@ -401,6 +403,7 @@ async def open_mavlink_links(
         orders: The links.
         keyring: Frames are signed, and those of others that are not are refused.
         radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
+        one_radio: Whether they all lead to one radio.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
@@ -417,6 +420,8 @@ async def open_mavlink_links(
                 if order.connection == connection
             }
             links |= behind
+            for link in behind.values():
+                link.radio = "the one radio" if one_radio else None
             try:
                 await _open(connection, Router(behind.values(), codec), stack)
             except (OSError, ValueError) as error:

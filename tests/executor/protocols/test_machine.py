@@ -85,6 +85,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "round_trip": RoundTrip(),
                 "tries": 0,
                 "refusal": "",
+                "sent_s": 0.0,
             },
             {
                 "name": "RTL_ALT",
