@@ -31,7 +31,7 @@ from missions import PlanFile
 from missions.fences import Fence
 from missions.geo import LocalFrame
 from simulator.messages import Heartbeat, Received
-from simulator.radio import PROFILES, Radio
+from simulator.radio import PROFILES, Radio, parse_radio
 
 SPAN_M = 30.0
 SPANS_EACH = 32
@@ -186,7 +186,8 @@ def make_site(folder: Path, case: RadioCase) -> tuple[SiteModel, PlanFile]:
     ]
     path = folder / "line.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    ground = build_virtual_site(path, None, case.vehicles, case.autopilot)
+    tables = {"link": {"one_radio": True}} if parse_radio(case.radio).profile.shared else {}
+    ground = build_virtual_site(path, None, case.vehicles, case.autopilot, tables=tables)
     routes = {
         name: tuple(2 * visit for visit in range(SPANS_EACH * number, SPANS_EACH * (number + 1)))
         for number, name in enumerate(ground.names)

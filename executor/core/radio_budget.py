@@ -62,10 +62,12 @@ class RadioShare:
     bytes_s: float | None = None
     """What it carries, all together, where the site says it."""
     signed: bool = False
+    is_radio: bool = False
+    """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
 
     def find_capacity_bytes_s(self, *, on_radio: bool) -> float | None:
         """Return what may be sent; None where nothing says that there is a radio."""
-        return self.bytes_s if self.bytes_s is not None or not on_radio else USUAL_BYTES_S
+        return self.bytes_s if self.bytes_s is not None or not (on_radio or self.is_radio) else USUAL_BYTES_S
 
     def choose_step(self, dialect: Dialect, *, on_radio: bool) -> int:
         """Return how far the streams are thinned: not at all without a radio, and no further than it takes."""

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from math import inf, isinf
 from typing import Self, TypeVar
 
 from executor.core.interface import messages
@@ -48,7 +49,7 @@ LEAST_PERIOD_S = 0.25
 LAST_ITEM_PERIOD_S = 1.0
 MOST_AHEAD = 16
 """Items under way, or questions: half of what the buffer of a telemetry radio holds."""
-FIRST_AHEAD = 4
+FIRST_AHEAD = 8
 AHEAD_TRIP_S = 0.03
 """A link that answers sooner needs none of that."""
 
@@ -76,7 +77,7 @@ class _UnderWay:
     seq: int
     at_s: float
     first_s: float | None = None
-    """When it was sent before, where it was: nobody knows which of the two is answered."""
+    """When it was sent before, where it was: nobody knows which of the two is answered. Minus infinity if forgotten."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +227,7 @@ def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, m
     room = max(0, min(most, 1 - len(kept) if fast else most))
     sent, before_s = state.items[seq : seq + room], {one.seq: one.first_s or one.at_s for one in state.under_way}
     fresh = (
-        _UnderWay(one.seq, now_s, before_s.get(one.seq, now_s) if one.seq <= state.highest else None) for one in sent
+        _UnderWay(one.seq, now_s, before_s.get(one.seq, -inf) if one.seq <= state.highest else None) for one in sent
     )
     highest = max([state.highest, *(one.seq for one in sent)])
     state = replace(state, under_way=(*kept, *fresh), highest=highest)
@@ -239,13 +240,19 @@ def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip
     Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
     """
     since_s = now_s - asked.at_s
-    vain = asked.first_s is not None and trip.mean_s is not None and since_s < trip.mean_s / 2
-    return trip.record_round_trip(now_s - asked.first_s if vain and asked.first_s is not None else since_s)
+    if asked.first_s is None:
+        return trip.record_round_trip(since_s)
+    vain = trip.mean_s is not None and since_s < trip.mean_s / 2
+    if isinf(asked.first_s):
+        return trip
+    return trip.record_round_trip(now_s - asked.first_s if vain else since_s)
 
 
 def _wait_for_answer(state: U, now_s: float) -> U:
     """Return the state with the time until which the vehicle may take to answer what is under way."""
     waits_s = max(state.round_trip.waits_s, LEAST_PERIOD_S)
+    if len(state.under_way) > 1:  # the last of many waits for the others, and a vehicle says soon what it misses
+        waits_s = max(waits_s, 2 * (state.round_trip.mean_s or 0.0))
     if state.is_all_sent:
         waits_s = max(waits_s, LAST_ITEM_PERIOD_S)  # it asks by itself for what it has not
     return replace(state, deadline_s=min(now_s + waits_s, state.heard_s + state.silence_s))
@@ -398,7 +405,10 @@ def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tup
     room = max(0, min(state.room, state.ahead) - len(state.under_way))
     asks = (*again, *islice(fresh, room))
     under_way = (*state.under_way, *asks[len(again) :])
-    deadline_s = min(one.at_s for one in under_way) + state.round_trip.waits_s
+    asked_s = min(one.at_s for one in under_way)
+    if len(under_way) > 1:  # they come one after the other: none is late as long as any comes
+        asked_s = max(asked_s, state.heard_s)
+    deadline_s = asked_s + state.round_trip.waits_s
     state = replace(
         state, under_way=under_way, tries=state.tries + bool(asks), deadline_s=min(deadline_s, state.heard_s + SILENT_S)
     )

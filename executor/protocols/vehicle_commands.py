@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
-from typing import Self, TypeVar
+from typing import Self
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.messages import CommandAck, Message, Outgoing, SendCommand
 from executor.protocols.machine import Accepted, DialogueMachine, Rejected, TimedOut
 from missions import ModeNumber
-
-S = TypeVar("S", bound="StreamsDialogue")
 
 DO_SET_MODE = 176
 DO_CHANGE_SPEED = 178
@@ -153,48 +150,3 @@ class CommandDialogue(DialogueMachine):
             return self._finish(TimedOut(f"{self.what}: no acknowledgement")), ()
         state = replace(self, tries=self.tries + 1, deadline_s=now_s + self.period_s)
         return state, (replace(self.command, confirmation=self.tries),)
-
-
-AT_ONCE = 4
-"""Streams that are asked for at a time: PX4 keeps as many acknowledgements until they are sent."""
-STREAM_TRIES = 4
-
-
-@dataclass(frozen=True, slots=True)
-class StreamsDialogue(DialogueMachine):
-    """The state of asking for several streams: no acknowledgement says for which, so that they are counted.
-
-    Where one stays away all are asked for again; what is asked twice does no harm, and who refuses one sends the rest.
-    """
-
-    is_transfer = True
-    commands: tuple[SendCommand, ...]
-    sent: int = 0
-    answered: int = 0
-    tries: int = 1
-
-    def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        """Ask for the first few."""
-        return _ask_streams(self, now_s)
-
-    def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        match message:
-            case CommandAck(command, result) if (
-                command == SET_MESSAGE_INTERVAL and result != 5 and self.answered < self.sent
-            ):
-                state = replace(self, answered=self.answered + 1)
-                done = state.answered == len(self.commands)
-                return (replace(state, outcome=Accepted(), deadline_s=inf), ()) if done else _ask_streams(state, now_s)
-            case _:
-                return self, ()
-
-    def _expire(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
-        if self.tries >= STREAM_TRIES:
-            return self._finish(TimedOut("streams: no acknowledgement")), ()
-        return _ask_streams(replace(self, sent=0, answered=0, tries=self.tries + 1), now_s)
-
-
-def _ask_streams(state: S, now_s: float) -> tuple[S, tuple[Outgoing, ...]]:
-    sent = min(len(state.commands), state.answered + AT_ONCE)
-    deadline_s = now_s + max(PERIOD_S, state.round_trip.waits_s)
-    return replace(state, sent=sent, deadline_s=deadline_s), state.commands[state.sent : sent]

@@ -36,6 +36,7 @@ from missions.fences import build_fence_items
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
 HEARTBEAT_S = 1.0
+MOST_SHIFT, GOLDEN_SHARE = 0.4, 0.618
 ORDERS = {
     commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND,
     commands.Disarm: Action.DISARM,
@@ -433,12 +434,21 @@ class Flight:
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
 
-    It is for everybody who hears it, so that it goes out once to vehicles behind one radio.
+    It is for everybody who hears it, so that it goes out once to vehicles behind one radio. There it comes a little
+    sooner or later every time: radios put reports of their own between what comes once a second from a vehicle, and
+    two senders that keep one rhythm would destroy each other's frames for a whole flight.
     """
-    while True:
-        for name, link in {link.peer or name: (name, link) for name, link in links.items()}.values():
+    for beats in itertools.count():
+        once = {link.peer or name: (name, link) for name, link in links.items()}
+        for name, link in once.values():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
-        await asyncio.sleep(HEARTBEAT_S / clock.speedup)
+        shift = _shift_of(beats + 1) - _shift_of(beats) if len(once) < len(links) else 0.0
+        await asyncio.sleep(HEARTBEAT_S * (1.0 + shift) / clock.speedup)
+
+
+def _shift_of(beats: int) -> float:
+    """Return how much later than its second a heartbeat goes out, as a share of one: no two in a row alike."""
+    return MOST_SHIFT * (beats * GOLDEN_SHARE % 1.0)
 
 
 REST_S = 5.0

@@ -19,7 +19,7 @@ from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
-from executor.protocols.vehicle_commands import CommandDialogue, StreamsDialogue
+from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import (
     LEAST_WAIT_S,
@@ -501,6 +501,7 @@ async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, flo
         again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
     """
     beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
-    asked = (beat_hz | dict(streams_hz)).items()
-    wanted = tuple(vehicle_commands.set_message_interval(message, rate_hz) for message, rate_hz in asked)
-    await _run_patiently(StreamsDialogue(wanted), link, clock)
+    for message, rate_hz in (beat_hz | dict(streams_hz)).items():
+        await send_order(
+            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
+        )

@@ -14,6 +14,7 @@ from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
+from executor.core.interface.connection import Scheme
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, effective_link_timeout_s
 from executor.core.radio_budget import RadioShare
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
@@ -373,7 +374,8 @@ def radio_share_of(site: Site, name: str) -> RadioShare:
     """Return what a vehicle has of the radio that it is behind: those with the same connection share one."""
     links = {table.name: table.link for table in site.vehicle}
     beside = sum(site.link.one_radio or link == links[name] for link in links.values())
-    return RadioShare(beside, site.link.bytes_s, site.signing is not None)
+    is_radio = site.link.one_radio or links[name].scheme is Scheme.SERIAL
+    return RadioShare(beside, site.link.bytes_s, site.signing is not None, is_radio)
 
 
 def build_limits(site: Site) -> Limits:
