@@ -434,20 +434,23 @@ class Flight:
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
 
-    It is for everybody who hears it, so that it goes out once to vehicles behind one radio. There it comes a little
-    sooner or later every time: radios put reports of their own between what comes once a second from a vehicle, and
-    two senders that keep one rhythm would destroy each other's frames for a whole flight.
+    It is for everybody who hears it, so that it goes out once to all vehicles behind one radio. There it comes twice
+    as often, and a little sooner or later every time: radios with stock firmware put reports of their own inside
+    frames, as often as a vehicle speaks, and destroy one of our heartbeats in four (emulated). Two senders that kept
+    one rhythm would do so for a whole flight, and five in a row are a GCS failsafe of ArduPilot's.
     """
     for beats in itertools.count():
         once = {link.peer or name: (name, link) for name, link in links.items()}
         for name, link in once.values():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
-        shift = _shift_of(beats + 1) - _shift_of(beats) if len(once) < len(links) else 0.0
-        await asyncio.sleep(HEARTBEAT_S * (1.0 + shift) / clock.speedup)
+        after_s = HEARTBEAT_S
+        if len(once) < len(links):
+            after_s *= 0.5 * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
+        await asyncio.sleep(after_s / clock.speedup)
 
 
 def _shift_of(beats: int) -> float:
-    """Return how much later than its second a heartbeat goes out, as a share of one: no two in a row alike."""
+    """Return how much later than its second a heartbeat goes out, as a share: no two in a row are alike."""
     return MOST_SHIFT * (beats * GOLDEN_SHARE % 1.0)
 
 
