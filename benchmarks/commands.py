@@ -363,6 +363,7 @@ cli.command()(bench_flights.window)
 cli.command()(bench_flights.distance)
 cli.command()(bench_flights.pictures)
 cli.command()(bench_flights.sorties)
+cli.command()(bench_flights.radio)
 cli.command()(bench_failures.failures)
 cli.command()(bench_day.day)
 

@@ -262,6 +262,37 @@ def sorties(
     finish_command(content, report_sorties, out, as_json=as_json, failed=bool(content["wrong"]))
 
 
+def radio(
+    radio: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PROFILE", help="As `simulate --radio` takes it; may be repeated. By default six of them."
+        ),
+    ] = None,
+    vehicles: Annotated[int, typer.Option(min=2, max=8, help="Vehicles behind it.")] = 4,
+    flights: Annotated[int, typer.Option(min=1, help="Flights over each radio with each autopilot.")] = 1,
+    seed: SeedOption = 1,
+    autopilot: AutopilotsOption = None,
+    jobs: JobsOption = None,
+    out: Annotated[Path | None, make_output_option("radio.md and radio.json")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Fly a fleet behind one telemetry radio and lose a vehicle: when are missions and re-plans on board?
+
+    The radio is emulated, and flights are in virtual time; one takes about half a minute of a core. The same seed gives
+    the same figures for any number of processes. Exit 1 if a vehicle that is well was called lost, or a flight could
+    not be flown.
+    """
+    from benchmarks.radio import RADIOS, fly_over_radio, make_radio_cases, radio_document, report_radio
+
+    autopilots, asked = _select_autopilots(autopilot)
+    flown = _flown(fly_over_radio, make_radio_cases(radio or RADIOS, [vehicles], autopilots, flights, seed), jobs)
+    asked += [part for one in radio or () for part in ("--radio", one)]
+    figures = ["--vehicles", str(vehicles), "--flights", str(flights), "--seed", str(seed)]
+    content = radio_document(flown, shlex.join(["faultline", "bench", "radio", *asked, *figures]), seed)
+    finish_command(content, report_radio, out, as_json=as_json, failed=bool(content["wrong"]))
+
+
 def _select_autopilots(autopilot: AutopilotName | None) -> tuple[list[str], list[str]]:
     """Return the autopilots that are meant, and the option that asks for them."""
     if autopilot is None:

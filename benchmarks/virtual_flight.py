@@ -18,7 +18,7 @@ from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual.in_process_solver import InProcessSolver
 from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
-from benchmarks.virtual.radio import MemoryRadio
+from benchmarks.virtual.radio import MemoryRadio, share_port
 from executor.analysis.documents import FlightReport
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
@@ -48,6 +48,7 @@ from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
 from simulator.fleet import SimulatedVehicle, build_vehicles
+from simulator.radio import parse_radio
 from simulator.truth import Truth
 
 LIMIT_S = 3 * 3600.0
@@ -195,6 +196,8 @@ class VirtualRun(MemoryFlight):
 
         vehicles = zip(simulated.vehicles, build_vehicles(simulated, raise_return), strict=True)
         radios = {config.name: MemoryRadio(vehicle, config.sysid) for config, vehicle in vehicles}
+        if radio and parse_radio(radio).profile.shared:
+            share_port(tuple(radios.values()))
         solver = InProcessSolver(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         super().__init__(radios, solver, self._onlookers.sink)
         self._vehicles = {name: radio.vehicle for name, radio in radios.items()}

@@ -109,7 +109,7 @@ class SimulatedVehicle:
         self, vehicle: SimVehicle, faults: Iterable[Injection] = (), radio: Radio | None = None, place: int = 0
     ) -> None:
         """Switch it on; `place` is its number on the radio."""
-        self._radio, self._place = radio, place
+        self.radio, self._place = radio, place
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         payload = self.autopilot.payload
@@ -142,8 +142,8 @@ class SimulatedVehicle:
 
     def receive(self, datagram: bytes) -> None:
         """Take a datagram from a ground station; an answer may be ready at once."""
-        if self._radio is not None:
-            self._radio.send(self._place, datagram, self._now_s, up=True)
+        if self.radio is not None:
+            self.radio.send(self._place, datagram, self._now_s, up=True)
             return
         self._up.offer(datagram, self._now_s)
         self._deliver()
@@ -152,8 +152,8 @@ class SimulatedVehicle:
         """Live until ``until_s``, in whole steps."""
         while self._now_s + STEP_S <= until_s + 1e-9:
             self._now_s += STEP_S
-            if self._radio is not None:
-                for datagram in self._radio.take(self._place, self._now_s, up=True):
+            if self.radio is not None:
+                for datagram in self.radio.take(self._place, self._now_s, up=True):
                     self._up.offer(datagram, self._now_s)
             self._deliver()
             self.autopilot.advance(self._now_s)
@@ -165,11 +165,11 @@ class SimulatedVehicle:
         """Take away the datagrams that have reached the ground stations."""
         self._collect()
         sent = self._down.take_due(self._now_s)
-        if self._radio is None:
+        if self.radio is None:
             return sent
         for datagram in sent:
-            self._radio.send(self._place, datagram, self._now_s, up=False)
-        return self._radio.take(self._place, self._now_s, up=False)
+            self.radio.send(self._place, datagram, self._now_s, up=False)
+        return self.radio.take(self._place, self._now_s, up=False)
 
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
         """Take away what really happened, where on the globe, and when by a machine's clock."""

@@ -185,12 +185,12 @@ class _Way:
         self._out_s = (0.0, 0.0)
         self._latest_s = {True: 0.0, False: 0.0}
 
-    def carry(self, sent_s: float, *, up: bool) -> float | None:
-        """Return when what was sent arrives; None if it is lost."""
+    def carry(self, sent_s: float, took_s: float, *, up: bool) -> float | None:
+        """Return when what was sent, and took so long on the air, arrives; None if it is lost."""
         if self._loss.draw_loss() or self._is_out(sent_s):
             return None
-        # Nothing overtakes what was sent before.
-        self._latest_s[up] = max(self._latest_s[up], sent_s + self._rng.uniform(*self._profile.delay_s))
+        # Nothing overtakes what was sent before, or arrives at the same time.
+        self._latest_s[up] = max(self._latest_s[up] + took_s, sent_s + self._rng.uniform(*self._profile.delay_s))
         return self._latest_s[up]
 
     def _is_out(self, now_s: float) -> bool:
@@ -394,9 +394,10 @@ class Radio:
             node = self._nodes[number]
             packet = node.take_packet(room_bytes)
             if packet:
-                self._now_s += profile.overhead_s + len(packet) * profile.byte_s
+                took_s = profile.overhead_s + len(packet) * profile.byte_s
+                self._now_s += took_s
                 self._spoke_s[number] = self._now_s
-                self._deliver(number, packet)
+                self._deliver(number, packet, took_s)
                 return True
         return False
 
@@ -411,10 +412,10 @@ class Radio:
         else:
             self._now_s = min(self._ends_s, until_s, ready_s)
 
-    def _deliver(self, number: int, packet: bytes) -> None:
+    def _deliver(self, number: int, packet: bytes, took_s: float) -> None:
         up = number == GROUND
         for vehicle in self._ways if up else (number,):
-            at_s = self._ways[vehicle].carry(self._now_s, up=up)
+            at_s = self._ways[vehicle].carry(self._now_s, took_s, up=up)
             if at_s is not None:
                 self._nodes[vehicle if up else GROUND].arrive(vehicle, packet, at_s)
 

@@ -5,11 +5,10 @@ Measured on v1.17.0 unless a line says otherwise.
 
 from __future__ import annotations
 
-import struct
-import zlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
+from missions import compute_list_checksum
 from missions.items import Command, Frame, MissionItem, PlaceCommand
 from simulator import messages
 from simulator.mission_store import (
@@ -39,20 +38,6 @@ _KNOWN: Mapping[int, Collection[int]] = {
     RALLY: {PlaceCommand.RALLY_POINT},
 }  # fmt: skip
 TIMEOUT_TEXT = (messages.Severity.WARNING, "Operation timeout")
-
-
-def compute_mission_checksum(items: Sequence[MissionItem]) -> int:
-    """Return the mission's identity: a CRC32 over everything but ``current``; 0 is the empty mission."""
-    crc = 0
-    for item in items:
-        crc = zlib.crc32(
-            struct.pack(
-                "<BHB4fiif", item.frame, item.command, item.autocontinue, item.param1, item.param2, item.param3,
-                item.param4, item.x, item.y, item.z,
-            ),
-            crc,
-        )  # fmt: skip
-    return crc
 
 
 class Px4Store:
@@ -223,7 +208,7 @@ class Px4Store:
             self._beside[upload.kind] = tuple(upload.items)
             accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
             return replace(accepted, fenced=upload.kind == FENCE)
-        crc = compute_mission_checksum(upload.items)
+        crc = compute_list_checksum(upload.items)
         reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
         if crc == self._mission_id:
             # The same content is not looked at again, not even for its ``current``.
@@ -234,7 +219,7 @@ class Px4Store:
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
         self._items = items
-        self._mission_id = compute_mission_checksum(items)
+        self._mission_id = compute_list_checksum(items)
 
     def _end(self, message: messages.MissionAckReceived, sender: messages.Peer) -> StoreStep:
         if sender != self._partner:
@@ -252,7 +237,7 @@ class Px4Store:
         self._partner = sender
         items = self._items_of(kind)
         self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
-        opaque_id = self._mission_id if kind == messages.MISSION_TYPE_MISSION else compute_mission_checksum(items)
+        opaque_id = self._mission_id if kind == messages.MISSION_TYPE_MISSION else compute_list_checksum(items)
         return StoreStep((build_mission_count(sender, len(items), opaque_id, kind),))
 
     def _items_of(self, kind: int) -> tuple[MissionItem, ...]:

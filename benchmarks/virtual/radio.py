@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router, VehicleLink
+from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write
 from simulator.autopilot import STEP_S
 from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
@@ -26,10 +26,14 @@ class MemoryRadio:
     def connect(self) -> None:
         """Begin anew on the ground's side, as a new process does."""
         codec = MavlinkCodec()
-        self.link = VehicleLink(self.sysid, codec)
-        self.link.write = self.write
-        self._router = Router([self.link], codec)
+        link = VehicleLink(self.sysid, codec)
+        self.join(link, Router([link], codec), self.write)
         self._waiting: list[bytes] = []
+
+    def join(self, link: VehicleLink, router: Router, write: Write) -> None:
+        """Be reached with `write`, and bring what comes down to a router."""
+        self.link, self._router, self._write_up = link, router, write
+        link.write = write
 
     def write(self, frame: bytes) -> bool:
         """Send a frame up; it is there with the next step."""
@@ -47,7 +51,7 @@ class MemoryRadio:
 
     def receive(self, datagram: bytes) -> None:
         """Take what has come down."""
-        self._router.route_frames(self._router.codec.decode(datagram), self.write)
+        self._router.route_frames(self._router.codec.decode(datagram), self._write_up)
 
     def drain_truths(self) -> list[Truth]:
         """Take away what really happened, dated by the flight's clock."""
@@ -57,6 +61,15 @@ class MemoryRadio:
         """Stop the streams that nobody reads."""
         for name in UNREAD:
             self.vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
+
+
+def share_port(radios: Sequence[MemoryRadio]) -> None:
+    """Let vehicles behind one radio be behind one port of the ground station, as a telemetry radio is."""
+    codec = MavlinkCodec()
+    links = [VehicleLink(one.sysid, codec) for one in radios]
+    router = Router(links, codec)
+    for one, link in zip(radios, links, strict=True):
+        one.join(link, router, radios[0].write)
 
 
 async def run_radios(radios: Iterable[MemoryRadio], then: Callable[[float], None], *, every_s: float = STEP_S) -> None:

@@ -13,6 +13,7 @@ from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.fault_thresholds import Limits
+from executor.core.radio_budget import ALONE, RadioShare
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
 from missions import Dialect, FlightSetup, LocalFrame, Pace, Pad, Performance, Pricing
 from missions.flight_model import AS_MODELLED
@@ -72,6 +73,8 @@ class VehicleSetup:
     """What the site file, and its earlier flights, say of its pack."""
     history: PackHistory | None = None
     """The pack, where the site names it."""
+    radio: RadioShare = ALONE
+    """What it has of the radio that it is behind."""
     empty_pct: float = 0.0
     """What its autopilot reports when its pack is empty, by its earlier flights; a part of `reserve_pct`."""
     start: LearnedFactors = UNKNOWN

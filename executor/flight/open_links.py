@@ -115,7 +115,9 @@ async def open_links(
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
         radios = request.site.link.senders
-        native = await stack.enter_async_context(endpoints.open_mavlink_links(wanted["native"], keyring, radios))
+        native = await stack.enter_async_context(
+            endpoints.open_mavlink_links(wanted["native"], keyring, radios, one_radio=request.site.link.one_radio)
+        )
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
         )

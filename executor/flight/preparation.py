@@ -31,6 +31,7 @@ from executor.core.preflight.parameter_changes import (
     check_return_height,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.radio_budget import check_radio
 from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
@@ -43,6 +44,7 @@ from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_file import Site
 from executor.site.site_keys import VehicleTable
+from executor.site.site_model import radio_share_of
 from executor.site.site_parts import base_places_m, build_places
 from missions import MissionKind, Pad, dialect_for, encode
 from missions.fences import Fence, build_fence_items
@@ -83,7 +85,8 @@ async def connect_and_interview(
     dialect = dialect_for(table.autopilot)
     more = () if site.terrain is None else vehicle_checks.list_terrain_parameters(dialect)
     more += vehicle_checks.list_shutter_parameters(dialect) if site.look else ()
-    facts = await asking.interview_vehicle(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more)
+    share = radio_share_of(site, name)
+    facts = await asking.interview_vehicle(name, link, clock, dialect, site.flight.ready_timeout_s, waits, more, share)
     console.say(Level.INFO, f"{name}: ready, {facts.words}, battery {facts.remaining_pct:.0f} %")
     return facts
 
@@ -114,6 +117,10 @@ def build_context_and_checklist(
     found += _list_day_pads(context)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
+    for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
+        behind = [name for name in facts if channel is None or links[name] == channel]
+        setup, measured = context.vehicles[behind[0]], tuple(facts[name].link for name in behind)
+        found += check_radio(setup.radio, setup.dialect, measured)
     found.append(vehicle_checks.check_disk_space(shutil.disk_usage(request.run).free, paths, context))
     found += vehicle_checks.check_layer_separation(
         list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m

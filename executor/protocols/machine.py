@@ -54,6 +54,14 @@ class RoundTrip:
         """Return what is waited after nothing came in that time: a jam is not to be fed."""
         return replace(self, waits_s=min(2 * self.waits_s, self.most_s))
 
+    def adopt(self, known: RoundTrip) -> Self:
+        """Return this with what earlier dialogues have measured over the same link; it never makes less patient."""
+        if known.mean_s is None or self.mean_s is not None:
+            return self
+        waits_s = known.mean_s + max(LEAST_VARIANCE_S, VARIANCES * known.varies_s)
+        waits_s = min(max(waits_s, self.waits_s), self.most_s)
+        return replace(self, waits_s=waits_s, mean_s=known.mean_s, varies_s=known.varies_s)
+
 
 SAME_S = 1e-6
 """Times nearer to each other than this are one: a timer may end that much before its deadline, and sums are rounded."""
@@ -102,6 +110,11 @@ class DialogueMachine(ABC):
     """The one outcome, once there is one."""
     deadline_s: float = 0.0
     """When `on_deadline` wants to be called if nothing comes before."""
+    round_trip: RoundTrip = field(default=RoundTrip(), kw_only=True)
+    """Of the link, as far as it is known."""
+
+    is_transfer: ClassVar[bool] = False
+    """Whether it is long, so that it takes turns with those of other vehicles on the same radio."""
 
     @property
     def accepted(self) -> bool:

@@ -1,14 +1,18 @@
 """Upload and download of a mission, a fence or rally points.
 
-In an upload the vehicle drives: it asks for each item, and asks again for what got lost. We repeat only MISSION_COUNT,
-and only until the first request, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp). The last item
-is repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot ignores it.
+In an upload the vehicle drives: it asks for each item, and asks again for what got lost. Before its first request we
+repeat only MISSION_COUNT, and never after it, because PX4 answers a later one with ERROR "Busy" (mavlink_mission.cpp).
+From then on items go out ahead of the requests, as many as the link takes: both autopilots take an item that comes in
+its turn, asked for or not (MissionItemProtocol.cpp, mavlink_mission.cpp), so that a mission costs a few round trips and
+not one for each item. What comes out of turn ArduPilot answers with a warning, and PX4 passes over. The last item is
+repeated when the final acknowledgement stays away: PX4 acknowledges it again, and ArduPilot calls it an error.
 
 PX4 asks again every 0.25 s, whatever the link. What it asked before our answer can have reached it is not answered
 twice: over a radio that is slower than that, every item would go out many times over, and feed the jam that it is in.
 
-In a download the ground station drives: it asks for one item at a time, and repeats its question, at the pace of the
-link, until it is answered. What comes twice, or late, is passed over.
+In a download the ground station drives: it asks for items, and repeats each question, at the pace of the link, until it
+is answered. What comes twice, or late, is passed over. ArduPilot answers questions in any order, so that several are
+under way; PX4 ends a transfer with an error where a question comes out of turn.
 
 An error is no end of a download: it may be the late answer to a doubled item of the upload before, or another station's
 transfer that will be over soon. It is the reason if the question stays without an answer. PX4 ends a transfer with one
@@ -17,12 +21,15 @@ where a repeated question comes two items late, and without a word after 5 s: th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from math import inf, isinf
 from typing import Self, TypeVar
 
 from executor.core.interface import messages
 from executor.core.interface.codes import Ending
 from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Rejected, RoundTrip, TimedOut
+from missions import compute_list_checksum
 from missions.items import MissionItem, MissionKind
 
 COUNT_PERIOD_S = 1.5
@@ -31,9 +38,20 @@ COUNT_TRIES = 5
 REPEAT_S = 0.1
 """A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
 (PX4 issue 11078)."""
-FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=1.25)
-"""PX4 gives up after 5 s without an item: it gets four copies in that time, however slow the link is."""
+FIRST_TRIP = RoundTrip(least_s=REPEAT_S, most_s=2.4)
+"""PX4 gives up after 5 s without an item: it gets two copies in that time, however slow the link is."""
+U = TypeVar("U", bound="UploadDialogue")
+D = TypeVar("D", bound="DownloadDialogue")
+Sent = tuple[messages.Outgoing, ...]
+
+LEAST_PERIOD_S = 0.25
+"""An item is not repeated sooner without having been asked for: the vehicle, or this computer, may be busy."""
 LAST_ITEM_PERIOD_S = 1.0
+MOST_AHEAD = 16
+"""Items under way, or questions: half of what the buffer of a telemetry radio holds."""
+FIRST_AHEAD = 8
+AHEAD_TRIP_S = 0.03
+"""A link that answers sooner needs none of that."""
 
 RESULT_ACCEPTED = 0
 RESULT_ERROR = 1
@@ -53,9 +71,20 @@ _CODES = {
 
 
 @dataclass(frozen=True, slots=True)
+class _UnderWay:
+    """An item that was sent, or asked for, and not answered yet."""
+
+    seq: int
+    at_s: float
+    first_s: float | None = None
+    """When it was sent before, where it was: nobody knows which of the two is answered. Minus infinity if forgotten."""
+
+
+@dataclass(frozen=True, slots=True)
 class UploadDialogue(DialogueMachine):
     """The state of one upload."""
 
+    is_transfer = True
     items: tuple[MissionItem, ...]
     silence_s: float
     """How long the vehicle may stay silent after its first request: longer than its own time-out."""
@@ -64,92 +93,169 @@ class UploadDialogue(DialogueMachine):
     kind: MissionKind = MissionKind.MISSION
     """Which of the vehicle's lists: what is said of another is another dialogue's."""
     counts_sent: int = 0
+    counted_s: float = 0.0
+    """When it was announced first."""
     furthest: int = -1
     """The highest item asked for so far."""
-    answered: int = -1
-    """The item answered last, at `answered_s`."""
-    answered_s: float = float("-inf")
-    first_s: float = float("-inf")
-    """When that item was sent first."""
-    round_trip: RoundTrip = FIRST_TRIP
+    under_way: tuple[_UnderWay, ...] = ()
+    """In the order of their items."""
+    ahead: int = MOST_AHEAD
+    """How many may be under way at most."""
+    room: int = FIRST_AHEAD
+    """How many may be now."""
+    highest: int = -1
+    """The highest item that was ever sent."""
+    repeats: int = 0
+    """How often something was repeated since the vehicle last asked."""
+    round_trip: RoundTrip = field(default=FIRST_TRIP, kw_only=True)
     heard_s: float = 0.0
     """When the vehicle last asked for an item."""
     refusal: int | None = None
     """The error that it sent since its last request."""
+    early: bool = False
+    """Whether it has accepted the list since then, and not asked for all of it."""
+    checksum: int | None = None
+    """Of the list, as the vehicle says it when it accepts it; None from one that has none."""
 
     @property
     def is_begun(self) -> bool:
         """Whether the vehicle has asked for an item: from then on ArduPilot's old mission is no longer whole."""
         return self.furthest >= 0
 
-    def begin(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
-        """Announce the number of items."""
-        state = replace(self, counts_sent=1, answered_s=now_s, first_s=now_s, deadline_s=now_s + COUNT_PERIOD_S)
-        return state, (messages.MissionCount(len(self.items), self.kind),)
+    @property
+    def is_all_sent(self) -> bool:
+        """Whether every item was sent: perhaps the acknowledgement alone got lost."""
+        return self.is_begun and self.highest == len(self.items) - 1
 
-    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
+    def begin(self, now_s: float) -> tuple[Self, Sent]:
+        """Announce the number of items."""
+        return _announce_items(replace(self, counted_s=now_s, heard_s=now_s), now_s)
+
+    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
         """Answer requests; end on an acknowledgement that is final."""
         match message:
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
-            case messages.MissionAck(result, kind) if kind is self.kind:
-                return self._handle_acknowledgement(result), ()
+            case messages.MissionAck(result, kind) if kind is self.kind and result in self.warnings and self.is_begun:
+                return _repeat_if_lost(self, now_s)
+            case messages.MissionAck(result, kind, checksum) if kind is self.kind:
+                return self._handle_acknowledgement(result, checksum), ()
             case _:
                 return self, ()
 
-    def _expire(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
+    def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Repeat what may be repeated, or give up."""
         if not self.is_begun:
             if self.counts_sent >= COUNT_TRIES:
                 return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
-            state = replace(self, counts_sent=self.counts_sent + 1, deadline_s=now_s + COUNT_PERIOD_S)
-            return state, (messages.MissionCount(len(self.items), self.kind),)
-        if now_s - self.heard_s >= self.silence_s:
-            if self.refusal is not None:
-                return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
+            return _announce_items(self, now_s)
+        if self.early:
+            return self._finish(Accepted()), ()
+        silent = now_s - self.heard_s >= self.silence_s - SAME_S
+        if self.refusal is not None and (silent or self.is_all_sent):
+            return self._finish(build_rejection(list_name_of(self.kind), self.refusal)), ()
+        if silent:
             return self._finish(TimedOut(f"no answer after item {self.furthest} of {len(self.items)}")), ()
-        state = replace(self, deadline_s=now_s + max(LAST_ITEM_PERIOD_S, self.round_trip.waits_s))
-        if self.furthest == len(self.items) - 1:
-            return state, (messages.MissionItemInt(self.items[-1], self.kind),)
-        return state, ()
+        trip, repeats = self.round_trip.record_timeout(), self.repeats + 1
+        state = replace(self, round_trip=trip, room=max(1, self.room // 2), repeats=repeats)
+        # Who has everything asks for nothing more: the last item brings its acknowledgement again. Who has not, and is
+        # not heard, waits for what it asked for: the two by turns.
+        last = self.is_all_sent and repeats % 2 == 1
+        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, 1)
 
-    def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
+    def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
         return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
-    def _answer(self, seq: int, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
-        trip = self._update_round_trip(now_s) if seq == self.answered + 1 else self.round_trip
-        deadline_s = now_s + min(max(LAST_ITEM_PERIOD_S, trip.waits_s), self.silence_s)
-        state = replace(
-            self, furthest=max(self.furthest, seq), heard_s=now_s, refusal=None, round_trip=trip, deadline_s=deadline_s
-        )
-        again = seq <= self.answered  # one before the last is a late double, or a vehicle that has begun anew
-        if again and now_s - self.answered_s < min(trip.usual_s, trip.most_s):
-            return state, ()
-        first_s = self.first_s if seq == self.answered else now_s
-        state = replace(state, answered=seq, answered_s=now_s, first_s=first_s)
-        return state, (messages.MissionItemInt(self.items[seq], self.kind),)
+    def _answer(self, seq: int, now_s: float) -> tuple[Self, Sent]:
+        state = replace(self, heard_s=now_s, refusal=None, early=False, repeats=0)
+        if seq == self.furthest:
+            return _repeat_if_lost(state, now_s)
+        if seq < self.furthest:  # a late double, or a vehicle that has begun anew
+            if self.under_way and now_s - self.under_way[0].at_s < self.usual_s:
+                return _wait_for_answer(state, now_s), ()
+            return _send_items(replace(state, furthest=seq), (), seq, now_s, self.room)
+        come = [one for one in self.under_way if one.seq < seq]  # it has all that stands before what it asks for
+        left = tuple(one for one in self.under_way if one.seq >= seq)
+        trip = self.round_trip
+        if come:
+            trip = _record_answer(trip, come[-1], now_s)
+        elif not self.is_begun and self.counts_sent == 1:
+            trip = trip.record_round_trip(now_s - self.counted_s)
+        room = min(self.ahead, self.room + len(come))
+        state = replace(state, furthest=seq, round_trip=trip, room=room)
+        return _send_items(state, left, left[-1].seq + 1 if left else seq, now_s, room - len(left))
 
-    def _update_round_trip(self, now_s: float) -> RoundTrip:
-        """Return what is known of the link once the next item is asked for.
+    @property
+    def usual_s(self) -> float:
+        """By when most of what was sent is answered."""
+        return min(self.round_trip.usual_s, self.round_trip.most_s)
 
-        Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
-        """
-        since_s = now_s - self.answered_s
-        vain = self.round_trip.mean_s is not None and since_s < self.round_trip.mean_s / 2
-        return self.round_trip.record_round_trip(now_s - self.first_s if vain else since_s)
-
-    def _handle_acknowledgement(self, result: int) -> Self:
+    def _handle_acknowledgement(self, result: int, checksum: int | None) -> Self:
         all_asked = self.furthest == len(self.items) - 1
         if result == RESULT_ACCEPTED:
-            # Before the last item was asked for it can only be a late duplicate of an earlier transfer's.
-            return self._finish(Accepted()) if all_asked else self
+            proven = checksum is not None and checksum == compute_list_checksum(self.items)
+            if all_asked or (self.is_all_sent and proven):
+                return replace(self._finish(Accepted()), checksum=checksum)
+            # Before the last item was asked for it may be a late duplicate of an earlier transfer's.
+            return replace(self, early=True, checksum=checksum) if self.is_all_sent else self
         if result in self.warnings or (result == RESULT_CANCELLED and not self.is_begun):
             return self  # what has not begun cannot be given up: that was an earlier transfer
         if result == RESULT_ERROR and self.is_begun and not all_asked:
             # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
             return replace(self, refusal=result)
         return self._finish(build_rejection(list_name_of(self.kind), result))
+
+
+def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
+    period_s = max(COUNT_PERIOD_S, state.round_trip.waits_s)
+    state = replace(state, counts_sent=state.counts_sent + 1, deadline_s=now_s + period_s)
+    return state, (messages.MissionCount(len(state.items), state.kind),)
+
+
+def _repeat_if_lost(state: U, now_s: float) -> tuple[U, Sent]:
+    """Send what the vehicle waits for again, unless that may still be on its way; what is behind it is lost too."""
+    first = state.under_way[0] if state.under_way else None
+    if first is not None and first.seq == state.furthest and now_s - first.at_s < state.usual_s:
+        return _wait_for_answer(state, now_s), ()
+    return _send_items(replace(state, room=max(1, state.room // 2)), (), state.furthest, now_s, 1)
+
+
+def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, most: int) -> tuple[U, Sent]:
+    """Send the items from one on, as many as there is room for beside those that stay under way."""
+    fast = state.round_trip.mean_s is not None and state.round_trip.mean_s < AHEAD_TRIP_S
+    room = max(0, min(most, 1 - len(kept) if fast else most))
+    sent, before_s = state.items[seq : seq + room], {one.seq: one.first_s or one.at_s for one in state.under_way}
+    fresh = (
+        _UnderWay(one.seq, now_s, before_s.get(one.seq, -inf) if one.seq <= state.highest else None) for one in sent
+    )
+    highest = max([state.highest, *(one.seq for one in sent)])
+    state = replace(state, under_way=(*kept, *fresh), highest=highest)
+    return _wait_for_answer(state, now_s), tuple(messages.MissionItemInt(one, state.kind) for one in sent)
+
+
+def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip:
+    """Return what is known of the link after an answer.
+
+    Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+    """
+    since_s = now_s - asked.at_s
+    if asked.first_s is None:
+        return trip.record_round_trip(since_s)
+    vain = trip.mean_s is not None and since_s < trip.mean_s / 2
+    if isinf(asked.first_s):
+        return trip
+    return trip.record_round_trip(now_s - asked.first_s if vain else since_s)
+
+
+def _wait_for_answer(state: U, now_s: float) -> U:
+    """Return the state with the time until which the vehicle may take to answer what is under way."""
+    waits_s = max(state.round_trip.waits_s, LEAST_PERIOD_S)
+    if len(state.under_way) > 1:  # the last of many waits for the others, and a vehicle says soon what it misses
+        waits_s = max(waits_s, 2 * (state.round_trip.mean_s or 0.0))
+    if state.is_all_sent:
+        waits_s = max(waits_s, LAST_ITEM_PERIOD_S)  # it asks by itself for what it has not
+    return replace(state, deadline_s=min(now_s + waits_s, state.heard_s + state.silence_s))
 
 
 def list_name_of(kind: MissionKind) -> str:
@@ -162,8 +268,6 @@ def build_rejection(what: str, result: int) -> Rejected:
     words = RESULT_NAMES.get(result, f"result {result}")
     return Rejected(f"{what} refused: {words}", _CODES.get(result, Ending.UNKNOWN_RESULT))
 
-
-D = TypeVar("D", bound="DownloadDialogue")
 
 MOST_PERIOD_S = 2.0
 """PX4 ends the transfer after 5 s without a question: two in a row may get lost."""
@@ -179,15 +283,31 @@ FIRST_READ_TRIP = RoundTrip(waits_s=1.0, most_s=MOST_PERIOD_S)
 class DownloadDialogue(DialogueMachine):
     """The state of one download."""
 
+    is_transfer = True
     kind: MissionKind = MissionKind.MISSION
     """Which of the vehicle's lists: what is said of another is another dialogue's."""
+    first: int = 0
+    """The first item that is wanted."""
+    ahead: int = 1
+    """How many questions may be under way: 1 where they must come in their turn."""
+    checksum: int | None = None
+    """With this one on board nothing needs to be read."""
     count: int | None = None
     items: tuple[MissionItem, ...] = ()
+    """From the first one on that is wanted, without a gap."""
+    later: tuple[MissionItem, ...] = ()
+    """What came before those that stand before it."""
+    proven: bool = False
+    """Whether the vehicle says that the list on board has that checksum."""
+    room: int = FIRST_AHEAD
+    """How many questions may be under way now."""
+    under_way: tuple[_UnderWay, ...] = ()
+    """In the order in which they were asked."""
     tries: int = 0
-    """How often the question that is open was asked."""
+    """How often was asked since the last answer."""
     refusal: int | None = None
-    """The error that came since it was asked first."""
-    round_trip: RoundTrip = FIRST_READ_TRIP
+    """The error that came since."""
+    round_trip: RoundTrip = field(default=FIRST_READ_TRIP, kw_only=True)
     asked_s: float = 0.0
     heard_s: float = 0.0
     """When the last answer came."""
@@ -196,67 +316,100 @@ class DownloadDialogue(DialogueMachine):
     broke_off_at: str = ""
     """What was asked for in vain before that."""
 
-    def begin(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
+    def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Ask how many items there are."""
-        return _request_open_items(replace(self, heard_s=now_s), now_s)
+        return _ask_count(replace(self, heard_s=now_s), now_s)
 
-    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
-        """Take the count, then the items in their order."""
+    def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
+        """Take the count, then the items."""
         match message:
-            case messages.MissionCount(count, kind) if kind is self.kind and self.count is None:
-                return self._request_next(now_s, count, ())
-            case messages.MissionItemInt(item, kind) if kind is self.kind and self._is_next(item):
-                return self._request_next(now_s, self.count, (*self.items, item))
+            case messages.MissionCount(count, kind, checksum) if kind is self.kind and self.count is None:
+                proven = checksum is not None and checksum == self.checksum
+                trip = self.round_trip.record_round_trip(now_s - self.asked_s) if self.tries == 1 else self.round_trip
+                return _go_on(replace(self, count=count, proven=proven, round_trip=trip), now_s)
+            case messages.MissionItemInt(item, kind) if kind is self.kind:
+                asked = next((one for one in self.under_way if one.seq == item.seq), None)
+                return (self, ()) if asked is None else self._take_item(item, asked, now_s)
             case messages.MissionAck(result, kind) if kind is self.kind and result != 0:
                 return replace(self, refusal=result), ()
             case _:
                 return self, ()
 
-    def _expire(self, now_s: float) -> tuple[Self, tuple[messages.Outgoing, ...]]:
+    def _take_item(self, item: MissionItem, asked: _UnderWay, now_s: float) -> tuple[Self, Sent]:
+        again = asked.first_s is not None
+        trip = self.round_trip if again else self.round_trip.record_round_trip(now_s - asked.at_s)
+        items, later = list(self.items), {one.seq: one for one in (*self.later, item)}
+        while (seq := self.first + len(items)) in later:
+            items.append(later.pop(seq))
+        left, room = tuple(one for one in self.under_way if one is not asked), min(self.room + 1, MOST_AHEAD)
+        return _go_on(
+            replace(
+                self, items=tuple(items), later=tuple(later.values()), round_trip=trip, under_way=left, room=room
+            ),
+            now_s,
+        )  # fmt: skip
+
+    def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Ask again, for the list where the vehicle has ended the transfer; or give up."""
         if now_s >= self.heard_s + SILENT_S - SAME_S:
             if self.refusal is not None:
                 return self._finish(build_rejection("download", self.refusal)), ()
             return self._finish(TimedOut(f"no answer when asked for {self._open}")), ()
+        waited_s = self.round_trip.waits_s
         state = replace(self, round_trip=self.round_trip.record_timeout() if self.tries > 1 else self.round_trip)
         ended = self.refusal is not None or now_s - self.heard_s >= LEFT_S
         if self.count is not None and ended and self.begun < ANEW:
             state = replace(
-                state, count=None, items=(), tries=0, refusal=None, begun=self.begun + 1, broke_off_at=self._open
-            )
-        return _request_open_items(state, now_s)
+                state, count=None, items=(), later=(), under_way=(), tries=0, refusal=None, begun=self.begun + 1,
+                broke_off_at=self._open,
+            )  # fmt: skip
+        if state.count is None:
+            return _ask_count(state, now_s)
+        late = tuple(one for one in state.under_way if one.at_s <= now_s - waited_s + SAME_S) or state.under_way[:1]
+        kept = tuple(one for one in state.under_way if one not in late)
+        again = tuple(_UnderWay(one.seq, now_s, one.at_s) for one in late)
+        return _ask_items(replace(state, under_way=(*kept, *again), room=max(1, state.room // 2)), now_s, again)
 
-    def _build_farewell(self) -> tuple[messages.Outgoing, ...]:
+    def _build_farewell(self) -> Sent:
         return (messages.MissionAck(RESULT_CANCELLED, self.kind),)
 
     @property
     def _open(self) -> str:
         """What is asked for, in words."""
-        return self.broke_off_at or (
-            f"item {len(self.items)} of {self.count}" if self.count is not None else "the count"
-        )
-
-    def _is_next(self, item: MissionItem) -> bool:
-        return self.count is not None and item.seq == len(self.items)
-
-    def _request_next(
-        self, now_s: float, count: int | None, items: tuple[MissionItem, ...]
-    ) -> tuple[Self, tuple[messages.Outgoing, ...]]:
-        """Ask for what comes after an answer, or say that all has come."""
-        trip = self.round_trip.record_round_trip(now_s - self.asked_s) if self.tries == 1 else self.round_trip
-        state = replace(
-            self, count=count, items=items, round_trip=trip, heard_s=now_s, tries=0, refusal=None, broke_off_at=""
-        )
-        if len(items) == count:
-            done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
-            return done, (messages.MissionAck(0, self.kind),)
-        return _request_open_items(state, now_s)
+        if self.broke_off_at or self.count is None:
+            return self.broke_off_at or "the count"
+        return f"item {self.first + len(self.items)} of {self.count}"
 
 
-def _request_open_items(state: D, now_s: float) -> tuple[D, tuple[messages.Outgoing, ...]]:
-    """Ask what is open."""
+def _go_on(state: D, now_s: float) -> tuple[D, Sent]:
+    """Ask for what comes after an answer, or say that all has come."""
+    state = replace(state, heard_s=now_s, tries=0, refusal=None, broke_off_at="")
+    if state.proven or state.first + len(state.items) >= (state.count or 0):
+        done = replace(state, outcome=Accepted(), deadline_s=float("inf"))
+        return done, (messages.MissionAck(0, state.kind),)
+    return _ask_items(state, now_s)
+
+
+def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
     deadline_s = min(now_s + state.round_trip.waits_s, state.heard_s + SILENT_S)
     state = replace(state, tries=state.tries + 1, asked_s=now_s, deadline_s=deadline_s)
-    if state.count is None:
-        return state, (messages.MissionRequestList(state.kind),)
-    return state, (messages.MissionRequest(len(state.items), state.kind),)
+    return state, (messages.MissionRequestList(state.kind),)
+
+
+def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
+    """Ask again for what is late, and for as many more items as there is room for."""
+    have = {one.seq for one in (*state.under_way, *state.later)}
+    fresh = (
+        _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have
+    )
+    room = max(0, min(state.room, state.ahead) - len(state.under_way))
+    asks = (*again, *islice(fresh, room))
+    under_way = (*state.under_way, *asks[len(again) :])
+    asked_s = min(one.at_s for one in under_way)
+    if len(under_way) > 1:  # they come one after the other: none is late as long as any comes
+        asked_s = max(asked_s, state.heard_s)
+    deadline_s = asked_s + state.round_trip.waits_s
+    state = replace(
+        state, under_way=under_way, tries=state.tries + bool(asks), deadline_s=min(deadline_s, state.heard_s + SILENT_S)
+    )
+    return state, tuple(messages.MissionRequest(one.seq, state.kind) for one in asks)

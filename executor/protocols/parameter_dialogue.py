@@ -17,7 +17,7 @@ from executor.protocols.machine import SAME_S, Accepted, DialogueMachine, Reject
 
 R = TypeVar("R", bound="ParameterReading")
 
-AT_ONCE, MOST_AT_ONCE = 4, 8
+AT_ONCE, MOST_AT_ONCE = 4, 16
 """Questions under way in the beginning, and where nothing gets lost: ArduPilot drops what is beyond 20
 (GCS_Param.cpp), and the queue of a radio holds some 50 answers for everybody behind it."""
 SILENT_S = 20.0
@@ -51,6 +51,7 @@ class _Question:
 class ParameterReading(DialogueMachine):
     """The state of reading parameters: of each there is a value in the end, or it is not there, or it was not read."""
 
+    is_transfer = True
     waiting: tuple[_Question, ...]
     """Those to be asked next, in turn."""
     asked: tuple[_Question, ...] = ()
@@ -62,7 +63,7 @@ class ParameterReading(DialogueMachine):
     """What the vehicle does not have."""
     refused: frozenset[str] = frozenset()
     """What it answers without a value."""
-    round_trip: RoundTrip = field(default_factory=lambda: RoundTrip(waits_s=1.5, most_s=4.0))
+    round_trip: RoundTrip = field(default=RoundTrip(waits_s=1.5, most_s=4.0), kw_only=True)
     room: int = AT_ONCE
     """How many may be under way."""
     sent: int = 0
@@ -185,7 +186,12 @@ class ParameterDialogue(DialogueMachine):
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Ask, or set."""
-        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self._build_request(),)
+        return replace(self, tries=1, deadline_s=now_s + self.period_s), (self._build_request(),)
+
+    @property
+    def period_s(self) -> float:
+        """How long an answer is waited for at first."""
+        return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the value if it is the one asked for, and the one wanted."""
@@ -193,7 +199,7 @@ class ParameterDialogue(DialogueMachine):
             case ParamValue(name, value) if name == self.name:
                 if self.wanted is None or math.isclose(value, self.wanted.value, rel_tol=1e-5, abs_tol=1e-6):
                     return replace(self._finish(Accepted()), value=message), ()
-                return replace(self, value=message, deadline_s=min(self.deadline_s, now_s + PERIOD_S)), ()
+                return replace(self, value=message, deadline_s=min(self.deadline_s, now_s + self.period_s)), ()
             case ParamRefused(name, absent) if name == self.name:
                 why = "is not there" if absent else "is refused"
                 return self._finish(Rejected(f"{self.name} {why}", Ending.VALUE_STAYS)), ()
@@ -206,7 +212,9 @@ class ParameterDialogue(DialogueMachine):
             return self._finish(Rejected(f"{self.name} stays {self.value.value:g}", Ending.VALUE_STAYS)), ()
         if self.tries >= TRIES:
             return self._finish(TimedOut(f"{self.name}: no answer")), ()
-        period_s = PERIOD_S if self.value is not None else min(PERIOD_S * 2.0**self.tries, LONGEST_PERIOD_S)
+        period_s = self.period_s
+        if self.value is None:
+            period_s = max(period_s, min(PERIOD_S * 2.0**self.tries, LONGEST_PERIOD_S))
         return replace(self, tries=self.tries + 1, deadline_s=now_s + period_s), (self._build_request(),)
 
     def _build_request(self) -> Outgoing:

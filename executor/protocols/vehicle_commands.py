@@ -110,10 +110,17 @@ class CommandDialogue(DialogueMachine):
     tries: int = 0
     refusal: str = ""
     """What the vehicle said last when it rejected the command for the time being."""
+    sent_s: float = 0.0
+    """When it was sent first."""
 
     def begin(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Send the command."""
-        return replace(self, tries=1, deadline_s=now_s + PERIOD_S), (self.command,)
+        return replace(self, tries=1, sent_s=now_s, deadline_s=now_s + self.period_s), (self.command,)
+
+    @property
+    def period_s(self) -> float:
+        """How long an answer is waited for: a second, and longer where the link is slower than that."""
+        return max(PERIOD_S, self.round_trip.waits_s)
 
     def _take(self, message: Message, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
         """Take the acknowledgement; 'temporarily rejected' is asked again at the deadline."""
@@ -121,7 +128,9 @@ class CommandDialogue(DialogueMachine):
             case CommandAck(command, result) if command == self.command.command:
                 match result:
                     case 0:
-                        return self._finish(Accepted()), ()
+                        once = self.tries == 1 and not self.refusal
+                        trip = self.round_trip.record_round_trip(now_s - self.sent_s) if once else self.round_trip
+                        return replace(self._finish(Accepted()), round_trip=trip), ()
                     case 1:
                         return replace(self, refusal=RESULT_NAMES[result]), ()
                     case 5:
@@ -139,5 +148,5 @@ class CommandDialogue(DialogueMachine):
             if self.refusal:
                 return self._finish(Rejected(f"{self.what}: {self.refusal}", Ending.TEMPORARILY_REJECTED)), ()
             return self._finish(TimedOut(f"{self.what}: no acknowledgement")), ()
-        state = replace(self, tries=self.tries + 1, deadline_s=now_s + PERIOD_S)
+        state = replace(self, tries=self.tries + 1, deadline_s=now_s + self.period_s)
         return state, (replace(self.command, confirmation=self.tries),)

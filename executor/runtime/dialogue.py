@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
-from executor.core.interface.messages import Message, Outgoing
+from executor.core.interface.messages import Message, Outgoing, Radio
 from executor.core.interface.ports import Clock, Link
 from executor.protocols.machine import DialogueMachine, TimedOut
+from executor.protocols.turns import HOLD_S, MOST_HELD_S, Rank
+from executor.runtime.channel import Channel, channel_of
 
 BEAT_REAL_S = 0.1
 STANDS_STILL_S = 5.0
@@ -231,12 +233,15 @@ class _Patience:
         self.since_s, self.able_since_s = self.paced.now_s(), self.able.now_s()
         self.granted_s, self.repeat = None, ()
 
-    def pass_deadline(self, machine: M) -> tuple[M, tuple[Outgoing, ...]]:
+    def pass_deadline(self, machine: M, *, full: bool = False) -> tuple[M, tuple[Outgoing, ...]]:
         """Carry a machine over its deadline; who is given up had that time while this program was able to hear it.
 
-        What is repeated goes by the flight's clock all the same: a vehicle's own time-outs do not wait for us.
+        What is repeated goes by the flight's clock all the same: a vehicle's own time-outs do not wait for us. But
+        nothing is repeated into a radio whose buffer is full: what was asked may still be in it.
         """
         now_s = self.paced.now_s()
+        if full and now_s - self.since_s < MOST_HELD_S:
+            return replace(machine, deadline_s=now_s + HOLD_S), ()
         after, send = machine.on_deadline(now_s)
         if isinstance(after.outcome, TimedOut):
             self.granted_s = now_s - self.since_s if self.granted_s is None else self.granted_s
@@ -263,36 +268,51 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
 
     When the task is cancelled the vehicle is told so where the protocol allows it.
     """
+    channel, paced = channel_of(link), _DialogueClock(underlying(clock))
+    if not machine.is_transfer:
+        return await _run_to_end(machine, link, channel, clock, paced)
+    async with channel.take_turn(Rank.BEFORE_FLIGHT):
+        return await _run_to_end(machine, link, channel, clock, paced)
+
+
+async def _run_to_end(machine: M, link: Link, channel: Channel, clock: Clock, paced: _DialogueClock) -> M:
     inbox: asyncio.Queue[Message] = asyncio.Queue(INBOX)
 
     def take(message: Message) -> None:
-        if not inbox.full():
+        if isinstance(message, Radio):
+            channel.hear(message, paced.now_s())
+        elif not inbox.full():
             inbox.put_nowait(message)
 
-    paced = _DialogueClock(underlying(clock))
     patience = _Patience(clock, paced)
+    machine = replace(machine, round_trip=machine.round_trip.adopt(channel.round_trip))
     with listen_to(link, take):
         try:
             machine, send = machine.begin(paced.now_s())
             patience.begin()
             while True:
-                for message in send:
-                    link.send(message)
+                _send_all(link, send)
                 if machine.outcome is not None:
                     return machine
                 heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
                 if heard is None:
-                    machine, send = patience.pass_deadline(machine)
+                    machine, send = patience.pass_deadline(machine, full=channel.is_full(paced.now_s()))
                     continue
                 before = machine
                 machine, send = machine.on_message(heard, paced.now_s())
                 if machine is not before:
                     patience.begin()
+                    channel.note_progress()
         except asyncio.CancelledError:
-            _, send = machine.cancel()
-            for message in send:
-                link.send(message)
+            _send_all(link, machine.cancel()[1])
             raise
+        finally:
+            channel.learn(machine.round_trip)
+
+
+def _send_all(link: Link, messages: Iterable[Outgoing]) -> None:
+    for message in messages:
+        link.send(message)
 
 
 async def _receive_within(inbox: asyncio.Queue[Message], real_s: float) -> Message | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
+import itertools
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -26,14 +27,17 @@ from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
 from executor.protocols import vehicle_commands
+from executor.protocols.turns import Rank
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
-from missions import EncodeError, encode, flag_current
+from executor.runtime.procedures import UploadNeed
+from missions import EncodeError, MissionItem, encode, flag_current
 from missions.fences import build_fence_items
 
 TICK_S = 0.2
 LEAST_TICK_REAL_S = 0.02
 HEARTBEAT_S = 1.0
+MOST_SHIFT, GOLDEN_SHARE = 0.4, 0.618
 ORDERS = {
     commands.Hold: Action.HOLD, commands.Resume: Action.RESUME, commands.LandNow: Action.LAND,
     commands.Disarm: Action.DISARM,
@@ -376,8 +380,18 @@ class Flight:
                 return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
             self._whole.add(name)
         wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
-        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell)
+        alike = self._count_proven_items(name, mission.items) if command.airborne else 0
+        need = UploadNeed(Rank.IN_FLIGHT, replan_cycle.estimate_need_s(self.state, name), alike)
+        done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell, need=need)
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
+
+    def _count_proven_items(self, vehicle: str, items: Sequence[MissionItem]) -> int:
+        """Return how many items a mission has in common with the one that was read from this vehicle."""
+        known, dialect = self.state.vehicles[vehicle].assignment, self.context.vehicles[vehicle].dialect
+        if known.board is None or known.carried.may_be_foreign():
+            return 0
+        before = flag_current(encode(known.board.path, dialect), None).items
+        return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, items, strict=False)))
 
     def _report(self, vehicle: str, text: str) -> None:
         self._record_note(f"{vehicle}: {text}")
@@ -418,18 +432,34 @@ class Flight:
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
-            dialect = self.context.vehicles[vehicle].dialect
-            await procedures.request_streams(self._links[vehicle], self._clock, dialect, again=True)
+            setup, heard = self.context.vehicles[vehicle], self.state.vehicles[vehicle].link.quality.radio
+            streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=heard is not None)
+            await procedures.request_streams(self._links[vehicle], self._clock, streams_hz, again=True)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_internal_error(f"an order to {vehicle}", error)
 
 
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
-    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time."""
-    while True:
-        for name, link in links.items():
+    """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
+
+    It is for everybody who hears it, so that it goes out once to all vehicles behind one radio. There it comes twice
+    as often, and a little sooner or later every time: radios with stock firmware put reports of their own inside
+    frames, as often as a vehicle speaks, and destroy one of our heartbeats in four (emulated). Two senders that kept
+    one rhythm would do so for a whole flight, and five in a row are a GCS failsafe of ArduPilot's.
+    """
+    for beats in itertools.count():
+        once = {link.peer or name: (name, link) for name, link in links.items()}
+        for name, link in once.values():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
-        await asyncio.sleep(HEARTBEAT_S / clock.speedup)
+        after_s = HEARTBEAT_S
+        if len(once) < len(links):
+            after_s *= 0.5 * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
+        await asyncio.sleep(after_s / clock.speedup)
+
+
+def _shift_of(beats: int) -> float:
+    """Return how much later than its second a heartbeat goes out, as a share: no two in a row are alike."""
+    return MOST_SHIFT * (beats * GOLDEN_SHARE % 1.0)
 
 
 REST_S = 5.0

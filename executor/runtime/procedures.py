@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -15,9 +16,11 @@ from executor.core.interface.messages import Heartbeat, Message, SendParamSet, S
 from executor.core.interface.ports import Clock, Link
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
-from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue, UploadDialogue
+from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
+from executor.protocols.turns import Rank
 from executor.protocols.vehicle_commands import CommandDialogue
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import (
     LEAST_WAIT_S,
     awake,
@@ -27,7 +30,7 @@ from executor.runtime.dialogue import (
     times_slower,
     underlying,
 )
-from missions import Dialect, MissionItem, MissionKind, StartStep, find_mission_differences
+from missions import Dialect, MissionItem, MissionKind, StartStep, compute_list_checksum, find_mission_differences
 from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
 
@@ -48,6 +51,8 @@ BUSY = frozenset({Ending.ERROR, Ending.OTHER_STATION})
 """As an answer to the announcement of an upload."""
 FREED_MARGIN_S = 1.0
 READ_BACK_TRIES = 3
+READ_WORTH_S = 2.0
+"""A list whose items would take longer to be read one by one is read only as far as nothing else proves it."""
 SILENCE_MARGIN_S = 1.0
 """We wait this much longer than the vehicle itself before an upload is given up."""
 MODE_TIMEOUT_S = 5.0
@@ -82,6 +87,17 @@ class ProcedureResult:
     """Whether an upload had begun, and nobody knows its end."""
 
 
+@dataclass(frozen=True, slots=True)
+class UploadNeed:
+    """How much of a radio an upload may take from others behind it."""
+
+    rank: Rank = Rank.BEFORE_FLIGHT
+    needed_s: float = math.inf
+    """In how many seconds it should be over: who needs it first goes first."""
+    alike: int = 0
+    """How many items are, from the first one on, those that were read from the vehicle before."""
+
+
 @count_awake_time
 async def upload_and_verify(
     link: Link,
@@ -91,6 +107,7 @@ async def upload_and_verify(
     wanted: Callable[[bool], bool] = lambda _: True,
     tell: Callable[[str], None] = lambda _: None,
     kind: MissionKind = MissionKind.MISSION,
+    need: UploadNeed | None = None,
 ) -> ProcedureResult:
     """Upload a mission, a fence or rally points, and read it back until both are the same, but not for ever.
 
@@ -102,7 +119,9 @@ async def upload_and_verify(
         wanted: Asked before it is begun again, with whether a part of it may be on board.
         tell: Told once that the vehicle is busy, and for how long that is borne.
         kind: Which of the vehicle's lists.
+        need: How soon it is needed, where other vehicles behind the same radio are given something too.
     """
+    need = need or UploadNeed()
     reason, mixed, stalled, began_s = "", False, False, clock.now_s()
     busy, broken_off, real_began_s = 0, False, underlying(clock).now_s()
     code: Ending | None = None
@@ -115,11 +134,15 @@ async def upload_and_verify(
             break
         if attempt:
             await asyncio.sleep((_transfer_release_s(dialect) if busy > 1 else AGAIN_WAIT_S) / clock.speedup)
-        if attempt and not wanted(mixed):
-            return ProcedureResult(
-                accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
-            )
-        upload = await upload_once(link, clock, dialect, items, kind)
+        async with channel_of(link).take_turn(need.rank, need.needed_s) as waited:
+            if (attempt or waited) and not wanted(mixed):
+                return ProcedureResult(
+                    accepted=False, reason="it has left its mission", mixed=mixed, code=Ending.LEFT_MISSION
+                )
+            if waited and not attempt:
+                began_s, real_began_s = clock.now_s(), underlying(clock).now_s()
+            upload = await upload_once(link, clock, dialect, items, kind)
+            proof = await _prove_on_board(link, clock, dialect, upload, 0 if attempt else need.alike)
         if upload.is_begun:
             # Both autopilots take fences and rally points as a whole.
             mixed = kind is MissionKind.MISSION and not dialect.upload_is_atomic
@@ -129,33 +152,54 @@ async def upload_and_verify(
         if not upload.accepted:
             reason, code = upload.reason, upload.code
             busy = _count_busy(upload, code, busy, dialect, tell)
-            if (items and not upload.is_begun) or upload.furthest < len(items) - 1:
-                continue
-            # Every item was asked for: perhaps only the acknowledgement got lost. What is on board decides.
-        download = await _read_back(link, clock, kind, upload)
-        if not download.accepted:
-            reason, code = download.reason, download.code
-            broken_off |= isinstance(download.outcome, TimedOut)
+        if proof is None:
             continue
-        different = (
-            find_mission_differences(items, download.items, dialect)
-            if kind is MissionKind.MISSION
-            else find_list_differences(items, download.items)
-        )
-        if not different:
-            return ProcedureResult(accepted=True)
-        reason, code = f"read-back differs: {different[0]}", Ending.READ_BACK_DIFFERS
+        if proof.accepted:
+            return proof
+        reason, code, broken_off = proof.reason, proof.code, broken_off or proof.lost
     return ProcedureResult(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
 
 
-async def _read_back(link: Link, clock: Clock, kind: MissionKind, upload: UploadDialogue) -> DownloadDialogue:
-    """Read what is on board; after a good acknowledgement it is there, and only the reading is begun again."""
-    trip = replace(FIRST_READ_TRIP, waits_s=max(FIRST_READ_TRIP.waits_s, upload.round_trip.waits_s))
+async def _prove_on_board(
+    link: Link, clock: Clock, dialect: Dialect, upload: UploadDialogue, alike: int
+) -> ProcedureResult | None:
+    """See that what was uploaded is on board; None where not all of it was even sent.
+
+    It is read back, where that is soon done, and otherwise as far as it needs to be: a vehicle that says the checksum
+    of what it has received and stored has proven it, and of a mission that begins as the one before, which was read,
+    the rest is read. Where every item was sent, perhaps only the acknowledgement got lost: what is on board decides.
+    """
+    items, trip = upload.items, upload.round_trip
+    if not upload.accepted and items and not upload.is_all_sent:
+        return None
+    reading = DownloadDialogue(upload.kind, ahead=MOST_AHEAD if dialect.reads_in_any_order else 1)
+    if len(items) * (trip.mean_s or 0.0) > READ_WORTH_S:
+        known = compute_list_checksum(items) if dialect.says_checksum and items else None
+        if known is not None and upload.accepted and upload.checksum == known:
+            return ProcedureResult(accepted=True)
+        reading = replace(reading, checksum=known, first=min(alike, len(items) - 1))
+    waits_s = max(reading.round_trip.waits_s, trip.waits_s)
+    reading = replace(reading, round_trip=replace(reading.round_trip, waits_s=waits_s))
     for _ in range(READ_BACK_TRIES if upload.accepted else 1):
-        download = await run_dialogue(DownloadDialogue(kind, round_trip=trip), link, clock)
+        download = await run_dialogue(reading, link, clock)
         if download.accepted:
             break
-    return download
+    if not download.accepted:
+        lost = isinstance(download.outcome, TimedOut)
+        return ProcedureResult(accepted=False, reason=download.reason, code=download.code, lost=lost)
+    return _compare(upload, download, dialect)
+
+
+def _compare(upload: UploadDialogue, download: DownloadDialogue, dialect: Dialect) -> ProcedureResult:
+    items = upload.items[download.first :]
+    different = (
+        find_mission_differences(items, download.items, dialect)
+        if upload.kind is MissionKind.MISSION
+        else find_list_differences(items, download.items)
+    )
+    if download.proven or not different:
+        return ProcedureResult(accepted=True)
+    return ProcedureResult(accepted=False, reason=f"read-back differs: {different[0]}", code=Ending.READ_BACK_DIFFERS)
 
 
 def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
@@ -193,7 +237,7 @@ async def read_mission(link: Link, clock: Clock) -> tuple[MissionItem, ...] | No
 
 async def read_list(link: Link, clock: Clock, kind: MissionKind) -> tuple[MissionItem, ...] | None:
     """Read one of a vehicle's lists; None if it does not let it be read."""
-    download = await run_dialogue(DownloadDialogue(kind), link, clock)
+    download = await run_dialogue(DownloadDialogue(kind), link, clock)  # at the pace of any autopilot
     return download.items if download.accepted else None
 
 
@@ -444,36 +488,20 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
             return ended
 
 
-STREAMS_HZ = {
-    vehicle_commands.GLOBAL_POSITION_INT: 5.0,
-    vehicle_commands.SYS_STATUS: 1.0,
-    vehicle_commands.BATTERY_STATUS: 1.0,
-    vehicle_commands.MISSION_CURRENT: 2.0,
-    vehicle_commands.EXTENDED_SYS_STATE: 1.0,
-    vehicle_commands.ATTITUDE: 1.0,
-    vehicle_commands.GPS_RAW_INT: 1.0,
-    vehicle_commands.RC_CHANNELS: 1.0,  # its pilot's switches
-}
-"""What we follow; ArduPilot sends none of it unasked, PX4's battery comes only every 2 s."""
 HEARTBEAT_HZ = 1.0
 
 
-def streams_hz(dialect: Dialect) -> dict[int, float]:
-    """Return what a vehicle is asked to send, and how often; one that refuses some of it flies all the same."""
-    return STREAMS_HZ | dict(dialect.own_streams_hz)
-
-
-async def request_streams(link: Link, clock: Clock, dialect: Dialect, *, again: bool = False) -> None:
+async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:
     """Ask a vehicle for everything that we follow.
 
     Args:
         link: To it.
         clock: The flight's.
-        dialect: The vehicle's.
+        streams_hz: What, and how often.
         again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
     """
     beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
-    for message, rate_hz in (beat_hz | streams_hz(dialect)).items():
+    for message, rate_hz in (beat_hz | dict(streams_hz)).items():
         await send_order(
             link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
         )

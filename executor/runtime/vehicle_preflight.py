@@ -26,6 +26,7 @@ from executor.core.preflight.parameter_changes import (
     list_return_parameters,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_streams_hz
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -36,6 +37,7 @@ from executor.protocols import vehicle_commands
 from executor.protocols.parameter_dialogue import ParameterReading
 from executor.protocols.vehicle_commands import CommandDialogue
 from executor.runtime import procedures
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import listen_to, run_dialogue
 from executor.runtime.procedures import ProcedureResult
 from missions import Dialect, EncodedMission, MissionItem, MissionKind
@@ -62,6 +64,9 @@ class _VehicleAnswers:
     status: messages.SystemStatus | None = None
     gps: messages.Gps | None = None
     version: messages.Version | None = None
+    radio: messages.Radio | None = None
+    lost: float | None = None
+    """Share of its frames that did not come."""
     reasons_s: dict[str, float] = field(default_factory=dict)
     """Why it cannot be armed, by its own report, and when it said so last."""
     strangers: frozenset[ForeignSystem] = frozenset()
@@ -73,11 +78,7 @@ class _VehicleAnswers:
             case messages.Heartbeat():
                 self.heartbeat = message
             case messages.Position():
-                self.position = message
-                told = ReportedPosition(self.clock.now_s(), message.boot_s, message.lat_deg, message.lon_deg)
-                self.twins = add_reported_position(self.twins, told)
-                if self.twins.are_two:
-                    self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
+                self._note_position(message)
             case messages.Battery(remaining_pct=remaining):
                 self.remaining_pct = self.remaining_pct if remaining is None else remaining
                 self.battery = message
@@ -87,11 +88,26 @@ class _VehicleAnswers:
                 self.gps = message
             case messages.Version():
                 self.version = message
+            case messages.Radio() | messages.Traffic():
+                self._note_link(message)
             case messages.StationHeard() | messages.DoubleHeard():
                 self.strangers = add_foreign_system(self.strangers, message)
             case messages.StatusText(_, text):
                 self._note_prearm_text(text)
         self.changed.set()
+
+    def _note_position(self, position: messages.Position) -> None:
+        self.position = position
+        told = ReportedPosition(self.clock.now_s(), position.boot_s, position.lat_deg, position.lon_deg)
+        self.twins = add_reported_position(self.twins, told)
+        if self.twins.are_two:
+            self.strangers = add_foreign_system(self.strangers, messages.DoubleHeard(0, ()))
+
+    def _note_link(self, message: messages.Radio | messages.Traffic) -> None:
+        if isinstance(message, messages.Radio):
+            self.radio = message
+        else:
+            self.lost = message.missing / max(1, message.received + message.missing)
 
     def _note_prearm_text(self, text: str) -> None:
         reason = vehicle_checks.parse_prearm_reason(text)
@@ -166,6 +182,7 @@ async def interview_vehicle(
     ready_timeout_s: float,
     waits: Callable[[str], None],
     more: Sequence[str] = (),
+    share: RadioShare = ALONE,
 ) -> VehicleFacts:
     """Ask one vehicle for its streams, and wait until it is ready to fly.
 
@@ -177,18 +194,22 @@ async def interview_vehicle(
         ready_timeout_s: How long it may take to be ready, in its time.
         waits: Told what it is waited for, whenever that changes.
         more: Parameters that this site asks for beside the usual ones.
+        share: What it has of its radio.
 
     Raises:
         PreflightFailed: it did not become ready in time.
     """
     heard = _VehicleAnswers(clock)
     with listen_to(link, heard.update):
-        await procedures.request_streams(link, clock, dialect)
+        step = share.choose_step(dialect, on_radio=False)
+        await procedures.request_streams(link, clock, list_streams_hz(dialect, step))
         await procedures.send_order(
             link,
             clock,
             CommandDialogue(vehicle_commands.request_message(vehicle_commands.AUTOPILOT_VERSION), "version"),
         )
+        if (thinned := share.choose_step(dialect, on_radio=heard.radio is not None)) != step:
+            await procedures.request_streams(link, clock, list_streams_hz(dialect, thinned))
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
                 await _wait_until_ready(heard, link, clock, waits)
@@ -218,6 +239,7 @@ async def interview_vehicle(
         None if heard.battery is None else len(heard.battery.cells_v) or None,
         heard.gps,
         answers.unread,
+        LinkMeasures(heard.radio, channel_of(link).round_trip.mean_s, heard.lost),
     )
 
 
@@ -381,7 +403,8 @@ async def examine_vehicle(
         return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
     left_s = within_s - (clock.now_s() - began_s)
     try:
-        facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None)
+        share = context.vehicles[name].radio
+        facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
         # Nothing has to be set where it is as the flight has set it.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):
@@ -488,7 +511,9 @@ async def reconnect_vehicles(
             for name, answer in answers.items():
                 if answer.heard.is_set():
                     patience_s = _patience_real_s(state(), state().vehicles[name])
-                    asks = _query_vehicle(links[name], clock, context.vehicles[name].dialect, answer, patience_s)
+                    setup, radio = context.vehicles[name], state().vehicles[name].link.quality.radio
+                    streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=radio is not None)
+                    asks = _query_vehicle(links[name], clock, streams_hz, answer, patience_s)
                     tasks.create_task(asks, name=name)
     found = [
         compare_onboard_mission(context, state(), name, answer.items, answer.seq)
@@ -515,7 +540,9 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
     return READ_REAL_S + READ_WAYPOINT_REAL_S * len(vehicle.assignment.board.path.waypoints)
 
 
-async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _Answer, patience_s: float | None) -> None:
+async def _query_vehicle(
+    link: Link, clock: Clock, streams_hz: Mapping[int, float], answer: _Answer, patience_s: float | None
+) -> None:
     if patience_s != 0.0:
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
@@ -525,4 +552,4 @@ async def _query_vehicle(link: Link, clock: Clock, dialect: Dialect, answer: _An
                         break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            await procedures.request_streams(link, clock, dialect)
+            await procedures.request_streams(link, clock, streams_hz)

@@ -112,6 +112,12 @@ class LinkTable(SiteTable):
     radios: tuple[RadioTable, ...] | None = None
     """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
     unsigned flight, and none on a signed one."""
+    bytes_s: Annotated[float, Field(ge=100, le=1e7)] | None = None
+    """What a telemetry radio carries, both ways together, in bytes a second, for each connection: streams are thinned
+    until they fit. Without this key 1200 on serial ports and where a radio reports itself (RADIO_STATUS)."""
+    one_radio: bool = False
+    """Whether all vehicles are behind one radio though their connections differ, as behind a router: transfers take
+    turns, and the heartbeat is sent once."""
 
     @model_validator(mode="after")
     def _check_radios(self) -> LinkTable:

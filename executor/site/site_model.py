@@ -14,8 +14,10 @@ from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
+from executor.core.interface.connection import Scheme
 from executor.core.preflight.link_timeout import effective_link_timeout_s
 from executor.core.preflight.onboard_failsafes import LinkFailsafe
+from executor.core.radio_budget import RadioShare
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
@@ -373,6 +375,14 @@ def link_timeout_s(site: Site, dialect: missions.Dialect, own: LinkFailsafe | No
     return effective_link_timeout_s(dialect, site.faults.link_timeout_s, stall_s(site.flight.speedup), own)
 
 
+def radio_share_of(site: Site, name: str) -> RadioShare:
+    """Return what a vehicle has of the radio that it is behind: those with the same connection share one."""
+    links = {table.name: table.link for table in site.vehicle}
+    beside = sum(site.link.one_radio or link == links[name] for link in links.values())
+    is_radio = site.link.one_radio or links[name].scheme is Scheme.SERIAL
+    return RadioShare(beside, site.link.bytes_s, site.signing is not None, is_radio)
+
+
 def build_limits(site: Site) -> Limits:
     """Return the thresholds of the watchpoints."""
     return Limits(**site.faults.model_dump(include={one.name for one in fields(Limits)}))
@@ -454,6 +464,7 @@ def build_context(
             prior=NO_PRIOR if known is None else known.prior,
             start=UNKNOWN if known is None else known.start,
             pack=pack_of(site),
+            radio=radio_share_of(site, table.name),
         )
         others = {label: _with_pack(one, known, ground.drone, table) for label, known in ground.packs.labelled.items()}
         first = _with_pack(one, ground.packs.fitted.get(table.name), ground.drone, table)

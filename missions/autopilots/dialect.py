@@ -263,6 +263,10 @@ class Dialect:
     """Whether items without a place come back with frame 0."""
     height_step_m: float
     """Heights are stored in steps of this; 0 for float32."""
+    reads_in_any_order: bool
+    """Whether items of a list can be asked for in any order, several at a time."""
+    says_checksum: bool
+    """Whether it says a checksum of a list as it takes it, and when it is asked for it."""
     upload_is_atomic: bool
     """Whether a new list takes effect as a whole, at its last item."""
     upload_silence_s: float

@@ -25,7 +25,7 @@ from executor.core.interface.messages import (
     SendParamSet,
 )
 from executor.protocols import vehicle_commands
-from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber
+from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber, compute_list_checksum
 
 ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
 HEARTBEAT_S = 1.0
@@ -138,7 +138,11 @@ class FakeMissions:
         if self.swallows_ack:
             self.swallows_ack = False
             return []
-        return [MissionAck(ACCEPTED)]
+        return [MissionAck(ACCEPTED, checksum=self._checksum)]
+
+    @property
+    def _checksum(self) -> int | None:
+        return compute_list_checksum(self.items) if self.dialect.says_checksum else None
 
     def _stored(self, item: MissionItem) -> MissionItem:
         """What ArduPilot makes of an item: its own home, no `current`, speeds without a frame."""
@@ -154,7 +158,7 @@ class FakeMissions:
             return [MissionAck(ERROR)]
         self._upload = None
         self._reading_until_s = now_s + self.dialect.upload_silence_s
-        return [MissionCount(len(self.items))]
+        return [MissionCount(len(self.items), checksum=self._checksum)]
 
     def _read(self, seq: int, now_s: float) -> list[Message]:
         if (self.dialect.upload_is_atomic and now_s >= self._reading_until_s) or seq >= len(self.items):

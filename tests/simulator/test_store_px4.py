@@ -7,6 +7,7 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
+from missions import compute_list_checksum
 from missions.items import Frame
 from simulator.config import AutopilotKind
 from simulator.messages import (
@@ -18,7 +19,6 @@ from simulator.messages import (
     MissionSetCurrent,
     Outbound,
 )
-from simulator.store_px4 import compute_mission_checksum
 from tests.simulator.harness import (
     OTHER,
     Operator,
@@ -52,7 +52,7 @@ def test_the_final_ack_carries_the_id_that_mission_current_shows() -> None:
     op = operator()
     op.upload(LIST)
     identity = op.sent("MISSION_ACK")[-1]["opaque_id"]
-    assert identity == compute_mission_checksum(LIST) != 0
+    assert identity == compute_list_checksum(LIST) != 0
     assert op.mission_current()["mission_id"] == identity
     assert fields_of(op.send(MissionRequestList(0))[0])["opaque_id"] == identity
 
@@ -133,13 +133,13 @@ def test_the_same_content_is_acknowledged_and_ignored() -> None:
 
 @given(st.integers(0, 4), st.integers(0, 4))
 def test_the_id_leaves_current_out(one: int, two: int) -> None:
-    assert compute_mission_checksum(numbered(LIST, one)) == compute_mission_checksum(numbered(LIST, two))
+    assert compute_list_checksum(numbered(LIST, one)) == compute_list_checksum(numbered(LIST, two))
 
 
 @given(st.integers(0, 4), st.floats(1, 100, width=32))
 def test_the_id_knows_everything_else(seq: int, more: float) -> None:
     changed = tuple(replace(item, param1=item.param1 + more) if item.seq == seq else item for item in LIST)
-    assert compute_mission_checksum(changed) != compute_mission_checksum(LIST)
+    assert compute_list_checksum(changed) != compute_list_checksum(LIST)
 
 
 def test_a_cancellation_is_honoured() -> None:

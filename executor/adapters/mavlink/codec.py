@@ -402,6 +402,16 @@ def _make_mission_reader(
     return read
 
 
+def _make_list_reader(build: Callable[..., messages.Message], read_number: Callable[[Any], int]) -> Any:  # noqa: ANN401
+    """Return a reader of MISSION_ACK or MISSION_COUNT, of a mission with the checksum that stands behind the rest."""
+
+    def read(frame: Frame) -> messages.Message | None:
+        kind = _KINDS.get(frame.mission_type)
+        return None if kind is None else build(read_number(frame), kind, message_readers.read_opaque_id(frame))
+
+    return read
+
+
 def _read_version(frame: Frame) -> messages.Version | None:
     packed = frame.flight_sw_version
     if packed == 0:
@@ -414,8 +424,8 @@ _READERS: dict[str, Any] = {
     "HEARTBEAT": _read_heartbeat,
     "MISSION_REQUEST": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
     "MISSION_REQUEST_INT": _make_mission_reader(messages.MissionRequest, attrgetter("seq")),
-    "MISSION_ACK": _make_mission_reader(messages.MissionAck, attrgetter("type")),
-    "MISSION_COUNT": _make_mission_reader(messages.MissionCount, attrgetter("count")),
+    "MISSION_ACK": _make_list_reader(messages.MissionAck, attrgetter("type")),
+    "MISSION_COUNT": _make_list_reader(messages.MissionCount, attrgetter("count")),
     "MISSION_ITEM_INT": _make_mission_reader(messages.MissionItemInt, message_readers.read_mission_item),
     "PARAM_ERROR": lambda frame: messages.ParamRefused(
         formatting.escape_controls(frame.param_id), absent=frame.error == mav.MAV_PARAM_ERROR_DOES_NOT_EXIST

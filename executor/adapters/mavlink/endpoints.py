@@ -10,7 +10,7 @@ import asyncio
 import os
 import socket
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from functools import partial
 from typing import cast
@@ -52,6 +52,10 @@ class VehicleLink:
         self.counts = LinkCounts(missing=0)
         self.write: Write = discard_frame
         """Set by the endpoint when it knows where the vehicle is."""
+        self.radio: Hashable | None = None
+        """The radio behind several connections, where the site says that there is one."""
+        self.beside: Sequence[VehicleLink] = (self,)
+        """The links of its endpoint, this one among them."""
         self._codec = codec
         self._log = log
         self._listeners: list[Callable[[messages.Message], None]] = []
@@ -77,13 +81,24 @@ class VehicleLink:
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
+    @property
+    def peer(self) -> Hashable | None:
+        """Where it is written to: a port, or an address behind one."""
+        return None if self.write is discard_frame else self.radio or self.write
+
     def send(self, message: messages.Outgoing) -> None:
         """Send one message; before the vehicle's address is known there is nowhere to send it."""
         if self.write is discard_frame:
             return
         frame = self._codec.encode(message, self.sysid, self.component)
         if self.write(frame):
-            self._log(frame)
+            for one in self.beside if isinstance(message, messages.SendHeartbeat) else (self,):
+                if one.write == self.write:
+                    one.record_sent(frame)
+
+    def record_sent(self, frame: bytes) -> None:
+        """Record a frame that this vehicle is sent, maybe with others."""
+        self._log(frame)
 
     def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
         """Take a frame of this vehicle.
@@ -208,6 +223,8 @@ class Router:
         """Route to these links."""
         self.codec = codec
         self._links = {link.sysid: link for link in links}
+        for link in self._links.values():
+            link.beside = tuple(self._links.values())
 
     def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:
         """Hand frames on; a vehicle that sent one, from the address `source`, is answered with `write`."""
@@ -375,6 +392,8 @@ async def open_mavlink_links(
     orders: Mapping[str, LinkRequest],
     keyring: Keyring | None = None,
     radios: Collection[Sender] | None = None,
+    *,
+    one_radio: bool = False,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
 
@@ -382,6 +401,7 @@ async def open_mavlink_links(
         orders: The links.
         keyring: Frames are signed, and those of others that are not are refused.
         radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
+        one_radio: Whether they all lead to one radio.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
@@ -398,6 +418,8 @@ async def open_mavlink_links(
                 if order.connection == connection
             }
             links |= behind
+            for link in behind.values():
+                link.radio = "the one radio" if one_radio else None
             try:
                 await _open(connection, Router(behind.values(), codec), stack)
             except (OSError, ValueError) as error:

@@ -122,14 +122,19 @@ def _read_wind_cov(frame: Frame) -> messages.Wind:
 
 
 def _read_mission_current(frame: Frame) -> messages.MissionCurrent:
-    return messages.MissionCurrent(frame.seq, frame.total or None, _read_mission_id(frame.get_msgbuf()))
+    return messages.MissionCurrent(frame.seq, frame.total or None, _read_number_behind(frame.get_msgbuf(), 6))
 
 
-def _read_mission_id(frame: bytes | None) -> int | None:
-    """Read the uint32 behind what pymavlink knows of MISSION_CURRENT; MAVLink 2 leaves zeros at the end out."""
+def read_opaque_id(frame: Frame) -> int | None:
+    """Read the checksum in MISSION_ACK and MISSION_COUNT; None where there is none."""
+    return _read_number_behind(frame.get_msgbuf(), 4 if frame.get_type() == "MISSION_ACK" else 5)
+
+
+def _read_number_behind(frame: bytes | None, size: int) -> int | None:
+    """Read the uint32 behind what pymavlink knows of a message; MAVLink 2 leaves zeros at the end out."""
     if not frame or frame[0] != V2:
         return None
-    return int.from_bytes(payload_of(frame, 10)[6:], "little") or None
+    return int.from_bytes(payload_of(frame, size + 4)[size:], "little") or None
 
 
 def _read_system_status(frame: Frame) -> messages.SystemStatus:

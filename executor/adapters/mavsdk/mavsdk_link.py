@@ -123,6 +123,11 @@ class MavsdkLink:
         """Whether MAVSDK has found the system."""
         return self._direct is not None
 
+    @property
+    def peer(self) -> None:
+        """Nobody knows here: MAVSDK has the sockets, and sends the heartbeats."""
+        return
+
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
         """Call `listener` with every message of the vehicle from now on; returns how to stop that."""
         self._listeners.append(listener)

@@ -171,7 +171,7 @@ export interface Check {
   severity: "ok" | "warning" | "stop";
   subject: string;
   text: string;
-  code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";
+  code: "not_ready" | "firmware" | "vehicle_type" | "autopilot" | "double_sysid" | "armed" | "far_from_depot" | "pad_height" | "link_failsafe" | "watched_station" | "other_station" | "battery_failsafe" | "geofence" | "energy" | "pack" | "rtl_altitude" | "parameter_change" | "signing" | "radio" | "disk" | "separation" | "heights" | "clearance" | "camera" | "terrain" | "ceiling" | "areas" | "plan" | "left_over";
 }
 
 /** What the crew is asked before anything goes on. */

@@ -66,6 +66,7 @@ class CheckCode(ReasonCode):
     RTL_ALTITUDE = "rtl_altitude", "The RTL altitude after the parameters are set."
     PARAMETER_CHANGE = "parameter_change", "A parameter that is to be set for the flight."
     SIGNING = "signing", "Who could command the vehicles."
+    RADIO = "radio", "What a telemetry radio has to carry, and can."
     DISK = "disk", "Whether the record of the flight fits on the disk."
     SEPARATION = "separation", "Whether heights and layers keep vehicles apart."
     HEIGHTS = "heights", "By which heights is flown, and what looks wrong about them."

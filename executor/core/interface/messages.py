@@ -182,6 +182,8 @@ class MissionAck:
     result: int
     """MAV_MISSION_RESULT."""
     kind: MissionKind = MissionKind.MISSION
+    checksum: int | None = None
+    """`opaque_id`: of the list that it takes; None from a vehicle that has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +192,8 @@ class MissionCount:
 
     count: int
     kind: MissionKind = MissionKind.MISSION
+    checksum: int | None = None
+    """`opaque_id`: of the list on board; None from a vehicle that has none."""
 
 
 @dataclass(frozen=True, slots=True)

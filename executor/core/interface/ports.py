@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Hashable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -26,6 +26,13 @@ class Clock(Protocol):
 
 class Link(Protocol):
     """One vehicle's messages, in and out."""
+
+    @property
+    def peer(self) -> Hashable | None:
+        """What its frames go to: links with the same one share a radio, and what is for everybody goes there once.
+
+        None as long as nobody knows.
+        """
 
     def send(self, message: Outgoing) -> None:
         """Send without waiting; what cannot be sent is lost, as on the air."""

@@ -28,6 +28,7 @@ from executor.core.interface.messages import (
 from executor.core.lines import checklist
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
+from executor.core.radio_budget import UNMEASURED, LinkMeasures
 from executor.core.telemetry import vehicle_identity
 from executor.core.telemetry.vehicle_identity import describe_foreign_system
 from missions import Dialect, Estimate, FlightPath, check_separation, estimate, margin_m
@@ -83,6 +84,7 @@ class VehicleFacts:
     """What its position is by; None where it did not say."""
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
+    link: LinkMeasures = UNMEASURED
 
     def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
         """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""

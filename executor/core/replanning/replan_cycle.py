@@ -5,6 +5,7 @@ Its answer is taken if it still fits; the missions are made, sent, and let go wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from types import MappingProxyType
@@ -16,6 +17,7 @@ from executor.core.interface.commands import Command, Compose, Say, Solve, Survi
 from executor.core.interface.events import Gain, MissionsWanted, NewRoute, SolveEnded
 from executor.core.lines import link, replanning
 from executor.core.replanning import replan_separation, survivors
+from executor.core.state import legs
 from executor.core.state.fleet_state import Coverage, FleetState, NewMission, Replan, ReplanRecord, Stepped
 from executor.core.state.onboard_fence import widen_fence
 from executor.core.state.vehicle_parts import ModeCause
@@ -311,6 +313,15 @@ def may_retry_upload(context: Context, vehicle: VehicleState, *, mixed: bool) ->
     if has_left_mission(context, vehicle):
         return False  # it is left to its way home, and to its landing; who lies somewhere flies none
     return mixed or (not vehicle.orders.excluded and vehicle.stage not in {Stage.PILOT, Stage.LOST})
+
+
+def estimate_need_s(state: FleetState, name: str) -> float:
+    """Return in how many seconds a vehicle flies past the part of its mission that stays; infinite if it flies none."""
+    plan, vehicle = state.replanning.replan, state.vehicles[name]
+    offer = None if plan is None else next((one for one in plan.solve.survivors if one.vehicle == name), None)
+    if offer is None or not offer.airborne or vehicle.assignment.board is None:
+        return math.inf
+    return legs.time_to_reach_s(vehicle, max(0, offer.kept - 1))
 
 
 def has_left_mission(context: Context, vehicle: VehicleState) -> bool:

@@ -19,6 +19,9 @@ END_TOLERANCE_M = 5.0
 """How near to a pylon a run may begin and end: an acceptance radius of 2 m, a GPS fix, and a sample's way at 4 Hz."""
 GAP_S = 5.0
 """A longer silence between two positions proves nothing about what was flown between them."""
+SLOWED_GAP_S = 9.0
+"""The same while a vehicle behind a telemetry radio takes a mission of ours: ArduPilot then sends a position that comes
+five times a second every 8.8 s at the most (four times the interval, with 2 s for a buffer that is full)."""
 SPEED_WINDOW_S = 2.0
 """The speed is a mean over at least this time, so that the noise of two fixes is no overspeed."""
 NOISE_M = 1.0
@@ -136,7 +139,13 @@ class RunStep:
 
 
 def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
-    run: InspectionRun | None, track: Track, sample: PositionSample, *, corridor_m: float, speed_m_s: float
+    run: InspectionRun | None,
+    track: Track,
+    sample: PositionSample,
+    *,
+    corridor_m: float,
+    speed_m_s: float,
+    longest_gap_s: float = GAP_S,
 ) -> RunStep:
     """Carry a run on by one position.
 
@@ -146,6 +155,7 @@ def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes 
         sample: the new position; not older than the run's last.
         corridor_m: largest distance from the track.
         speed_m_s: the inspection speed asked for.
+        longest_gap_s: after a longer silence nobody knows what was flown meanwhile.
     """
     along, beside = track.locate(sample.place_m)
     tolerance = min(END_TOLERANCE_M, track.length_m / 4)
@@ -159,7 +169,7 @@ def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes 
     gap_s = sample.boot_s - run.recent[-1][0]
     if not inside:
         return RunStep(None, broken=inspection.BESIDE_LINE.format(beside_m=beside))
-    if gap_s > GAP_S:
+    if gap_s > longest_gap_s:
         return RunStep(None, broken=inspection.NO_POSITION.format(gap_s=gap_s))
     if along < run.furthest_m - corridor_m:
         return RunStep(None, broken=inspection.TURNED_BACK)

@@ -12,7 +12,7 @@ from executor.core.context import Context, Scene, VehicleSetup
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.messages import CRITICAL
 from executor.core.payload.camera_state import NO_PAYLOAD, PayloadState
-from executor.core.state.inspection_proof import Track
+from executor.core.state.inspection_proof import SLOWED_GAP_S, Track
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import (
     Assignment,
@@ -262,6 +262,16 @@ def change_stage(
     if stage not in TRANSITIONS[state.stage] and (state.stage, stage) not in besides:
         raise ValueError(f"{state.name}: {state.stage.value} cannot become {stage.value}")
     return replace(state, stage=stage)
+
+
+def is_slowed_by_us(state: VehicleState, now_s: float) -> bool:
+    """Return whether its streams come late as it takes a mission of ours over a telemetry radio, or just has.
+
+    The upload has a part of the radio, and ArduPilot sends everything four times as seldom meanwhile.
+    """
+    known = state.assignment
+    loads = known.pending is not None or now_s - known.carried.ours_s <= SLOWED_GAP_S
+    return loads and state.link.quality.radio is not None
 
 
 def suppose_lost(state: VehicleState, now_s: float) -> VehicleState:

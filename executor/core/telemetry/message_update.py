@@ -11,10 +11,10 @@ from executor.core.interface import messages
 from executor.core.interface.messages import BOOT, CRITICAL, FlightMessage, StatusText
 from executor.core.lines import inspection
 from executor.core.state import gps_loss, link_quality, mission_height, mission_ownership, vehicle_position
-from executor.core.state.inspection_proof import GAP_S, PositionSample, SegmentPass, advance_run
+from executor.core.state.inspection_proof import GAP_S, SLOWED_GAP_S, PositionSample, SegmentPass, advance_run
 from executor.core.state.link_quality import ReportedPosition, add_reported_position
 from executor.core.state.vehicle_parts import Assignment, LinkState, MotionState, PositionFix, Positioning
-from executor.core.state.vehicle_state import Stage, VehicleState, last_known_of
+from executor.core.state.vehicle_state import Stage, VehicleState, is_slowed_by_us, last_known_of
 from executor.core.telemetry import mode_evidence
 from executor.core.telemetry.battery_reports import apply_battery_status, apply_pack_setting, apply_system_status
 from executor.core.telemetry.mode_evidence import ALARM, EXPLAINS_DISARMING, STOPS_MOTORS
@@ -345,7 +345,8 @@ def _apply_position(
         assignment, inspected, flown = _break_unproven_run(context, state, without_s)
     else:
         before_gap = _keep_state_before_gap(state, elapsed_s)
-        assignment, inspected, flown = _advance_coverage(context, before_gap, sample)
+        gap_s = SLOWED_GAP_S if is_slowed_by_us(state, now_s) else GAP_S
+        assignment, inspected, flown = _advance_coverage(context, before_gap, sample, gap_s)
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
     after = replace(state, link=link, motion=motion, power=power, sortie=sortie, assignment=assignment)
@@ -405,7 +406,7 @@ _CoverageStep = tuple[Assignment, int | None, SegmentPass | None]
 """A mission after a position, and the segment that this proved to be inspected, with how it was flown."""
 
 
-def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample) -> _CoverageStep:
+def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSample, gap_s: float) -> _CoverageStep:
     old, leg = state.assignment, state.leg
     if old.board is None or leg is None or not _may_count(context, state):
         return old, None, None
@@ -419,7 +420,9 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
     if track.by_pictures:
         return old, None, None
     run = old.run if old.run_visit == visit else None
-    step = advance_run(run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s)
+    step = advance_run(
+        run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s, longest_gap_s=gap_s
+    )
     if step.flown is not None:
         return replace(old, run=step.run, run_visit=visit), track.segment, step.flown
     if step.broken:

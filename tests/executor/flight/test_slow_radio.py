@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.virtual.loop import run_virtual
-from benchmarks.virtual.radio import MemoryRadio, run_radios
+from benchmarks.virtual.radio import MemoryRadio, run_radios, share_port
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock
 from executor.core.context import Context
@@ -50,7 +50,7 @@ class _End(MemoryRadio):
 
     def write(self, frame: bytes) -> bool:
         if int.from_bytes(frame[7:10], "little") == MISSION_ITEM_INT:
-            self.items[self.sysid, int.from_bytes(frame[38:40], "little")] += 1
+            self.items[frame[42], int.from_bytes(frame[38:40], "little")] += 1
         return super().write(frame)
 
 
@@ -85,6 +85,8 @@ def prepared(folder: Path, autopilot: str, kind: str, parameters: Mapping[str, f
             {one.name: _End(one, table.sysid) for one, table in zip(crafts, fleet.vehicles, strict=True)},
             Counter[tuple[int, int]](),
         )
+        if kind:
+            share_port(tuple(radios.values()))
         for end in radios.values():
             end.items = items
             end.vehicle.autopilot.params.hidden |= {*lacks}

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import fields, replace
 
 import pytest
 
 from executor.protocols import mission_transfer, vehicle_commands
+from executor.protocols.machine import RoundTrip
 from executor.protocols.mission_transfer import FIRST_READ_TRIP, DownloadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.vehicle_commands import CommandDialogue
@@ -44,9 +44,14 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "deadline_s": 0.0,
                 "counts_sent": 0,
                 "furthest": -1,
-                "answered": -1,
-                "answered_s": -math.inf,
-                "first_s": -math.inf,
+                "counted_s": 0.0,
+                "under_way": (),
+                "ahead": 16,
+                "room": 8,
+                "highest": -1,
+                "repeats": 0,
+                "early": False,
+                "checksum": None,
                 "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,
                 "refusal": None,
@@ -57,6 +62,13 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "deadline_s": 0.0,
                 "count": None,
                 "items": (),
+                "first": 0,
+                "ahead": 1,
+                "checksum": None,
+                "later": (),
+                "proven": False,
+                "room": 8,
+                "under_way": (),
                 "tries": 0,
                 "refusal": None,
                 "round_trip": FIRST_READ_TRIP,
@@ -65,8 +77,25 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "begun": 0,
                 "broke_off_at": "",
             },
-            {"command": ARM, "what": "arm", "outcome": None, "deadline_s": 0.0, "tries": 0, "refusal": ""},
-            {"name": "RTL_ALT", "wanted": None, "outcome": None, "deadline_s": 0.0, "tries": 0, "value": None},
+            {
+                "command": ARM,
+                "what": "arm",
+                "outcome": None,
+                "deadline_s": 0.0,
+                "round_trip": RoundTrip(),
+                "tries": 0,
+                "refusal": "",
+                "sent_s": 0.0,
+            },
+            {
+                "name": "RTL_ALT",
+                "wanted": None,
+                "outcome": None,
+                "deadline_s": 0.0,
+                "round_trip": RoundTrip(),
+                "tries": 0,
+                "value": None,
+            },
         ],
     ),
 ]

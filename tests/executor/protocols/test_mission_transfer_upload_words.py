@@ -15,7 +15,7 @@ from executor.core.interface.messages import (
 )
 from executor.protocols import mission_transfer
 from executor.protocols.machine import Aborted, Accepted, Rejected, TimedOut
-from missions import ARDUPILOT, encode
+from missions import ARDUPILOT, compute_list_checksum, encode
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import flying
 from tests.executor.protocols.talks import LATE, late, talk
@@ -23,12 +23,18 @@ from tests.executor.protocols.talks import LATE, late, talk
 BOARD = flying().assignment.board
 assert BOARD is not None
 ITEMS = encode(BOARD.path, ARDUPILOT).items[:3]
-UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}))
+UPLOAD = mission_transfer.UploadDialogue(ITEMS, 8.0, frozenset({13}), ahead=1, room=1)
+SIX = encode(BOARD.path, ARDUPILOT).items[:6]
+AHEAD = mission_transfer.UploadDialogue(SIX, 8.0, frozenset({13}), room=4)
 GIVE_UP = "give up"
 
 
 def ask(seq: int) -> MissionRequest:
     return MissionRequest(seq)
+
+
+def items(begin: int, end: int) -> tuple[str, ...]:
+    return tuple(f"item {seq}" for seq in range(begin, end))
 
 
 ALL = [(101.0, ask(0)), (102.0, ask(1)), (103.0, ask(2))]
@@ -37,7 +43,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload",
         lambda: talk(UPLOAD, *ALL, (104.0, MissionAck(0))),
-        [("count 3", 101.5), ("item 0", 102.25), ("item 1", 103.25), ("item 2", 104.25), (math.inf,), Accepted()],
+        [("count 3", 101.5), ("item 0", 103.0), ("item 1", 103.75), ("item 2", 104.562), (math.inf,), Accepted()],
     ),
     (
         "an upload that nobody answers",
@@ -55,7 +61,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "an upload that is asked for the same at once",
         lambda: talk(UPLOAD, (101.0, ask(0)), (101.09, ask(0)), (101.2, ask(0)), (101.25, ask(1))),
-        [("count 3", 101.5), ("item 0", 102.25), (102.34,), (102.45,), ("item 1", 102.5), None],
+        [("count 3", 101.5), ("item 0", 103.0), (103.09,), (103.2,), ("item 1", 103.281), None],
     ),
     (
         "an upload of which too much is asked for",
@@ -67,9 +73,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, (101.0, ask(0)), *late(102.0, 108.9, 109.0)),
         [
             ("count 3", 101.5),
-            ("item 0", 102.25),
-            (103.25,),
-            (110.15,),
+            ("item 0", 103.0),
+            ("item 0", 104.4),
+            ("item 0", 109.0),
             (math.inf,),
             TimedOut(reason="no answer after item 0 of 3"),
         ],
@@ -79,11 +85,11 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, *ALL, *late(104.0, 110.9, 111.0)),
         [
             ("count 3", 101.5),
-            ("item 0", 102.25),
-            ("item 1", 103.25),
-            ("item 2", 104.25),
-            ("item 2", 105.25),
-            ("item 2", 112.15),
+            ("item 0", 103.0),
+            ("item 1", 103.75),
+            ("item 2", 104.562),
+            ("item 2", 106.4),
+            ("item 2", 111.0),
             (math.inf,),
             TimedOut(reason="no answer after item 2 of 3"),
         ],
@@ -93,18 +99,18 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: talk(UPLOAD, *ALL, (103.5, ask(1)), *late(104.5)),
         [
             ("count 3", 101.5),
-            ("item 0", 102.25),
-            ("item 1", 103.25),
-            ("item 2", 104.25),
-            (104.75,),
-            ("item 2", 105.75),
+            ("item 0", 103.0),
+            ("item 1", 103.75),
+            ("item 2", 104.562),
+            (105.062,),
+            ("item 2", 106.9),
             None,
         ],
     ),
     (
         "an upload that is accepted too early",
         lambda: talk(UPLOAD, (101.0, MissionAck(0)), (102.0, ask(0)), (103.0, MissionAck(0))),
-        [("count 3", 101.5), (101.5,), ("item 0", 103.25), (103.25,), None],
+        [("count 3", 101.5), (101.5,), ("item 0", 104.4), (104.4,), None],
     ),
     (
         "an upload that is refused",
@@ -164,7 +170,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             [
                 ("count 3", 101.5),
-                ("item 0", 102.25),
+                ("item 0", 103.0),
                 (MissionAck(result=15), math.inf),
                 (math.inf,),
                 (math.inf,),
@@ -182,6 +188,44 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "an upload hears what is not for it",
         lambda: talk(UPLOAD, (101.0, MissionCount(3))),
         [("count 3", 101.5), (101.5,), None],
+    ),
+    (
+        "an upload over a link that takes its time sends ahead",
+        lambda: talk(AHEAD, (101.0, ask(0)), (102.0, ask(1)), (102.1, ask(2)), (102.2, MissionAck(0))),
+        [("count 6", 101.5), (*items(0, 4), 103.0), (*items(4, 6), 104.0), (104.125,), (104.125,), None],
+    ),
+    (
+        "an upload sends on from what got lost",
+        lambda: talk(AHEAD, (101.0, ask(0)), (102.0, ask(2)), (103.5, ask(2)), (104.5, ask(3))),
+        [
+            ("count 6", 101.5),
+            (*items(0, 4), 103.0),
+            (*items(4, 6), 104.0),
+            (*items(2, 3), 105.25),
+            (*items(3, 6), 106.5),
+            None,
+        ],
+    ),
+    (
+        "an upload repeats what was out of turn, and does not repeat what may be on its way",
+        lambda: talk(AHEAD, (101.0, ask(0)), (101.5, MissionAck(13)), (102.6, MissionAck(13)), (102.7, MissionAck(13))),
+        [("count 6", 101.5), (*items(0, 4), 103.0), (103.5,), (*items(0, 1), 104.6), (104.7,), None],
+    ),
+    (
+        "an upload whose end nobody hears is over when the vehicle asks for nothing more",
+        lambda: [
+            talk(AHEAD, (101.0, ask(0)), (102.0, ask(4)), (102.5, MissionAck(result)), (104.0, LATE))[-1]
+            for result in (0, 1)
+        ],
+        [Accepted(), Rejected(reason="mission refused: error, or busy with another transfer")],
+    ),
+    (
+        "an upload that is accepted by its checksum is over at once",
+        lambda: [
+            talk(AHEAD, (101.0, ask(0)), (102.0, ask(1)), (102.1, MissionAck(0, checksum=number)))[-1]
+            for number in (compute_list_checksum(SIX), 7)
+        ],
+        [Accepted(), None],
     ),
     (
         "every refusal in words",

@@ -22,10 +22,11 @@ from executor.core.interface.messages import (
 )
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.radio_budget import list_streams_hz
 from executor.core.telemetry.vehicle_identity import MOST_NAMED
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
 from executor.protocols import vehicle_commands
-from executor.runtime import procedures, vehicle_preflight
+from executor.runtime import vehicle_preflight
 from missions import ARDUPILOT, PX4, Dialect, Inspection, build_flight_path, encode, plan_flight_setup
 from tests.fakes.clock import LoopClock
 from tests.fakes.flyer import Flyer
@@ -71,7 +72,7 @@ async def test_a_vehicle_that_is_ready(dialect: Dialect) -> None:
     assert facts.unread == frozenset(), "the others are not there: these two were answered over the same link"
     assert facts.words == f"quadrotor, {'ArduPilot' if dialect is ARDUPILOT else 'PX4'} 4.7.2"
     assert FRAME.to_local_m(facts.position.lat_deg, facts.position.lon_deg) == pytest.approx((3.0, 4.0), abs=0.01)
-    assert ready.vehicle.commands.count(511) == len(procedures.streams_hz(dialect))
+    assert ready.vehicle.commands.count(511) == len(list_streams_hz(dialect))
 
 
 async def test_what_a_vehicle_does_not_say_is_not_made_up() -> None:

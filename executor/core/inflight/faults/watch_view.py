@@ -15,7 +15,7 @@ from executor.core.fault_thresholds import Limits
 from executor.core.lines import failsafe, link
 from executor.core.state.mission_height import ITEM_STALE_S
 from executor.core.state.vehicle_parts import PositionFix
-from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState
+from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState, is_slowed_by_us
 from executor.core.telemetry.mode_evidence import has_failsafe_action
 from missions.autopilots.dialect import is_mission_mode
 
@@ -94,6 +94,8 @@ LEAST_GONE_S = 20.0
 """What was asked for three times and has not come does not come."""
 BATTERY_GONE_S = 60.0
 """A pack that was well may be unseen for so long: it loses 4 % in a minute, and 12 if it drains three times as fast."""
+SLOWED = 3.0
+"""Times as long a stream may stay away that our own upload holds up."""
 ASK_AGAIN_S = 6.0
 UNSEEN_S = 60.0
 """Who says neither where it is nor whether it is armed for so long is as good as silent."""
@@ -117,9 +119,14 @@ class Stream:
         last_s = self.last_s(view)
         return math.nan if last_s is None else view.now_s - max(last_s, view.state.link.excused_s)
 
+    def usual_s(self, view: WatchView) -> float:
+        """Return an age that is worth a word now."""
+        slowed = is_slowed_by_us(view.state, view.now_s)
+        return (SLOWED if slowed else 1.0) * self.stale_s(view.context.limits)
+
     def describe_missing(self, view: WatchView) -> str:
         """Return in words that it does not come while others do; nothing if it comes."""
-        age_s, stale_s, heard_s = self.age_s(view), self.stale_s(view.context.limits), view.state.link.heard_s
+        age_s, stale_s, heard_s = self.age_s(view), self.usual_s(view), view.state.link.heard_s
         if not age_s >= stale_s or heard_s is None or not is_link_alive(view):
             return ""
         if view.now_s - heard_s > age_s - stale_s:
@@ -129,6 +136,7 @@ class Stream:
     def check(self, view: WatchView) -> Finding:
         """Return whether it stays away for longer than is usual, and than a silence of everything lasts."""
         age_s, heard_s, after_s = self.age_s(view), view.state.link.heard_s, max(self.gone_s, view.setup.link_timeout_s)
+        after_s *= SLOWED if is_slowed_by_us(view.state, view.now_s) else 1.0
         if not view.setup.planned or math.isnan(age_s) or heard_s is None or not is_link_alive(view):
             return STALE
         if age_s < after_s:
@@ -169,8 +177,7 @@ def is_stream_request_due(view: WatchView) -> bool:
     """Return whether it is to be asked for its streams again."""
     if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
         return False
-    limits, streams = view.context.limits, (HEARTBEAT, POSITION, BATTERY, ITEM)
-    return any(stream.age_s(view) >= stream.stale_s(limits) for stream in streams)
+    return any(stream.age_s(view) >= stream.usual_s(view) for stream in (HEARTBEAT, POSITION, BATTERY, ITEM))
 
 
 def state_silence_s(view: WatchView) -> float:

@@ -1,0 +1,301 @@
+"""Flights of a fleet behind one telemetry radio: how soon everybody is asked, has a mission, and a re-plan on board.
+
+Each flight is that of `benchmarks.virtual_flight` over an emulated radio (`simulator/radio.py`), with one crash. What
+went over the radio is counted where it enters it, and what was heard of our heartbeat in the vehicles.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.errors import FlightNotFlown
+from benchmarks.machine import head, machine_line
+from benchmarks.markdown import figure
+from benchmarks.parallel_flights import FlightCase
+from benchmarks.prediction import plan_with
+from benchmarks.report import Report, Table
+from benchmarks.store import Json
+from benchmarks.virtual_flight import VirtualFlight, VirtualRun, fly_virtual
+from benchmarks.virtual_site import build_virtual_site
+from executor.core.context import Context
+from executor.core.state.fleet_state import FleetState
+from executor.errors import ExecutorError
+from executor.flight.preparation import read_changes
+from executor.runtime.flight_loop import Flight
+from executor.site.site_model import SiteModel
+from missions import PlanFile
+from missions.fences import Fence
+from missions.geo import LocalFrame
+from simulator.messages import Heartbeat, Received
+from simulator.radio import Radio, parse_radio
+
+SPAN_M = 30.0
+SPANS_EACH = 32
+"""Segments of each vehicle: some 40 items."""
+LOST_S = 45.0
+"""When the second vehicle crashes, in the time of its mission."""
+LIMIT_S = 1500.0
+HOME = LocalFrame(49.6, 15.6, 450.0)
+MISSION_ITEM_INT, ITEM_HEAD = 73, 10
+LATE_S = 2.0
+"""Between two of our heartbeats that a vehicle hears: more is late by more than a second."""
+RADIOS = ("sik", "lte", "mlrs-31", "sik-ecc-mended", "sik-ecc", "mesh")
+
+
+@dataclass(frozen=True, slots=True)
+class RadioCase(FlightCase):
+    """One flight over one radio."""
+
+    radio: str
+    vehicles: int
+
+
+@dataclass(frozen=True, slots=True)
+class RadioFlight:
+    """What became of it; times in seconds."""
+
+    radio: str
+    autopilot: str
+    vehicles: int
+    seed: int
+    failure: str = ""
+    """Why it did not fly; empty if it did."""
+    asked_s: float | None = None
+    """From the first heartbeat until the checklist is there."""
+    loaded_s: float | None = None
+    """From then until all missions are on board and proven."""
+    items: int = 0
+    """Of all first missions."""
+    sent_times: float = 0.0
+    """How often an item of them was sent, in the mean."""
+    sent_most: int = 0
+    replan_upload_s: float | None = None
+    """From the solver's answer until the last survivor's mission is on board and proven."""
+    replan_s: float | None = None
+    """From the need."""
+    replan_sent_times: float = 0.0
+    late_heartbeats: int = 0
+    """Times that a vehicle did not hear our heartbeat for more than `LATE_S`."""
+    heartbeat_gap_s: float = 0.0
+    """The longest of these times."""
+    up_bytes_s: float = 0.0
+    cut_bytes: int = 0
+    """For which some radio had no room."""
+    false_faults: tuple[str, ...] = ()
+    """Of vehicles that are well."""
+    broken: tuple[str, ...] = ()
+    """Runs along a segment that did not count."""
+    finished: bool = False
+
+
+@dataclass(slots=True)
+class _Air:
+    """What was sent into the radios, and heard by the vehicles."""
+
+    items: Counter[tuple[int, int]] = field(default_factory=Counter)
+    up_bytes: int = 0
+    heard_s: dict[str, float] = field(default_factory=dict)
+    gaps_s: list[float] = field(default_factory=list)
+
+    def take_up(self, data: bytes) -> None:
+        """Count what the ground station sends."""
+        self.up_bytes += len(data)
+        if len(data) > 40 and int.from_bytes(data[7:10], "little") == MISSION_ITEM_INT:
+            # Of the payload the sequence number comes behind seven numbers of four bytes, the target two behind it.
+            seq, target = int.from_bytes(data[ITEM_HEAD + 28 : ITEM_HEAD + 30], "little"), data[ITEM_HEAD + 32]
+            self.items[target, seq] += 1
+
+    def hear(self, vehicle: str, now_s: float) -> None:
+        """Note that a vehicle has heard our heartbeat."""
+        if vehicle in self.heard_s:
+            self.gaps_s.append(now_s - self.heard_s[vehicle])
+        self.heard_s[vehicle] = now_s
+
+
+class RadioRun(VirtualRun):
+    """A flight over a radio, with a stopwatch."""
+
+    def __init__(self, *args: Any, air: _Air, stages: dict[str, float], radio: str) -> None:  # noqa: ANN401
+        """Prepare; the arguments are those of a `VirtualRun`, and what is filled in."""
+        super().__init__(*args, radio=radio)
+        self._air, self._stages = air, stages
+        self._radios = list({id(one.radio): one.radio for one in self._vehicles.values() if one.radio}.values())
+        for one in self._radios:
+            _count_sent(one, air)
+        for name, vehicle in self._vehicles.items():
+            _count_heartbeats(name, vehicle.autopilot, air)
+
+    async def _upload_fences(self, context: Context, first: Mapping[str, Fence]) -> None:
+        """Look what a flight would change, as before every flight; nothing is."""
+        await read_changes(context, self.links, self.clock)
+        self._stages["asked"] = asyncio.get_running_loop().time()
+        await super()._upload_fences(context, first)
+
+    async def _supervise(self, context: Context, state: FleetState, until_s: float) -> tuple[Flight, bool]:
+        self._stages["loaded"] = asyncio.get_running_loop().time()
+        self._stages["sent"], self._stages["most"] = sum(self._air.items.values()), max(self._air.items.values())
+        self._stages["items"] = len(self._air.items)
+        self._air.items.clear()
+        ended = await super()._supervise(context, state, until_s)
+        self._stages["over"] = asyncio.get_running_loop().time()
+        self._stages["cut"] = sum(one.cut_bytes for one in self._radios)
+        return ended
+
+
+def _count_sent(radio: Radio, air: _Air) -> None:
+    send = radio.send
+
+    def counted(vehicle: int, data: bytes, now_s: float, *, up: bool) -> None:
+        if up:
+            air.take_up(data)
+        send(vehicle, data, now_s, up=up)
+
+    radio.send = counted  # type: ignore[method-assign]
+
+
+def _count_heartbeats(name: str, autopilot: Any, air: _Air) -> None:  # noqa: ANN401
+    receive = autopilot.receive
+
+    def counted(received: Received) -> None:
+        if isinstance(received.body, Heartbeat):
+            air.hear(name, autopilot.now_s)
+        receive(received)
+
+    autopilot.receive = counted
+
+
+def make_site(folder: Path, case: RadioCase) -> tuple[SiteModel, PlanFile]:
+    """Return a straight line, and a plan in which everybody has a run of it."""
+    spans = SPANS_EACH * case.vehicles
+    points = [HOME.to_wgs84_deg(SPAN_M * (number + 1), 30.0) for number in range(spans + 1)]
+    places = [[round(lon, 7), round(lat, 7)] for lat, lon in points]
+    features = [
+        {"type": "Feature", "geometry": {"type": kind, "coordinates": place}, "properties": about}
+        for kind, place, about in (
+            ("Point", [HOME.lon_deg, HOME.lat_deg], {"role": "depot", "elevation_m": HOME.alt_m}),
+            *(
+                ("Point", place, {"id": f"p{number}", "elevation_m": HOME.alt_m, "height_m": 10.0})
+                for number, place in enumerate(places)
+            ),
+            ("LineString", places, {"id": "line"}),
+        )
+    ]
+    path = folder / "line.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    tables = {"link": {"one_radio": True}} if parse_radio(case.radio).profile.shared else {}
+    ground = build_virtual_site(path, None, case.vehicles, case.autopilot, tables=tables)
+    routes = {
+        name: tuple(2 * visit for visit in range(SPANS_EACH * number, SPANS_EACH * (number + 1)))
+        for number, name in enumerate(ground.names)
+    }
+    return ground, plan_with(ground, routes)
+
+
+def fly_over_radio(case: RadioCase) -> RadioFlight:
+    """Fly once."""
+    empty = RadioFlight(case.radio, case.autopilot, case.vehicles, case.seed)
+    air, stages = _Air(), dict[str, float]()
+    with tempfile.TemporaryDirectory(prefix="faultline-radio-") as folder:
+        ground, plan = make_site(Path(folder), case)
+        lost = ground.names[1]
+        try:
+            flight = fly_virtual(
+                ground, plan, faults=[f"{lost}:crash@{LOST_S:g}s"], seed=case.seed, limit_s=LIMIT_S,
+                make=partial(RadioRun, air=air, stages=stages, radio=case.radio),
+            )  # fmt: skip
+        except (ExecutorError, FlightNotFlown) as error:
+            return _judge_ground(replace(empty, failure=str(error)), stages)
+    return _judge_air(_judge_ground(empty, stages), flight, air, stages, lost)
+
+
+def _judge_ground(empty: RadioFlight, stages: Mapping[str, float]) -> RadioFlight:
+    asked_s, loaded_s = stages.get("asked"), stages.get("loaded")
+    if asked_s is None:
+        return empty
+    if loaded_s is None:
+        return replace(empty, asked_s=round(asked_s, 1))
+    return replace(
+        empty, asked_s=round(asked_s, 1), loaded_s=round(loaded_s - asked_s, 1), items=int(stages["items"]),
+        sent_times=round(stages["sent"] / stages["items"], 2), sent_most=int(stages["most"]),
+    )  # fmt: skip
+
+
+def _judge_air(
+    known: RadioFlight, flight: VirtualFlight, air: _Air, stages: Mapping[str, float], lost: str
+) -> RadioFlight:
+    replans = [one for one in flight.report.replans if one.upload_s > 0]
+    return replace(
+        known,
+        replan_upload_s=replans[0].upload_s if replans else None,
+        replan_s=replans[0].total_s if replans else None,
+        replan_sent_times=round(sum(air.items.values()) / len(air.items), 2) if air.items else 0.0,
+        late_heartbeats=sum(gap > LATE_S for gap in air.gaps_s),
+        heartbeat_gap_s=round(max(air.gaps_s, default=0.0), 2),
+        up_bytes_s=round(air.up_bytes / stages["over"], 1),
+        cut_bytes=int(stages["cut"]),
+        false_faults=tuple(f"{one.vehicle}: {one.reason}" for one in flight.report.faults if one.vehicle != lost),
+        broken=tuple(f"{one.vehicle}: {one.reason}" for one in flight.report.not_counted if one.vehicle != lost),
+        finished=flight.report.finished,
+    )
+
+
+def make_radio_cases(
+    radios: Sequence[str], vehicles: Sequence[int], autopilots: Sequence[str], flights: int, seed: int
+) -> list[RadioCase]:
+    """Return the flights, in the order of the radios."""
+    return [
+        RadioCase(number, seed + number, autopilot, radio, count)
+        for radio in radios
+        for autopilot in autopilots
+        for count in vehicles
+        for number in range(flights)
+    ]
+
+
+TITLE = "A fleet behind one telemetry radio"
+INTRODUCTION = (
+    "`{command}`: flights in virtual time of {vehicles} vehicles over a straight line, {spans} spans of {span:g} m"
+    " each, behind an emulated radio (`faultline simulate --radio`; figures of each in `simulator/radio.py`). The"
+    " second vehicle crashes {lost:g} s into its mission. SiK, mLRS and LTE by their names; `sik-ecc` has the firmware that is"
+    " sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own. `Asked`:"
+    " from the first heartbeat to the checklist; `loaded`: all first missions on board and proven; `re-plan`: from the"
+    " solver's answer until the last survivor's mission is on board and proven. `Late` counts the times that a vehicle"
+    " did not hear our heartbeat for more than {late:g} s, with the longest."
+)
+COLUMNS = (
+    "radio", "autopilot", "asked (s)", "loaded (s)", "items", "each sent", "re-plan (s)", "each sent then", "late",
+    "longest (s)", "sent up (B/s)", "false faults", "broken proofs", "all inspected",
+)  # fmt: skip
+
+
+def radio_document(flights: Sequence[RadioFlight], command: str, seed: int) -> Json:
+    """Return the content of radio.json."""
+    rows = [asdict(one) for one in flights]
+    wrong = sum(bool(one.failure or one.false_faults) for one in flights)
+    return {**head("radio/1", command), "seed": seed, "flights": rows, "wrong": wrong}
+
+
+def report_radio(content: Mapping[str, Any]) -> Report:
+    """Return the page."""
+    said = INTRODUCTION.format(
+        command=content["command"], vehicles=content["flights"][0]["vehicles"], spans=SPANS_EACH, span=SPAN_M,
+        lost=LOST_S, late=LATE_S,
+    )  # fmt: skip
+    rows = [
+        (
+            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), row["items"],
+            figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
+            row["late_heartbeats"], figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
+            len(row["false_faults"]), len(row["broken"]), "yes" if row["finished"] else row["failure"] or "no",
+        )
+        for row in content["flights"]
+    ]  # fmt: skip
+    return Report("radio", TITLE, content, (machine_line(content), said, Table(COLUMNS, rows, TITLE)))

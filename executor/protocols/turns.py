@@ -1,0 +1,68 @@
+"""Whose transfer is next on a channel that several vehicles share: one at a time, who needs it first goes first.
+
+Side by side they would take the channel from each other, and all be late. One that does not come on keeps nobody
+waiting: its vehicle may be out of reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from executor.core.interface.messages import Radio
+
+STALLED_S = 2.0
+"""A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
+FULL_PCT = 33
+"""Of a radio's buffer less is free: what is asked now waits in it for longer than an answer takes (ArduPilot sends no
+parameters from there on)."""
+REPORT_S = 2.5
+"""A radio reports once a second; an older report says nothing."""
+HOLD_S = 0.25
+MOST_HELD_S = 10.0
+"""A buffer that stays full for longer is believed no more."""
+
+
+class Rank(IntEnum):
+    """What kind of transfer it is, the most urgent first."""
+
+    IN_FLIGHT = 0
+    """A new mission, or fence, for who flies."""
+    BEFORE_FLIGHT = 1
+    BESIDE = 2
+    """What nobody waits for."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Turn:
+    """A transfer that wants the channel."""
+
+    rank: Rank
+    needed_s: float
+    """In how many seconds it should be over."""
+    number: int
+    """In the order in which they came."""
+
+
+def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float) -> bool:
+    """Return whether a transfer may begin.
+
+    Args:
+        turn: Which.
+        waiting: All that wait, this one among them.
+        progressed_s: When each that is under way came on last.
+        now_s: The time.
+    """
+    return turn == min(waiting) and all(now_s - at_s >= STALLED_S for at_s in progressed_s)
+
+
+def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:
+    """Return after how long it is worth looking again, if none ends before."""
+    return max([0.0, *(at_s + STALLED_S - now_s for at_s in progressed_s)])
+
+
+def is_buffer_full(radio: Radio | None, heard_s: float, now_s: float) -> bool:
+    """Return whether our own radio has said just now that it holds more than it can send."""
+    free_pct = None if radio is None else radio.free_buffer_pct
+    return free_pct is not None and free_pct < FULL_PCT and now_s - heard_s <= REPORT_S

@@ -1,0 +1,83 @@
+"""Which streams are thinned for a radio, and what the crew is told of it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from executor.core.interface.codes import Severity
+from executor.core.interface.messages import Radio
+from executor.core.radio_budget import (
+    FRAME_BYTES,
+    GLOBAL_POSITION_INT,
+    OWN_FACTORS,
+    STREAMS_HZ,
+    STREAMS_SHARE,
+    THINNED_HZ,
+    UNMEASURED,
+    LinkMeasures,
+    RadioShare,
+    check_radio,
+    list_streams_hz,
+)
+from missions import ARDUPILOT, PX4, Dialect
+
+DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
+REPORTED = LinkMeasures(Radio(200, 200, 50, 50, 90), 0.42, 0.031)
+
+
+@DIALECTS
+def test_every_stream_has_a_size_and_every_step_asks_for_less(dialect: Dialect) -> None:
+    steps = [list_streams_hz(dialect, step) for step in range(len(OWN_FACTORS))]
+    assert steps[0].keys() <= FRAME_BYTES.keys()
+    assert len(THINNED_HZ) == len(OWN_FACTORS) - 1
+    for more, less in pairwise(steps):
+        assert more.keys() == less.keys(), "nothing is given up altogether"
+        assert all(less[message] <= more[message] for message in more)
+    sums = [RadioShare(3).sum_bytes_s(dialect, step) for step in range(len(OWN_FACTORS))]
+    assert sums == sorted(sums, reverse=True)
+    assert steps[1][GLOBAL_POSITION_INT] == STREAMS_HZ[GLOBAL_POSITION_INT], "positions come last"
+    assert steps[-1][GLOBAL_POSITION_INT] >= 1.0, "a segment is proven by them"
+
+
+@DIALECTS
+def test_without_a_radio_nothing_is_thinned(dialect: Dialect) -> None:
+    share = RadioShare(vehicles=20)
+    assert share.choose_streams_hz(dialect, on_radio=False) == list_streams_hz(dialect)
+    assert check_radio(share, dialect, (UNMEASURED, UNMEASURED)) == []
+
+
+@DIALECTS
+@pytest.mark.parametrize("vehicles", [1, 2, 3, 4])
+def test_streams_are_thinned_until_they_fit_and_no_further(dialect: Dialect, vehicles: int) -> None:
+    share = RadioShare(vehicles)
+    step = share.choose_step(dialect, on_radio=True)
+    most_bytes_s = STREAMS_SHARE * 1200.0
+    assert share.sum_bytes_s(dialect, step) <= most_bytes_s
+    assert step == 0 or share.sum_bytes_s(dialect, step - 1) > most_bytes_s
+    assert share.choose_step(dialect, on_radio=True) <= RadioShare(vehicles + 1).choose_step(dialect, on_radio=True)
+
+
+def test_signatures_count_and_what_the_site_says_counts_more_than_a_guess() -> None:
+    plain, signed = RadioShare(2), RadioShare(2, signed=True)
+    frames_s = 2 * (sum(list_streams_hz(PX4).values()) + 1) + 1
+    assert signed.sum_bytes_s(PX4, 0) - plain.sum_bytes_s(PX4, 0) == pytest.approx(13 * frames_s)
+    assert RadioShare(4, bytes_s=10_000.0).choose_step(PX4, on_radio=True) == 0
+    assert RadioShare(1, bytes_s=300.0).choose_step(PX4, on_radio=False) > 0
+    assert RadioShare(4, is_radio=True).choose_step(PX4, on_radio=False) > 0, "a serial port is one, unsaid"
+
+
+def test_the_checklist_says_what_is_asked_of_what_it_carries() -> None:
+    [check] = check_radio(RadioShare(4, bytes_s=5000.0), ARDUPILOT, (REPORTED, UNMEASURED))
+    assert (check.severity, check.text) == (Severity.OK, "2.5 of 5.0 kB/s, round trip 0.4 s, 3 % lost")
+    [check] = check_radio(RadioShare(4), ARDUPILOT, (REPORTED,))
+    assert check.severity is Severity.OK
+    assert check.text.endswith("; streams are thinned, positions come 1 times a second")
+
+
+def test_what_does_not_fit_is_said_with_how_many_would() -> None:
+    [check] = check_radio(RadioShare(6), ARDUPILOT, (REPORTED,))
+    assert check.severity is Severity.WARNING
+    assert check.text.endswith(": it is too slow for 6 vehicles, and carries 4")
+    assert RadioShare(4).sum_bytes_s(ARDUPILOT, 3) <= STREAMS_SHARE * 1200.0

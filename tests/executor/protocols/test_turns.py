@@ -1,0 +1,41 @@
+"""Whose transfer is next, and when a radio holds too much to be asked anything."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from executor.core.interface.messages import Radio
+from executor.protocols.turns import FULL_PCT, STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
+
+SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
+PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)
+
+
+def test_who_needs_it_first_goes_first_and_who_waits_longest_among_equals() -> None:
+    waiting = [PARAMETERS, LATER, READING, SOON]
+    assert sorted(waiting) == [SOON, LATER, PARAMETERS, READING]
+    assert [is_next(one, waiting, (), 100.0) for one in waiting] == [False, False, False, True]
+    assert Turn(Rank.BEFORE_FLIGHT, math.inf, 0) < Turn(Rank.BEFORE_FLIGHT, math.inf, 1)
+
+
+def test_one_transfer_at_a_time_unless_it_does_not_come_on() -> None:
+    assert not is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S - 0.1)
+    assert is_next(SOON, [SOON], [100.0], 100.0 + STALLED_S)
+    assert not is_next(SOON, [SOON], [100.0, 101.0], 100.0 + STALLED_S)
+
+
+def test_it_is_looked_again_when_the_last_one_may_have_stalled() -> None:
+    assert find_wait_s((), 100.0) == 0.0
+    assert find_wait_s((99.0, 99.5), 100.0) == pytest.approx(STALLED_S - 0.5)
+
+
+@pytest.mark.parametrize(
+    ("free_pct", "age_s", "full"),
+    [(FULL_PCT - 1, 0.5, True), (FULL_PCT, 0.5, False), (0, 3.0, False), (None, 0.0, False)],
+)
+def test_a_buffer_is_full_by_a_report_of_just_now(free_pct: int | None, age_s: float, *, full: bool) -> None:
+    radio = Radio(200, 200, 50, 50, free_pct)
+    assert is_buffer_full(radio, 100.0, 100.0 + age_s) is full
+    assert not is_buffer_full(None, -math.inf, 100.0)

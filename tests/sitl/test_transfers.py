@@ -1,0 +1,96 @@
+"""Items ahead of the requests, the checksum of a list, questions in any order: on real autopilots over a radio."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+
+from executor.adapters.clock import SystemClock
+from executor.adapters.mavlink import endpoints
+from executor.core.interface.connection import Connection, Scheme
+from executor.core.interface.messages import Heartbeat, Message
+from executor.core.interface.ports import Link, LinkRequest
+from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
+from executor.runtime import procedures
+from executor.runtime.dialogue import run_dialogue
+from missions import (
+    Dialect,
+    Inspection,
+    MissionItem,
+    build_flight_path,
+    compute_list_checksum,
+    dialect_for,
+    encode,
+    find_mission_differences,
+    plan_flight_setup,
+)
+from tests.missions.builders import line_east
+from tests.sitl.radio import RadioRelay
+from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, Wanted, running
+from tests.sitl.test_slow_radio import slowed
+
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
+
+PROFILE = "sik-ecc-mended"
+SETUP = plan_flight_setup(line_east(16), ["uav1"], Inspection())
+PATIENCE_S = 60.0
+STANDBY = 3
+"""MAV_STATE."""
+
+
+def mission(dialect: Dialect, visits: int) -> tuple[MissionItem, ...]:
+    return encode(build_flight_path(SETUP, "uav1", tuple(range(0, 2 * visits, 2))), dialect).items
+
+
+@BOTH
+def test_a_mission_goes_out_ahead_and_is_proven(autopilot: Autopilot, tmp_path: Path) -> None:
+    if autopilot.binary is None:
+        pytest.skip(f"{autopilot.variable}: expected the path of a real {autopilot.name}")
+    wanted = Wanted({pad.vehicle: pad for pad in SETUP.pads}, SETUP.frame, 1.0, {}, frozenset())
+    ports = range(autopilot.port, autopilot.port + 1)
+    radio = RadioRelay(ports, range(ports.start + RELAYED, ports.stop + RELAYED), PROFILE)
+    with radio.running(), running(autopilot, Path(autopilot.binary), tmp_path / "work", wanted):
+        if autopilot is PX4:
+            slowed(0, tmp_path / "work" / "uav1")
+        asyncio.run(_transfer(autopilot, ports.start + RELAYED, radio))
+
+
+async def _transfer(autopilot: Autopilot, port: int, radio: RadioRelay) -> None:
+    clock, dialect = SystemClock(1.0), dialect_for(autopilot.name)
+    request = LinkRequest(Connection(Scheme.UDP_IN, "127.0.0.1", port), 1)
+    async with endpoints.open_mavlink_links({"uav1": request}) as links:
+        link: Link = links["uav1"]
+        assert await procedures.wait_for(link, clock, _is_started, PATIENCE_S)
+        radio.items.clear()
+        for visits in (10, 15):
+            items, began_s = mission(dialect, visits), time.monotonic()
+            upload = await procedures.upload_once(link, clock, dialect, items)
+            took_s, sent = time.monotonic() - began_s, dict(radio.items)
+            times = f"{sum(sent.values())} sent, at most {max(sent.values(), default=0)} times"
+            print(f"{autopilot.name}: {len(items)} items in {took_s:.1f} s, {upload.round_trip}, {times}")
+            assert upload.accepted
+            _look(upload, dialect)
+            assert took_s < 0.7 * len(items) * (upload.round_trip.mean_s or 0.0), "not one round trip for each"
+            began_s = time.monotonic()
+            ahead = MOST_AHEAD if dialect.reads_in_any_order else 1
+            read = await run_dialogue(DownloadDialogue(ahead=ahead), link, clock)
+            print(f"{autopilot.name}: read in {time.monotonic() - began_s:.1f} s")
+            assert read.accepted
+            assert find_mission_differences(items, read.items, dialect) == ()
+            if dialect.says_checksum:
+                proven = await run_dialogue(DownloadDialogue(checksum=compute_list_checksum(items)), link, clock)
+                assert (proven.accepted, proven.proven, proven.items) == (True, True, ())
+                other = await run_dialogue(DownloadDialogue(checksum=1), link, clock)
+                assert (other.proven, len(other.items)) == (False, len(items))
+
+
+def _is_started(said: Message) -> bool:
+    return isinstance(said, Heartbeat) and said.system_status >= STANDBY
+
+
+def _look(upload: UploadDialogue, dialect: Dialect) -> None:
+    expected = compute_list_checksum(upload.items) if dialect.says_checksum else None
+    assert upload.checksum == expected
