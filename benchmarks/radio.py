@@ -264,8 +264,8 @@ TITLE = "A fleet behind one telemetry radio"
 INTRODUCTION = (
     "`{command}`: flights in virtual time of {vehicles} vehicles over a straight line, {spans} spans of {span:g} m"
     " each, behind an emulated radio (`faultline simulate --radio`; figures of each in `simulator/radio.py`). The"
-    " second vehicle crashes {lost:g} s into its mission. SiK, mLRS and LTE by their names; `sik-ecc` has the firmware that is"
-    " sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own. `Asked`:"
+    " second vehicle crashes {lost:g} s into its mission. SiK, mLRS and LTE by their names; `sik-ecc` has the firmware"
+    " that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own. `Asked`:"
     " from the first heartbeat to the checklist; `loaded`: all first missions on board and proven; `re-plan`: from the"
     " solver's answer until the last survivor's mission is on board and proven. `Late` counts the times that a vehicle"
     " did not hear our heartbeat for more than {late:g} s, with the longest."
@@ -283,13 +283,13 @@ def radio_document(flights: Sequence[RadioFlight], command: str, seed: int) -> J
     return {**head("radio/1", command), "seed": seed, "flights": rows, "wrong": wrong}
 
 
-def report_radio(content: Mapping[str, Any]) -> Report:
+def report_radio(content: dict[str, Any]) -> Report:
     """Return the page."""
     said = INTRODUCTION.format(
         command=content["command"], vehicles=content["flights"][0]["vehicles"], spans=SPANS_EACH, span=SPAN_M,
         lost=LOST_S, late=LATE_S,
     )  # fmt: skip
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), row["items"],
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
