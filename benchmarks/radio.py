@@ -265,8 +265,8 @@ INTRODUCTION = (
     "`{command}`: flights in virtual time of {vehicles} vehicles over a straight line, {spans} spans of {span:g} m"
     " each, behind an emulated radio (`faultline simulate --radio`; figures of each in `simulator/radio.py`). The"
     " second vehicle crashes {lost:g} s into its mission. SiK, mLRS and LTE by their names; `sik-ecc` has the firmware"
-    " that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own. `Asked`:"
-    " from the first heartbeat to the checklist; `loaded`: all first missions on board and proven; `re-plan`: from the"
+    " that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own."
+    " `Asked`: from the first heartbeat to the checklist; `loaded`: all first missions on board and proven; `re-plan`: from the"
     " solver's answer until the last survivor's mission is on board and proven. `Late` counts the times that a vehicle"
     " did not hear our heartbeat for more than {late:g} s, with the longest."
 )
@@ -291,10 +291,10 @@ def report_radio(content: dict[str, Any]) -> Report:
     )  # fmt: skip
     rows: list[tuple[str, ...]] = [
         (
-            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), row["items"],
+            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
-            row["late_heartbeats"], figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
-            len(row["false_faults"]), len(row["broken"]), "yes" if row["finished"] else row["failure"] or "no",
+            str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
+            str(len(row["false_faults"])), str(len(row["broken"])), "yes" if row["finished"] else row["failure"] or "no",
         )
         for row in content["flights"]
     ]  # fmt: skip
