@@ -21,7 +21,7 @@ from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, fly_virtual
 from executor.site.site_model import SiteModel
 from missions import PlanFile
-from simulator.config import parse_fault
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 
 AHEAD_S = 0.5

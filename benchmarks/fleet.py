@@ -34,6 +34,7 @@ from executor.adapters import clock
 from executor.adapters.eventlog import LogHeader, read_head
 from executor.adapters.interrupts import start_worker_pool
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.documents import FlightReport
 from executor.core.interface.commands import Level
 from executor.errors import ExecutorError
 from executor.flight import run_flight as flying
@@ -156,7 +157,7 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             seen = [told.recv() for told in browsers if told.poll(ENDS_S)]
         head, launched_s, events = _read_launch(RunDirectory(run).events)
         began_usec = 1e6 * (head.began_unix_s + launched_s)
-        rows = flown.report.vehicles
+        rows = flown.vehicles
         return FleetFlight(
             vehicles=vehicles,
             minutes=watch.taken_s * speedup / 60.0,
@@ -164,8 +165,8 @@ def fly_one(vehicles: int, minutes: float, speedup: float, seed: int, burden: Bu
             frames=sum(row.frames_received or 0 for row in rows),
             missing=sum(row.frames_missing or 0 for row in rows),
             events=events,
-            faults=len(flown.report.faults),
-            replans=len(flown.report.replans),
+            faults=len(flown.faults),
+            replans=len(flown.replans),
             cpu_s=watch.cpu_s,
             codec_s=measure_bare_codec_s(sorted(run.glob("*.tlog")), began_usec),
             blocked_ms=watch.find_blocked_ms(),
@@ -191,7 +192,7 @@ def _processors() -> tuple[set[int], set[int]]:
     return {every[0]}, set(every[1:]) or {every[0]}
 
 
-async def _fly_watched(order: FlightRequest, watch: _Watch) -> flying.FlightResult:
+async def _fly_watched(order: FlightRequest, watch: _Watch) -> FlightReport:
     watching = asyncio.create_task(watch.run())
     try:
         return await flying.run_flight(order, watch)

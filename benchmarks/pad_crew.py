@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from executor.core.ground import turnaround
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.runtime.flight_loop import Flight
-from simulator.config import parse_fault
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 
 BESIDE_S = 10.0

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.errors import FlightNotFlown
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import figure
+from benchmarks.markdown import Rows, figure
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
 from benchmarks.report import Report, Table
@@ -289,13 +289,13 @@ def report_radio(content: Mapping[str, Any]) -> Report:
         command=content["command"], vehicles=content["flights"][0]["vehicles"], spans=SPANS_EACH, span=SPAN_M,
         lost=LOST_S, late=LATE_S,
     )  # fmt: skip
-    rows = [
+    rows: Rows = [
         (
-            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), row["items"],
+            row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
-            row["late_heartbeats"], figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
-            len(row["false_faults"]), len(row["broken"]), "yes" if row["finished"] else row["failure"] or "no",
+            str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
+            str(len(row["false_faults"])), str(len(row["broken"])), "yes" if row["finished"] else row["failure"] or "no",
         )
         for row in content["flights"]
     ]  # fmt: skip
-    return Report("radio", TITLE, content, (machine_line(content), said, Table(COLUMNS, rows, TITLE)))
+    return Report("radio", TITLE, content, (machine_line(dict(content)), said, Table(COLUMNS, rows, TITLE)))

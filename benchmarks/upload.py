@@ -31,7 +31,8 @@ from executor.protocols.mission_transfer import DownloadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
 from missions import Command, Dialect, Frame, MissionItem, dialect_for, find_mission_differences
-from simulator.config import AutopilotKind, SimFleet, SimVehicle, parse_fault
+from simulator.config import AutopilotKind, SimFleet, SimVehicle
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import run_fleet
 
 ITEMS, LOSSES, DELAYS_S = (10, 40, 200), (0.0, 0.05, 0.2), (0.0, 0.05, 0.3)

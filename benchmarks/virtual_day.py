@@ -16,7 +16,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.flight.flight_recorder import round_trip_state
 from executor.runtime.flight_loop import Flight
 from missions import DayPlanFile
-from simulator.config import parse_fault
+from simulator.fault_kinds import parse_fault
 
 AWAY_S = 15.0
 """So long a ground station that has died is away."""

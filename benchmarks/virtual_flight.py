@@ -40,7 +40,7 @@ from executor.flight.preparation import (
 from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import Flight
 from executor.runtime.vehicle_preflight import load_lists, set_changes
-from executor.simulated.injected_faults import find_injected_fault
+from executor.simulated.fault_truths import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_plans
 from executor.site.site_model import SiteModel
@@ -158,10 +158,6 @@ class SilentConsole:
 
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show nothing."""
-
-    def confirm(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
-        """Say yes."""
-        return True
 
     async def ask(self, question: str) -> bool:  # noqa: ARG002 - as a console is asked
         """Say yes."""

@@ -57,7 +57,7 @@ from missions.flight_model import (
 from missions.geo import LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.items import Command, Frame, MissionItem, MissionKind
-from missions.layers import HeightReference, plan_layers, tracks_m
+from missions.layers_and_rtl_heights import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights
 from missions.mission_comparison import compute_list_checksum, count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
@@ -68,19 +68,16 @@ from missions.plan_json import build_plan_document, is_day_plan, read_any_plan, 
 from missions.plan_parts import BasePlace, BreakingLoss, SolverRecord, Window
 from missions.pricing import Pricing, Task, build_open_task, build_priced_instance
 from missions.readers import (
-    SNAP_M,
-    MendingLimits,
     NetworkImport,
-    Remark,
-    RemarkTopic,
     Selection,
     build_network_document,
     default_network_path,
     import_network,
-    parse_where,
     read_network,
     read_station_points,
 )
+from missions.readers.network_build import SNAP_M, MendingLimits
+from missions.readers.raw_network import Remark, RemarkTopic, parse_where
 from missions.routes import build_flight_path, continue_path
 from missions.setup import FlightSetup, check_separation, plan_flight_setup
 from missions.validation import format_first_error

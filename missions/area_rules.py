@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from missions.areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
 from missions.clearance import measure_over_ground
 from missions.errors import SafetyError
-from missions.geo import FloatArray
+from missions.geo import BoolArray, FloatArray
 from missions.geometry import find_nearest_on_legs, sample_leg
+from missions.no_fly_areas import UNKNOWN_GROUND, Area, AreaKind, AreaRestriction, Unreachable
+from missions.pads import Pad
 from missions.setup import FlightSetup
 from missions.shortest_ways import VisibilityGraph, build_area_graph, build_obstacle, build_visibility_graph
 from missions.terrain import is_inside_convex
@@ -99,10 +100,10 @@ def _excess_height_over_limit_m(setup: FlightSetup, area: Area) -> float | None:
     if not len(places_m):
         return None
     up_m = setup.layers.surface.interpolate_m(places_m) + setup.layers.tolerance_m
-    return float(_over_limit_m(setup, area, np.column_stack((places_m, up_m))).max())
+    return float(_excess_over_limit_m(setup, area, np.column_stack((places_m, up_m))).max())
 
 
-def _over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
+def _excess_over_limit_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatArray:
     """Return (m,) how far (m, 3) places are above the limit of an area that they are in; negative: below."""
     over_m = np.full(len(places_m), -math.inf)
     if area.max_agl_m is not None:
@@ -171,19 +172,17 @@ def _build_bare_graph(area: Area, least_m: float) -> VisibilityGraph:
     return build_visibility_graph((replace(build_obstacle(area), keep_m=max(least_m, area.width_m / 2)),))
 
 
-def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> list[bool]:
-    """Return which (n, 2) places no way leads to from the pads.
+def _find_cut_off(setup: FlightSetup, areas: VisibilityGraph, places_m: FloatArray) -> BoolArray:
+    """Return (n,) which (n, 2) places no way leads to from the pads.
 
     Raises:
         SafetyError: no way leads from one pad to another.
     """
     pads_m = np.array([(pad.east_m, pad.north_m) for pad in setup.pads])
-    between_m = areas.distances_m(pads_m[0], pads_m)
-    for pad, away_m in zip(setup.pads, between_m, strict=True):
-        if np.isinf(away_m):
-            raise SafetyError(f"pad of {pad.vehicle}: expected a way from the pad of {setup.pads[0].vehicle}, "
-                              "got none around the areas")  # fmt: skip
-    return [bool(cut) for cut in np.isinf(areas.distances_m(pads_m[0], places_m))]
+    for number in np.flatnonzero(areas.is_cut_off(pads_m[0], pads_m)).tolist():
+        first, pad = setup.pads[0].vehicle, setup.pads[number].vehicle
+        raise SafetyError(f"pad of {pad}: expected a way from the pad of {first}, got none around the areas")
+    return areas.is_cut_off(pads_m[0], places_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,12 +278,18 @@ def _find_path_crossings(setup: FlightSetup, path: FlightPath, visits: Sequence[
 
 def _is_crossing(setup: FlightSetup, vehicle: str, area: Area, places_m: FloatArray) -> np.ndarray:
     """Return (n,) whether the straight ways home from (n, 2) places lead through an area, too high where it matters."""
-    pad = setup.pad_of(vehicle)
+    met = np.zeros(len(places_m), dtype=np.bool_)
+    for pad in setup.list_pads_of(vehicle):
+        met |= _is_crossing_to(setup, pad, area, places_m)
+    return met
+
+
+def _is_crossing_to(setup: FlightSetup, pad: Pad, area: Area, places_m: FloatArray) -> np.ndarray:
     pad_m = np.broadcast_to(np.array([pad.east_m, pad.north_m]), places_m.shape)
     met = _build_bare_graph(area, ROUNDING_M).is_met(places_m, pad_m)
     if area.kind is not AreaKind.HEIGHT_LIMIT or not met.any():
         return met
-    up_m = setup.layers.return_up_m(vehicle)
+    up_m = setup.layers.return_up_m(pad.vehicle)
     for index in np.flatnonzero(met).tolist():
         ends_m = np.column_stack((np.stack((places_m[index], pad_m[index])), np.full(2, up_m)))
         way_m = sample_leg(ends_m, RETURN_STEP_M)
@@ -308,7 +313,7 @@ def _shortfall_m(setup: FlightSetup, area: Area, places_m: FloatArray) -> FloatA
     within = np.zeros(len(near), dtype=np.bool_) if area.is_line else _is_enclosed(area, at_m[:, :2])
     short_m = np.where(within, area.keep_m + away_m, area.keep_m - away_m)
     if area.kind is AreaKind.HEIGHT_LIMIT:
-        short_m = np.where(short_m > ROUNDING_M, _over_limit_m(setup, area, at_m), -math.inf)
+        short_m = np.where(short_m > ROUNDING_M, _excess_over_limit_m(setup, area, at_m), -math.inf)
     far[near] = short_m
     return far
 

@@ -254,10 +254,15 @@ class CameraTasks:
             standoff_m: Beside it, to the right of the direction from a to b.
             reverse: Whether it is flown from b to a.
         """
-        return tuple(
-            self._build_capture(look, math.degrees(math.atan2(height_m, standoff_m)), reverse)
-            for look in self.spans.get(segment, ())
-        )
+        below_deg, found = math.degrees(math.atan2(height_m, standoff_m)), list[Capture]()
+        for look in self.spans.get(segment, ()):
+            camera, pitch_deg, yaw_deg = self.cameras[look.camera], None, None
+            if camera.gimbal:
+                pitch_deg = round(-below_deg if look.pitch_deg is None else look.pitch_deg)
+                yaw_deg = 0 if pitch_deg <= -90 else 90 if reverse else -90
+            aimed = pitch_deg, yaw_deg, look.aim_deg
+            found.append(Capture(camera.name, camera.id, look.trigger, look.every_m, *aimed))
+        return tuple(found)
 
     @property
     def deepest_m(self) -> float:
@@ -282,14 +287,6 @@ class CameraTasks:
             camera.name, camera.id, Trigger.ONCE, 0.0, pitch_deg, yaw_deg, look.aim_deg, from_north=True, region=region,
             points=stop.points,
         )  # fmt: skip
-
-    def _build_capture(self, look: SpanCameraTask, below_deg: float, reverse: bool) -> Capture:
-        camera = self.cameras[look.camera]
-        pitch_deg: int | None = None
-        if camera.gimbal:
-            pitch_deg = round(-below_deg if look.pitch_deg is None else look.pitch_deg)
-        yaw_deg = None if pitch_deg is None else 0 if pitch_deg <= -90 else 90 if reverse else -90
-        return Capture(camera.name, camera.id, look.trigger, look.every_m, pitch_deg, yaw_deg, look.aim_deg)
 
 
 NO_LOOKS = CameraTasks()

@@ -309,14 +309,14 @@ def _find_return_shortfall(setup: FlightSetup, path: FlightPath) -> ClearanceSho
     """Return what is worst about a vehicle's own ways home, level, from the ends of its legs and between them."""
     if setup.terrain is None or not path.waypoints:
         return None
-    pad = setup.pad_of(path.vehicle)
-    up_m = setup.return_height_m(path.vehicle) + setup.frame.up_m(pad.alt_m)
-    from_m = _sample_legs([leg for leg, _ in _iterate_legs(setup, path)])[:, :2]
-    home_m = np.array([pad.east_m, pad.north_m])
-    away_m = np.hypot(*(from_m - home_m).T)
-    # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
-    from_m = from_m[np.argsort(-away_m)][:: max(1, len(from_m) // RETURNS)]
-    ways = [sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
+    up_m, ways = setup.layers.return_up_m(path.vehicle), list[FloatArray]()
+    all_m = _sample_legs([leg for leg, _ in _iterate_legs(setup, path)])[:, :2]
+    for pad in setup.list_pads_of(path.vehicle):
+        home_m = np.array([pad.east_m, pad.north_m])
+        away_m = np.hypot(*(all_m - home_m).T)
+        # Ways home from neighbouring places are nearly the same one: those of the places that are the farthest apart.
+        from_m = all_m[np.argsort(-away_m)][:: max(1, len(all_m) // RETURNS)]
+        ways += [sample_leg(np.array([(*place, up_m), (*home_m, up_m)]), RETURN_STEP_M) for place in from_m.tolist()]
     return find_terrain_shortfall(setup, np.concatenate(ways))
 
 
@@ -407,7 +407,8 @@ def measure_over_ground(setup: FlightSetup, points: FloatArray) -> tuple[FloatAr
     if walls is None:
         level_m = np.pad(setup.network.ends_m, ((0, 0), (0, 0), (0, 2)))
         walls = PowerLines(setup.network, level_m, np.arange(len(level_m)))
-    pads = np.array([(pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in setup.pads])
+    stands = (*setup.pads, *setup.day_pads)
+    pads = np.array([(pad.east_m, pad.north_m, setup.frame.up_m(pad.alt_m)) for pad in stands])
     heights_m, near = [], []
     for first in range(0, len(points), AT_ONCE):
         part = points[first : first + AT_ONCE]

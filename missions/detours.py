@@ -73,12 +73,12 @@ class DetourObstacles:
 
     def _find_blocked_ways(
         self, near_m: FloatArray, starts_m: FloatArray, ways: list[FloatArray], goals_m: FloatArray
-    ) -> list[int]:
-        """Return which ways lead through a column that neither of their ends is in."""
+    ) -> IntArray:
+        """Return (k,) which ways lead through a column that neither of their ends is in."""
         stops = [np.vstack((start, way, goal)) for start, way, goal in zip(starts_m, ways, goals_m, strict=True)]
         owner = np.repeat(np.arange(len(ways)), [len(one) - 1 for one in stops])
         legs_m = np.concatenate([np.stack((one[:-1], one[1:]), axis=1) for one in stops])
-        return np.unique(owner[self._is_through_column(legs_m, near_m[owner])]).tolist()
+        return np.unique(owner[self._is_through_column(legs_m, near_m[owner])])
 
     def _ends_off_m(self, starts_m: FloatArray, goals_m: FloatArray) -> FloatArray:
         """Return (n, c) how far the nearer end of ways is from each column's middle."""

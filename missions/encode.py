@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from missions.autopilots.dialect import Dialect
-from missions.cameras import FIRST_COMPONENT, Region, Trigger
+from missions.cameras import FIRST_COMPONENT, Trigger
 from missions.errors import EncodeError
 from missions.items import Command, Frame, MissionItem
 from missions.waypoints import FlightPath, Phase, Waypoint
@@ -66,7 +66,8 @@ def encode(path: FlightPath, dialect: Dialect) -> EncodedMission:
         waypoint_of.append(serves)
 
     if dialect.home_item:
-        add(_build_home_item(path.waypoints[0]), None)
+        pad = path.waypoints[0]
+        add(MissionItem(0, Frame.GLOBAL, Command.NAV_WAYPOINT, x=_to_e7(pad.lat_deg), y=_to_e7(pad.lon_deg)), None)
     speed_m_s: float | None = None
     for index, point in enumerate(path.waypoints):
         _check(path.vehicle, index, point)
@@ -96,12 +97,6 @@ def flag_current(mission: EncodedMission, seq: int | None) -> EncodedMission:
         raise EncodeError(f"{mission.vehicle}: current item {seq}: expected 0 to {len(mission.items) - 1}")
     items = tuple(replace(item, current=item.seq == seq) for item in mission.items)
     return replace(mission, items=items)
-
-
-def _build_home_item(takeoff: Waypoint) -> MissionItem:
-    return MissionItem(
-        seq=0, frame=Frame.GLOBAL, command=Command.NAV_WAYPOINT, x=_to_e7(takeoff.lat_deg), y=_to_e7(takeoff.lon_deg)
-    )
 
 
 def _build_place_item(point: Waypoint, dialect: Dialect) -> MissionItem:
@@ -144,8 +139,10 @@ def build_begin_items(point: Waypoint, dialect: Dialect) -> Iterator[MissionItem
     """Yield what begins with the leg to a waypoint, not numbered yet."""
     pointed: set[tuple[int, int, bool]] = set()
     for capture in point.captures:
-        if capture.region is not None and dialect.keeps_region:
-            yield _build_region_item(capture.region, dialect)
+        region = capture.region
+        if region is not None and dialect.keeps_region:
+            x, y, z = _to_e7(region.lat_deg), _to_e7(region.lon_deg), round(region.alt_rel_m, 2)
+            yield MissionItem(0, dialect.position_frame, Command.DO_SET_ROI_LOCATION, x=x, y=y, z=z)
         elif capture.pitch_deg is not None and capture.yaw_deg is not None:
             pointing = (capture.pitch_deg, capture.yaw_deg, capture.from_north)
             if pointing not in pointed:
@@ -195,13 +192,6 @@ def _build_gimbal_item(pitch_deg: int, yaw_deg: int, from_north: bool, dialect: 
     return MissionItem(
         0, dialect.command_frame, Command.DO_GIMBAL_MANAGER_PITCHYAW, float(pitch_deg), float(yaw_deg),
         dialect.gimbal_rate, dialect.gimbal_rate, x=HORIZON | (FROM_NORTH if from_north else 0),
-    )  # fmt: skip
-
-
-def _build_region_item(region: Region, dialect: Dialect) -> MissionItem:
-    return MissionItem(
-        0, dialect.position_frame, Command.DO_SET_ROI_LOCATION, x=round(region.lat_deg * 1e7),
-        y=round(region.lon_deg * 1e7), z=round(region.alt_rel_m, 2),
     )  # fmt: skip
 
 

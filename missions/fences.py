@@ -171,7 +171,7 @@ class FenceOutline:
             inside = is_enclosed(places_m, corners_m, np.roll(corners_m, -1, axis=0))
         else:
             inside = distances_between_m(places_m, corners_m)[:, 0] <= self.radius_m
-        return inside != self.keeps_out
+        return np.asarray(inside != self.keeps_out)
 
 
 def parse_outlines(items: Sequence[MissionItem], frame: LocalFrame) -> tuple[FenceOutline, ...]:

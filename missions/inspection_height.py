@@ -455,7 +455,8 @@ class RouteTimetable:
                 if segment in low or not must_leave_layer(self._setup, name, segment):
                     continue
                 # What is flown to is not replaced: the first part of a route is flown as it was uploaded.
-                at_s = ends_s[name][_find_last_waypoint(path, number - 1)] - self._ahead_s if number else 0.0
+                before = [at for at, point in enumerate(path.waypoints) if point.visit == number - 1]
+                at_s = ends_s[name][before[-1]] - self._ahead_s if number else 0.0
                 if number == 0 or _is_closed(self._setup, name, segment, paths, ends_s, at_s):
                     high.append((name, number))
         return high
@@ -463,11 +464,6 @@ class RouteTimetable:
     def _estimate_leg_ends_s(self, path: FlightPath) -> FloatArray:
         legs = estimate(path, self._models[path.vehicle]).legs
         return np.cumsum([leg.duration_s for leg in legs], dtype=np.float64)
-
-
-def _find_last_waypoint(path: FlightPath, visit: int) -> int:
-    """Return the waypoint at the end of a visit."""
-    return max(number for number, point in enumerate(path.waypoints) if point.visit == visit)
 
 
 def _is_closed(

@@ -10,10 +10,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import BoolArray, FloatArray
 from missions.geometry import distances_between_m, place_distances_m
+from missions.no_fly_areas import Area, AreaKind
 from missions.shortest_ways import VisibilityGraph, build_obstacle, build_visibility_graph
 
 COLUMN_MARGIN_M = 2.0

@@ -13,25 +13,24 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from operator import not_
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from missions.areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.errors import PlanFileError
 from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.inspection_defaults import Inspection
 from missions.network import Network, Pylon, Segment
+from missions.no_fly_areas import UNKNOWN_GROUND, Area, Unreachable
 from missions.pads import Pad
 from missions.plan_parts import (
     DEPOT,
     WINDOW_COST,
     BasePlace,
     DayCost,
-    DayLoss,
     DayVehicle,
     PlanCost,
     PlanFence,
@@ -43,7 +42,7 @@ from missions.plan_parts import (
     SolverRecord,
     Window,
 )
-from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, build_priced_sorties
+from missions.pricing import DEPOT_M, Pricing, Task, build_priced_instance, price_fleet
 from missions.setup import FlightSetup, plan_flight_setup
 from missions.terrain import Terrain
 from missions.validation import Figure, Flag, From0, Id, Pair, Printable, Text
@@ -61,6 +60,7 @@ from planner import (
 )
 from planner.model import renumber_visits
 from planner.sorties import (
+    LossWindow,
     Objective,
     SortieBase,
     SortieEvaluation,
@@ -69,7 +69,7 @@ from planner.sorties import (
     count_packs_needed,
 )
 
-FORMAT = "faultline-plan/2"
+FORMAT: Final = "faultline-plan/2"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,7 +293,7 @@ class DayPlanFile(PlanContent):
     """The time in the air of all sorties."""
     pricing: Annotated[Pricing, Field(alias="model")] = field(compare=False)
     """From which times and energies follow."""
-    windows: tuple[DayLoss, ...] = ()
+    windows: tuple[LossWindow, ...] = ()
     """Until when each vehicle must not be lost, where that was looked at."""
     part_of: Text | None = None
     """Names the plan that this is what was left of one day of."""
@@ -355,24 +355,40 @@ class DayPlanFile(PlanContent):
         )
 
     def build_instance(self) -> SortieInstance:
-        """Return the planning problem over positions in ``segments``.
+        """Return the planning problem over positions in ``segments``; moves are priced when they are asked for.
 
         Raises:
             PlanFileError: its content does not make one.
         """
-        base, transfers_s = self.base_names.index, [[math.inf if one is None else one for one in row]
-                                                    for row in self.transfers_s]  # fmt: skip
-        vehicles = [
-            SortieVehicle(
-                own.name, base(own.base), own.budget_pct, own.hours, tuple(map(base, own.lands)),
-                consumption=own.consumption, ready_s=self.days[0][0],
-            )
-            for own in self.vehicles
-        ]  # fmt: skip
-        bases = [SortieBase(one.name, one.turnaround_s, one.packs, one.recharge_s) for one in self.bases]
+        base, bases, segments = self.base_names.index, len(self.bases), len(self.segments)
+        flown, profiles = price_fleet(self.pricing, self.names)
+        out = np.zeros((2, len(profiles), bases, 2 * segments))
+        home = np.zeros((2, len(profiles), 2 * segments, bases))
+        able = np.ones((len(profiles), segments), dtype=np.bool_)
+        for row, (own, profile) in enumerate(zip(self.vehicles, profiles, strict=True)):
+            factors = np.array([1.0, own.consumption])[:, np.newaxis]
+            able[row, list(self.pricing.barred.get(own.name, ()))] = False
+            for place, pad in enumerate(own.pads):
+                out[:, row, place] = factors * flown.price_out(profile, pad)
+                home[:, row, :, place] = factors * flown.price_home(profile, pad)
         try:
-            return build_priced_sorties(
-                self.pricing, vehicles, [own.pads for own in self.vehicles], bases, self.days, np.array(transfers_s),
+            return SortieInstance(
+                moves=flown,
+                bases=tuple(
+                    SortieBase(one.name, one.turnaround_s, one.packs, one.recharge_s) for one in self.bases
+                ),
+                vehicles=tuple(
+                    SortieVehicle(
+                        own.name, base(own.base), own.budget_pct, own.hours, tuple(map(base, own.lands)), profile,
+                        own.consumption, ready_s=self.days[0][0],
+                    )
+                    for own, profile in zip(self.vehicles, profiles, strict=True)
+                ),
+                days=self.days,
+                out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
+                transfer_s=np.array([[math.inf if one is None else one for one in row] for row in self.transfers_s]),
+                able=able,
+                wanted=np.ones(segments, dtype=np.bool_),
                 stagger_s=self.stagger_s,
             )  # fmt: skip
         except InstanceError as error:

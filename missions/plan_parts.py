@@ -217,14 +217,3 @@ class DayCost:
     """When the last sortie lands, the time in the air, or the number of sorties."""
     value: Figure
     """In seconds, or sorties."""
-
-
-@dataclass(frozen=True, slots=True)
-class DayLoss:
-    """From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day."""
-
-    vehicle: Name
-    from_s: Figure
-    """Seconds from the first midnight; 0 if at any time."""
-    breaks: Id | None = None
-    """Its last sortie, counted from 0, whose loss no re-plan was found for."""

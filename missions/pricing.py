@@ -13,19 +13,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import not_
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from missions.areas import AreaRestriction, Unreachable
 from missions.detours import DetourObstacles
 from missions.flight_model import NEVER, SAME_PLACE_M, UNKNOWN, Base, FlightModel, arrival_vectors_m, find_vertical_legs
 from missions.geo import BoolArray, FloatArray, IntArray
+from missions.no_fly_areas import AreaRestriction, Unreachable
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief
 from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
 from planner import (
-    ComputedMoves,
     Instance,
     Moves,
     MoveTables,
@@ -35,7 +36,6 @@ from planner import (
     Visits,
 )
 from planner.model import TABLES_UP_TO, renumber_visits
-from planner.sorties import SortieBase, SortieInstance, SortieVehicle
 
 TimesAndEnergies = tuple[FloatArray, FloatArray]
 AROUND_UP_TO = 1000
@@ -120,11 +120,11 @@ class VehicleMoves:
         seconds, pct = (one.flatten() for one in straight)
         for which, ways_m in self._iterate_ways(flatten(from_m), flatten(to_m)):
             seconds[which], pct[which] = price(np.diff(ways_m, axis=1), *(flatten(one)[which] for one in others))
-        seconds, pct = seconds.reshape(shape), pct.reshape(shape)
+        priced = seconds.reshape(shape), pct.reshape(shape)
         if not self.step_m:
-            return seconds, pct
+            return priced
         up, down = (self.model.price_vertical(rise_m) for rise_m in (self.step_m, -self.step_m))
-        return np.asarray(seconds + ups * up[0] + downs * down[0]), np.asarray(pct + ups * up[1] + downs * down[1])
+        return priced[0] + ups * up[0] + downs * down[0], priced[1] + ups * up[1] + downs * down[1]
 
     def _iterate_ways(self, from_m: FloatArray, to_m: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
         """Yield which of (n, 3) ways are not flown straight, and (k, w, 3) through which places; the last word counts.
@@ -144,7 +144,7 @@ class Pricing:
     tracks_m: Annotated[FloatArray, array_of(tuple[tuple[Place, Place], ...])]
     """(n, 2, 3) float64: the two ends of every segment's inspection leg, in the lowest layer."""
     bases: Mapping[str, Base]
-    """By the vehicle's name."""
+    """By the vehicle's name: where it lands, and takes off but for those in `starts`."""
     models: Mapping[str, FlightModel]
     pads_m: tuple[Pair, ...] = ()
     """East and north of all pads, also of who does not fly any more: ways lead around the columns above them."""
@@ -172,6 +172,8 @@ class Pricing:
     """Vehicles in the air whose start is below their layer."""
     closed: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
     """By the vehicle's name: others' parts of the line, which its ways lead around."""
+    starts: Annotated[Mapping[str, Base], Field(exclude_if=not_)] = field(default_factory=dict)
+    """By the vehicle's name: where those take off who land elsewhere."""
 
     def build_vehicle_moves(self, vehicle: str, *, around: bool) -> VehicleMoves:
         """Return how a vehicle moves; its ways may lead around others' pads."""
@@ -231,12 +233,13 @@ class Pricing:
             layered=select(self.layered),
             steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
+            starts={name: self.starts[name] for name in names if name in self.starts},
             models={name: self.models[name] for name in names},
         )
 
 
 @dataclass(frozen=True, slots=True)
-class PricedMoves(ComputedMoves):
+class PricedMoves(Moves):
     """Moves of the vehicles' own flight models: the same for a flight and for a day of sorties.
 
     What moves from a start, or from a base, take is (2, 2n) float64, seconds and energies of a consumption of 1.
@@ -331,7 +334,8 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
     for row, (vehicle, profile) in enumerate(zip(vehicles, profiles, strict=True)):
         base = pricing.bases[vehicle.name]
         again[:, row], home[:, row] = flown.price_out(profile, base), flown.price_home(profile, base)
-        start[:, row] = again[:, row]
+        first = pricing.starts.get(vehicle.name)
+        start[:, row] = again[:, row] if first is None else flown.price_out(profile, first)
         if vehicle.airborne:
             here_m = np.array([*vehicle.start_m, vehicle.start_up_m])
             facing_m = np.array([*vehicle.facing_m, 0.0])
@@ -351,54 +355,6 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
         end_m=flown.last_m,
         landing_m=DEPOT_M,
         answer_s=pricing.answer_s,
-    )  # fmt: skip
-
-
-def build_priced_sorties(
-    pricing: Pricing,
-    vehicles: Sequence[SortieVehicle],
-    pads: Sequence[Sequence[Base]],
-    bases: Sequence[SortieBase],
-    days: Sequence[tuple[float, float]],
-    transfer_s: FloatArray,
-    *,
-    stagger_s: float = 0.0,
-) -> SortieInstance:
-    """Return the planning problem of days of sorties over all segments of a pricing; moves are priced when asked for.
-
-    Args:
-        pricing: Of at least these vehicles.
-        vehicles: The fleet; their profiles are set here.
-        pads: For each vehicle its pad at each base.
-        bases: Packs and times.
-        days: When may be flown at all.
-        transfer_s: Between bases, on the ground.
-        stagger_s: The least time between two take-offs from a base.
-
-    Raises:
-        planner.InstanceError: what does not fit.
-    """
-    flown, profiles = price_fleet(pricing, (own.name for own in vehicles))
-    segments = len(pricing.tracks_m)
-    out = np.zeros((2, len(vehicles), len(bases), 2 * segments))
-    home = np.zeros((2, len(vehicles), 2 * segments, len(bases)))
-    able = np.ones((len(vehicles), segments), dtype=np.bool_)
-    for row, (own, profile) in enumerate(zip(vehicles, profiles, strict=True)):
-        factors = np.array([1.0, own.consumption])[:, np.newaxis]
-        able[row, list(pricing.barred.get(own.name, ()))] = False
-        for place, pad in enumerate(pads[row]):
-            out[:, row, place] = factors * flown.price_out(profile, pad)
-            home[:, row, :, place] = factors * flown.price_home(profile, pad)
-    return SortieInstance(
-        moves=flown,
-        bases=tuple(bases),
-        vehicles=tuple(replace(own, profile=profile) for own, profile in zip(vehicles, profiles, strict=True)),
-        days=tuple(days),
-        out_s=out[0], out_pct=out[1], home_s=home[0], home_pct=home[1],
-        transfer_s=transfer_s,
-        able=able,
-        wanted=np.ones(segments, dtype=np.bool_),
-        stagger_s=stagger_s,
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from missions.cameras import Capture, PylonCameraTask, PylonStop, Region
 from missions.flight_model import SAME_PLACE_M
 from missions.geo import FloatArray
 from missions.geometry import find_nearest_on_legs
+from missions.pads import Pad
 from missions.setup import FlightSetup
 from missions.waypoints import FlightPath, Phase, Waypoint
 from planner import is_reversed, segment_of
@@ -29,7 +30,7 @@ CLIMB_M_S, DESCENT_M_S = 2.5, 1.0
 def build_flight_path(
     setup: FlightSetup, vehicle: str, visits: Sequence[int], low: Collection[int] = frozenset()
 ) -> FlightPath:
-    """Return a whole flight from the vehicle's pad over its visits and back.
+    """Return a whole flight from the vehicle's pad over its visits and back, or to the pad of another base.
 
     Args:
         setup: The network, heights and pads.
@@ -110,18 +111,19 @@ class _PathBuilder:
 
     def complete(self, visits: Iterable[int], *, first_visit: int) -> Iterator[Waypoint]:
         """Yield the waypoints of all visits and of the way home; those of the climb first if still on the ground."""
-        pad = self.setup.pad_of(self.vehicle)
-        above_pad = np.array([
-            pad.east_m, pad.north_m, self.setup.layers.height_m(self.vehicle, pad.east_m, pad.north_m)
-        ])  # fmt: skip
-        ground_m = self.setup.frame.up_m(pad.alt_m)
         if self.on_ground:
-            yield self._build_waypoint(above_pad, Phase.TAKEOFF, CLIMB_M_S)
+            yield self._build_waypoint(self._above_m(self.setup.pad_of(self.vehicle)), Phase.TAKEOFF, CLIMB_M_S)
         for number, visit in enumerate(visits, start=first_visit):
             yield from self._fly_visit(number, visit)
         yield from self._fly_vertical(0.0, Phase.RETURN, visit=None)
-        yield from self._fly_transit(above_pad, Phase.RETURN, visit=None, hold=False)
+        pad = self.setup.landing_pad_of(self.vehicle)
+        yield from self._fly_transit(self._above_m(pad), Phase.RETURN, visit=None, hold=False)
+        ground_m = self.setup.frame.up_m(pad.alt_m)
         yield self._build_waypoint(np.array([pad.east_m, pad.north_m, ground_m]), Phase.LAND, DESCENT_M_S)
+
+    def _above_m(self, pad: Pad) -> FloatArray:
+        """Return (3,) the place in the vehicle's layer above a pad."""
+        return np.array([pad.east_m, pad.north_m, self.setup.layers.height_m(self.vehicle, pad.east_m, pad.north_m)])
 
     def turn_back(
         self, left: Waypoint, turn_m: tuple[float, float] | None, visits: Iterable[int], first_visit: int

@@ -12,7 +12,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from missions.areas import Area, AreaRestriction, Unreachable
 from missions.cameras import NO_LOOKS, CameraTasks
 from missions.detours import DetourObstacles
 from missions.errors import SafetyError
@@ -20,9 +19,10 @@ from missions.flight_model import Base
 from missions.geo import FloatArray, LocalFrame
 from missions.geometry import leg_distances_m
 from missions.inspection_defaults import Inspection
-from missions.layers import NOWHERE, Layers, plan_layers, tracks_m
+from missions.layers_and_rtl_heights import NOWHERE, Layers, plan_layers, tracks_m
 from missions.line_heights import with_heights
 from missions.network import Network
+from missions.no_fly_areas import Area, AreaRestriction, Unreachable
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.shortest_ways import Obstacle, build_area_graph, build_obstacle
 from missions.terrain import DETOUR_M, Terrain, around_bases_m
@@ -57,6 +57,11 @@ class FlightSetup:
     """By the vehicle's name: others' parts of the line, which its ways lead around for now."""
     looks: CameraTasks = NO_LOOKS
     """What is to be seen, and who has the cameras for it."""
+    day_pads: tuple[Pad, ...] = ()
+    """All pads of the vehicles that land at several bases on a day: each has one of its own at each, so that no two are
+    ever given the same one."""
+    landings: Mapping[str, Pad] = field(default_factory=dict)
+    """By the vehicle's name: where it lands if that is not where it takes off."""
 
     def __post_init__(self) -> None:
         """Check that the parts belong to each other.
@@ -66,7 +71,7 @@ class FlightSetup:
         """
         if tuple(pad.vehicle for pad in self.pads) != self.layers.vehicles:
             raise SafetyError(f"pads: expected one each for {', '.join(self.layers.vehicles)}, in that order")
-        for pad in self.pads:
+        for pad in (*self.pads, *self.day_pads):
             over_pad_m = self.layers.height_m(pad.vehicle, pad.east_m, pad.north_m) - self.frame.up_m(pad.alt_m)
             if over_pad_m < LOWEST_FLIGHT_M:
                 raise SafetyError(
@@ -75,7 +80,7 @@ class FlightSetup:
                     f"level is wrong: depot.alt_m {self.frame.alt_m:g}, the pad {pad.alt_m:.0f}"
                 )
 
-        for pad in self.pads:
+        for pad in (*self.pads, *self.day_pads):
             for area in self.areas_at(pad.vehicle, (pad.east_m, pad.north_m)):
                 raise SafetyError(
                     f"pad of {pad.vehicle}: expected {area.margin_m:g} m or more outside of area {area.name!r}, got a "
@@ -93,7 +98,7 @@ class FlightSetup:
         return {pad.vehicle: pad.alt_m for pad in self.pads}
 
     def pad_of(self, vehicle: str) -> Pad:
-        """Return a vehicle's pad.
+        """Return the pad that a vehicle takes off from: its home, to which its heights are relative.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
@@ -103,29 +108,45 @@ class FlightSetup:
                 return pad
         raise SafetyError(f"vehicle {vehicle!r}: expected one of {', '.join(self.layers.vehicles)}")
 
+    def landing_pad_of(self, vehicle: str) -> Pad:
+        """Return the pad that a vehicle's mission ends on.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        return self.landings.get(vehicle) or self.pad_of(vehicle)
+
+    def list_pads_of(self, vehicle: str) -> tuple[Pad, ...]:
+        """Return all pads of a vehicle, the one that it takes off from first: its own RTL may end on each.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
+        others = (pad for pad in self.day_pads if pad.vehicle == vehicle)
+        return tuple(dict.fromkeys((self.pad_of(vehicle), *others)))
+
     @property
     def tracks_up_m(self) -> FloatArray:
         """(n, 2, 3) float64: the same with up, in the lowest layer."""
         return np.concatenate((self.tracks_m, self.layers.track_heights_m[..., np.newaxis]), axis=2)
 
     def base_of(self, vehicle: str) -> Base:
-        """Return where a vehicle takes off and lands, as flights are priced.
+        """Return where a vehicle lands, and takes off next, as flights are priced.
 
         Raises:
             SafetyError: the fleet has no vehicle of this name.
         """
-        pad = self.pad_of(vehicle)
+        return self.base_at(self.landing_pad_of(vehicle))
+
+    def base_at(self, pad: Pad) -> Base:
+        """Return one of a vehicle's pads as flights are priced.
+
+        Raises:
+            SafetyError: the fleet has no vehicle of this name.
+        """
         up_m = self.layers.surface.height_m(pad.east_m, pad.north_m)
-        climb_m = up_m + self.layers.offset_m(vehicle) - self.frame.up_m(pad.alt_m)
+        climb_m = up_m + self.layers.offset_m(pad.vehicle) - self.frame.up_m(pad.alt_m)
         return Base((pad.east_m, pad.north_m, up_m), climb_m)
-
-    def lowest_layer_up_m(self, vehicle: str, alt_rel_m: float) -> float:
-        """Return a vehicle's height over its own home as flights are priced: in the lowest layer.
-
-        Raises:
-            SafetyError: the fleet has no vehicle of this name.
-        """
-        return self.up_m(vehicle, alt_rel_m) - self.layers.offset_m(vehicle)
 
     def up_m(self, vehicle: str, alt_rel_m: float) -> float:
         """Return a vehicle's height over the depot's ground.
@@ -156,7 +177,8 @@ class FlightSetup:
         Raises:
             SafetyError: there are areas, and the fleet has no vehicle of this name.
         """
-        others = tuple((pad.east_m, pad.north_m) for pad in self.pads if pad.vehicle != vehicle)
+        pads = (pad for pad in (*self.pads, *self.day_pads) if pad.vehicle != vehicle)
+        others = tuple(dict.fromkeys((pad.east_m, pad.north_m) for pad in pads))
         areas = tuple(build_obstacle(one.area) for one in self.kept_out if vehicle in one.vehicles)
         areas += self.closed.get(vehicle, ())
         return DetourObstacles(others, column_radius_m(self.layers.layer_m), areas)
@@ -210,7 +232,7 @@ def plan_flight_setup(
             bases=bases,
         )
         if terrain is not None:
-            pads = _put_pads_on_ground(pads, terrain)
+            pads = put_pads_on_ground(pads, terrain)
     return FlightSetup(network, inspection, layers, tuple(pads), tracks, terrain=terrain)
 
 
@@ -226,7 +248,7 @@ def _turning_places_m(
     return np.concatenate((stands_m, around_m, near_m))
 
 
-def _put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
+def put_pads_on_ground(pads: Sequence[Pad], terrain: Terrain) -> tuple[Pad, ...]:
     """Return pads at the height of the raster's ground, which is known there: known_ground has looked."""
     ground_m = terrain.elevation.interpolate_m(np.array([(pad.east_m, pad.north_m) for pad in pads])).round(1).tolist()
     return tuple(replace(pad, alt_m=alt_m) for pad, alt_m in zip(pads, ground_m, strict=True))

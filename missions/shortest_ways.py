@@ -16,9 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from missions.areas import Area, Ring
 from missions.geo import BoolArray, FloatArray, IntArray
 from missions.geometry import find_nearest_on_legs, is_enclosed, is_in_triangles
+from missions.no_fly_areas import Area, Ring
 from missions.validation import Figure
 
 Place = tuple[float, float]
@@ -213,7 +213,7 @@ class VisibilityGraph:
                 ways[number] = self._way_from_inside_m(starts_m[number], goals_m[number])
             elif met[number]:
                 led.setdefault(start, []).append(number)
-        self.add_visibility_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
+        self._add_visibility_from([*led, *(goals[number] for numbers in led.values() for number in numbers)])
         for start, numbers in led.items():
             reached_m, first = self._find_shortest_from(start)
             totals_m = reached_m + np.array([self._seen[goals[number]] for number in numbers])
@@ -239,19 +239,12 @@ class VisibilityGraph:
         (rest_m,) = self.ways_m(out_m, goal_m[np.newaxis])
         return None if rest_m is None else np.concatenate((out_m, rest_m))
 
-    def distances_m(self, start_m: FloatArray, goals_m: FloatArray) -> FloatArray:
-        """Return (n,) the lengths of shortest ways from a place outside to (n, 2) others; infinite where none leads."""
-        goals = [_to_place(goal_m) for goal_m in goals_m]
-        start = _to_place(start_m)
-        self.add_visibility_from([start, *goals])
-        straight_m = np.hypot(*(goals_m - start_m).T)
-        met = self.is_blocked(np.broadcast_to(start_m, goals_m.shape), goals_m)
-        reached_m, _ = self._find_shortest_from(start)
-        around_m = np.array([(reached_m + self._seen[goal]).min(initial=math.inf) for goal in goals])
-        inside = self.is_inside(goals_m)
-        return np.where(inside, math.inf, np.where(met, around_m, straight_m))
+    def is_cut_off(self, start_m: FloatArray, goals_m: FloatArray) -> BoolArray:
+        """Return (n,) whether no way leads from a place to (n, 2) others."""
+        ways = self.ways_m(np.broadcast_to(start_m, goals_m.shape), goals_m)
+        return np.array([way_m is None for way_m in ways], dtype=np.bool_)
 
-    def add_visibility_from(self, places: Sequence[Place]) -> None:
+    def _add_visibility_from(self, places: Sequence[Place]) -> None:
         """Find out which nodes are seen from places outside, and remember it."""
         if len(self._seen) > REMEMBERED:
             self._seen.clear()

@@ -28,7 +28,7 @@ from missions.errors import SafetyError
 from missions.flight_model import Performance
 from missions.geo import FloatArray
 from missions.geometry import sample_leg
-from missions.network import Network, Pylon, Segment
+from missions.network import Network, Segment
 from missions.setup import FlightSetup
 
 APART_M = 1.0
@@ -86,7 +86,8 @@ def add_viewpoints(
             raise SafetyError(f"pylon {real.id!r}: expected viewpoints that begin and end at different places")
         left = np.array([-along[1], along[0]]) / length_m * standoff_m
         for end, place_m in (("first", first), ("last", last)):
-            pylons.append(_build_stand_in(network, real, f"{real.id}/{wish.camera}/{end}", place_m + left))
+            lat_deg, lon_deg = network.frame.to_wgs84_deg(*(place_m + left).tolist())
+            pylons.append(replace(real, id=f"{real.id}/{wish.camera}/{end}", lat_deg=lat_deg, lon_deg=lon_deg))
         segments.append(Segment(number, len(pylons) - 2, len(pylons) - 1, f"pylon {real.id}"))
         wished[number] = wish
     if not wished:
@@ -108,11 +109,6 @@ def _line_deg(network: Network, pylon: int) -> float:
             (a_east, a_north), (b_east, b_north) = network.ends_m[segment.id].tolist()
             return math.degrees(math.atan2(b_east - a_east, b_north - a_north))
     return 0.0
-
-
-def _build_stand_in(network: Network, real: Pylon, name: str, place_m: FloatArray) -> Pylon:
-    lat_deg, lon_deg = network.frame.to_wgs84_deg(float(place_m[0]), float(place_m[1]))
-    return replace(real, id=name, lat_deg=lat_deg, lon_deg=lon_deg)
 
 
 def build_pylon_tasks(

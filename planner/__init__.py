@@ -24,7 +24,7 @@ from planner.evaluate import (
 from planner.exact import solve_exact
 from planner.grasp import solve_grasp
 from planner.model import Instance, Plan, Route, Vehicle, build_instance, is_reversed, segment_of, visit_of
-from planner.moves import ComputedMoves, Moves, MoveTables, SteadyWind, Travel, Visits, build_steady_wind, travel_for
+from planner.moves import Moves, MoveTables, SteadyWind, Travel, Visits, build_steady_wind, travel_for
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.replan import (
     OnboardPlan,

@@ -19,6 +19,7 @@ from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, evaluate
 from planner.model import Instance, Plan, Route
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
+from planner.search import SearchRecord
 from planner.solve import solve
 from planner.stop_rules import Iterations, Progress, StopRule, Stopwatch, add_progress_report
 
@@ -192,7 +193,7 @@ def solve_exact(
     return proof.build_result()
 
 
-class _Proof:
+class _Proof(SearchRecord):
     """The best plan so far, and what is proved of all others."""
 
     def __init__(
@@ -207,16 +208,15 @@ class _Proof:
     ) -> None:
         from planner.plan_search import build_kernel_problem, build_true_weights
 
+        super().__init__(watch)
         numbers = build_kernel_problem(instance)
         self._instance = instance
         self._subsets = subsets
         self._cost = cost
         self._first = first
         self._stop = stop
-        self._watch = watch
         self._grounded = build_true_weights(numbers, cost, all_vehicles=all_vehicles).empty
         """What a vehicle without a visit adds to the cost."""
-        self._joins = 0
         self._reason: str | None = None
         sets = np.arange(2**instance.segments)
         worth = (sets[:, np.newaxis] >> np.arange(instance.segments) & 1) @ numbers.value
@@ -229,6 +229,8 @@ class _Proof:
     def _take(self, plan: Plan) -> None:
         self._plan = plan
         self._evaluation = evaluate(self._instance, plan, self._cost)
+        too_little = "the budgets do not suffice for every segment" if plan.uncovered else None
+        self._impossible = self._first.impossible or too_little
         self._ceiling = self._evaluation.value + self._grounded * sum(not route.visits for route in plan.routes)
 
     def _leave_out_least(self, worth: FloatArray) -> None:
@@ -292,36 +294,20 @@ class _Proof:
         return float(cost[chosen])
 
     def _may_go_on(self) -> bool:
-        plan = self._plan
-        progress = Progress(
-            iterations=self._joins,
-            since_improvement=self._joins,
-            seconds=self._watch.seconds,
-            value=self._evaluation.value,
-            uncovered=len(plan.uncovered),
-            feasible=not plan.uncovered and not self._evaluation.violations,
-            impossible=bool(plan.uncovered),
-        )
-        verdict = self._stop(progress)
-        self._joins += 1
+        verdict = self._stop(self._build_progress())
+        self._iterations += 1
         if verdict.allowed <= 0:
             self._reason = verdict.reason
         return verdict.allowed > 0
 
     def build_result(self) -> Result:
         """Return the best plan and what is proved of it."""
-        plan = self._plan
-        return Result(
-            plan=plan,
-            evaluation=self._evaluation,
-            feasible=not plan.uncovered and not self._evaluation.violations,
-            iterations=self._joins,
-            seconds=self._watch.seconds,
-            stopped_by=self._reason or "",
-            impossible=self._first.impossible
-            or ("the budgets do not suffice for every segment" if plan.uncovered else None),
-            bound=self._evaluation.value if self._reason == "optimal" else None,
-        )
+        found = self._build_result(self._plan, self._evaluation, self._reason or "")
+        return replace(found, bound=self._evaluation.value if self._reason == "optimal" else None)
+
+    def _rate_best(self) -> tuple[float, int, bool]:
+        left = self._plan.uncovered
+        return self._evaluation.value, len(left), not left and not self._evaluation.violations
 
 
 def _build_plan(instance: Instance, subsets: Sequence[SubsetRoutes], parts: Sequence[int]) -> Plan:

@@ -156,7 +156,10 @@ def build_steady_wind(drone: Drone, fastest_m_s: float, wind_m_s: tuple[float, f
 
 
 class Moves(ABC):
-    """The moves between an instance's visits. Vehicles of equal travel share a *profile*."""
+    """The moves between an instance's visits. Vehicles of equal travel share a *profile*.
+
+    Those that are computed when they are asked for take memory that grows with the segments, not with their square.
+    """
 
     __slots__ = ()
 
@@ -171,12 +174,27 @@ class Moves(ABC):
         """Number of visits, two for each segment."""
 
     @abstractmethod
-    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the seconds from the end of visits ``before`` to the end of visits ``after``."""
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds from the end of visits ``before`` to the end of visits ``after``, and the energy.
 
-    @abstractmethod
+        Energies are for a consumption of 1, in percent of a full battery.
+        """
+
+    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
+        """Return the seconds of moves."""
+        return self.compute(profile, before, after)[0]
+
     def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the energy of the same moves for a consumption of 1, in percent of a full battery."""
+        """Return the energy of moves."""
+        return self.compute(profile, before, after)[1]
+
+    def tabulate(self) -> MoveTables:
+        """Return all moves as tables."""
+        every = np.arange(self.visits)
+        blocks = [self.compute(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
+        shape = (self.profiles, self.visits, self.visits)
+        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
+        return MoveTables(seconds, pct)
 
     @abstractmethod
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
@@ -215,6 +233,10 @@ class MoveTables(Moves):
         """Number of visits."""
         return int(self.table_s.shape[1])
 
+    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
+        """Return the seconds and the energy of moves."""
+        return self.seconds(profile, before, after), self.pct(profile, before, after)
+
     def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
         """Return the seconds of moves."""
         return np.asarray(self.table_s[profile][before, after])
@@ -229,34 +251,8 @@ class MoveTables(Moves):
         return MoveTables(self.table_s[block], self.table_pct[block])
 
 
-class ComputedMoves(Moves):
-    """Moves computed when they are asked for: memory grows with the segments, not with their square."""
-
-    __slots__ = ()
-
-    @abstractmethod
-    def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
-        """Return the seconds and the energy of moves."""
-
-    def seconds(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the seconds of moves."""
-        return self.compute(profile, before, after)[0]
-
-    def pct(self, profile: int, before: Visits, after: Visits) -> FloatArray:
-        """Return the energy of moves."""
-        return self.compute(profile, before, after)[1]
-
-    def tabulate(self) -> MoveTables:
-        """Return all moves."""
-        every = np.arange(self.visits)
-        blocks = [self.compute(profile, every[:, np.newaxis], every) for profile in range(self.profiles)]
-        shape = (self.profiles, self.visits, self.visits)
-        seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
-        return MoveTables(seconds, pct)
-
-
 @dataclass(frozen=True, slots=True)
-class MoveGeometry(ComputedMoves):
+class MoveGeometry(Moves):
     """Moves between places."""
 
     first_m: FloatArray

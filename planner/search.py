@@ -27,32 +27,18 @@ StateT = TypeVar("StateT")
 RandomState = npt.NDArray[np.uint64]
 
 
-class Search(ABC):
-    """One search, from a first plan to the best found: it asks the stop rule, counts, and says where it stands."""
+class SearchRecord(ABC):
+    """Where a search stands, and what it gives back."""
 
-    def __init__(self, watch: Stopwatch, *, batch: int, starts: int = 1, impossible: str | None = None) -> None:
+    def __init__(self, watch: Stopwatch, *, impossible: str | None = None) -> None:
         self._watch = watch
-        self._batch = batch * starts
-        """Iterations between two questions to the stop rule, at most."""
-        self._threads = starts
         self._impossible = impossible
         self._iterations = 0
         self._improved_at = 0
 
     @abstractmethod
-    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
-        """Run ``iterations``, and count them."""
-
-    @abstractmethod
     def _rate_best(self) -> tuple[float, int, bool]:
         """Return how good the best plan is: value, uncovered and feasible of ``Progress``."""
-
-    def _run_rounds(self, stop: StopRule) -> str:
-        """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
-        with ThreadPoolExecutor(self._threads) if self._threads > 1 else nullcontext() as threads:
-            while (verdict := stop(self._build_progress())).allowed > 0:
-                self._advance(min(self._batch, verdict.allowed), threads)
-        return verdict.reason
 
     def _build_progress(self) -> Progress:
         value, uncovered, feasible = self._rate_best()
@@ -76,6 +62,27 @@ class Search(ABC):
             stopped_by=stopped_by,
             impossible=self._impossible,
         )
+
+
+class Search(SearchRecord):
+    """One search, from a first plan to the best found: it asks the stop rule, counts, and says where it stands."""
+
+    def __init__(self, watch: Stopwatch, *, batch: int, starts: int = 1, impossible: str | None = None) -> None:
+        super().__init__(watch, impossible=impossible)
+        self._batch = batch * starts
+        """Iterations between two questions to the stop rule, at most."""
+        self._threads = starts
+
+    @abstractmethod
+    def _advance(self, iterations: int, threads: Executor | None = None) -> None:
+        """Run ``iterations``, and count them."""
+
+    def _run_rounds(self, stop: StopRule) -> str:
+        """Go on for as many iterations as the stop rule allows, again and again; return why it ended."""
+        with ThreadPoolExecutor(self._threads) if self._threads > 1 else nullcontext() as threads:
+            while (verdict := stop(self._build_progress())).allowed > 0:
+                self._advance(min(self._batch, verdict.allowed), threads)
+        return verdict.reason
 
 
 def run_in_threads(threads: Executor | None, work: Callable[..., R], *of_each: Iterable[object]) -> list[R]:

@@ -85,9 +85,7 @@ class ArduPilot(Autopilot):
 
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
-        lat, lon = home.lat_lon_e7(0.0, 0.0)
-        item = MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)
-        store = ArduPilotStore(item, vehicle.transfer_patience_s)
+        store = ArduPilotStore(_build_home_item(home), vehicle.transfer_patience_s)
         super().__init__(vehicle, MANNERS, store, home)
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.execute_payload_command)
         self._gcs_failsafe = self._ekf_failsafe = False
@@ -218,6 +216,10 @@ class ArduPilot(Autopilot):
     def _refuse_interval(self, number: int) -> messages.Result:
         self.voice.send_text(messages.Severity.WARNING, f"No ap_message for mavlink id ({number})")
         return messages.Result.DENIED
+
+    def _on_home_moved(self) -> None:
+        self.store.set_home(_build_home_item(self.home))
+        self._shapes = mission_store.build_fence_shapes(self.store.fence, self.home)
 
     def _on_armed(self) -> None:
         self.voice.send_text(messages.Severity.INFO, "Arming motors")
@@ -456,3 +458,8 @@ class ArduPilot(Autopilot):
                 )  # fmt: skip
             case _:
                 return None
+
+
+def _build_home_item(home: Home) -> MissionItem:
+    lat, lon = home.lat_lon_e7(0.0, 0.0)
+    return MissionItem(0, Frame.GLOBAL, ItemCommand.NAV_WAYPOINT, x=lat, y=lon, z=home.alt_m)

@@ -6,6 +6,7 @@ wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` a
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
@@ -13,7 +14,8 @@ from typing import ClassVar
 from simulator import messages
 from simulator.airframe import Airframe, AirframeSettings
 from simulator.camera import Payload
-from simulator.config import PAYLOAD_FAULTS, AutopilotKind, InjectionKind, SimVehicle
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.fault_kinds import PAYLOAD_FAULTS, InjectionKind
 from simulator.guidance import Hover, Leg, find_stopping_place
 from simulator.messages import MESSAGE_IDS, MESSAGE_NAMES, Streams, VehicleOutbox
 from simulator.mission_ardupilot import ArduPilotMission
@@ -35,6 +37,8 @@ PACK_S = 20.0
 """Without power, and until it has booted."""
 BOOT_ANEW_S = 8.0
 """Measured: PX4's simulator, killed and restarted, answers again from its pad."""
+BESIDE_PAD_M = 3.0
+"""Who is armed this near to its home has it where it was: simulated landings are off by less."""
 DRIFT_M, DRIFT_M_S = 4.0, 0.5
 """How far and how fast the air carries a vehicle that holds its height alone."""
 LAST_WORDS_S = 2.0
@@ -295,10 +299,19 @@ class Autopilot(ABC):
         if reason is not None:
             self.voice.send_text(messages.Severity.CRITICAL, reason)
             return False
+        self._take_home()
         self.frame.arm()
         self._was_armed = True
         self._on_armed()
         return True
+
+    def _take_home(self) -> None:
+        """Take the place where it is armed for its home, as both autopilots do; beside its pad it is the pad."""
+        body = self.frame.body
+        if math.hypot(body.east_m, body.north_m) > BESIDE_PAD_M:
+            self.home.move(body.east_m, body.north_m)
+            body.east_m = body.north_m = 0.0
+            self._on_home_moved()
 
     def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
         """Acknowledge a command to who gave it."""
@@ -317,6 +330,10 @@ class Autopilot(ABC):
     @abstractmethod
     def _refuse_arming(self) -> str | None:
         """Return why the vehicle cannot be armed, or None."""
+
+    @abstractmethod
+    def _on_home_moved(self) -> None:
+        """Count from another home what it keeps as local places."""
 
     @abstractmethod
     def set_mode(self, mode: int) -> messages.Result:

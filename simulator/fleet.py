@@ -16,16 +16,8 @@ from simulator.ardupilot import ArduPilot
 from simulator.autopilot import STEP_S, Autopilot
 from simulator.camera import GIMBAL, CapturedImage
 from simulator.common_time import LOOK_REAL_S, Stations
-from simulator.config import (
-    AutopilotKind,
-    Injection,
-    InjectionKind,
-    SimFleet,
-    SimVehicle,
-    faults_of,
-    is_due,
-    parse_vehicle_endpoint,
-)
+from simulator.config import AutopilotKind, SimFleet, SimVehicle, parse_vehicle_endpoint
+from simulator.fault_kinds import Injection, InjectionKind, faults_of, is_due
 from simulator.messages import Command, Heartbeat, Peer, Received, build_message
 from simulator.mission_store import UploadFault
 from simulator.px4 import Px4

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from simulator.config import AutopilotKind, FleetError, SimVehicle
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.errors import FleetError
 from simulator.messages import Outbound, ParamRequestList, ParamRequestRead, ParamSet, build_message
 
 UNINDEXED = 65535

@@ -85,11 +85,20 @@ class Home:
     """
 
     def __init__(self, lat_deg: float, lon_deg: float, alt_m: float) -> None:
-        self.lat_deg, self.lon_deg, self.alt_m = lat_deg, lon_deg, alt_m
+        self.alt_m = alt_m
+        self._stand_at(lat_deg, lon_deg)
+
+    def _stand_at(self, lat_deg: float, lon_deg: float) -> None:
+        self.lat_deg, self.lon_deg = lat_deg, lon_deg
         sine = math.sin(math.radians(lat_deg))
         bulge = 1 - ECCENTRICITY2 * sine * sine
         self._north_m_deg = math.radians(EQUATOR_M * (1 - ECCENTRICITY2) / bulge**1.5)
         self._east_m_deg = math.radians(EQUATOR_M / math.sqrt(bulge) * math.cos(math.radians(lat_deg)))
+
+    def move(self, east_m: float, north_m: float) -> None:
+        """Be this much farther east and north: everybody who knows this home counts from there."""
+        lat_e7, lon_e7 = self.lat_lon_e7(east_m, north_m)
+        self._stand_at(lat_e7 * 1e-7, lon_e7 * 1e-7)
 
     def place_of(self, lat_e7: int, lon_e7: int, up_m: float) -> Place:
         """Return the local place of 1e-7 degrees."""

@@ -295,6 +295,10 @@ class Px4(Autopilot):
         self.voice.send_text(messages.Severity.CRITICAL, "Disarming denied: not landed")
         return super()._refuse_disarming()
 
+    def _on_home_moved(self) -> None:
+        if self._shapes:
+            self._shapes = tuple(build_fence_shapes(self._store.fence, self.home))
+
     def _on_armed(self) -> None:
         self._lost_gps = False
         if not self._arming_for_mission:

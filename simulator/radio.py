@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from simulator.config import SimulatorError
+from simulator.errors import SimulatorError
 from simulator.messages import build_message
 from simulator.wire import Codec
 

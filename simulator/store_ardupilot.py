@@ -228,6 +228,10 @@ class ArduPilotStore(ArduPilotList):
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
 
+    def set_home(self, home: MissionItem) -> None:
+        """Replace the vehicle's own home."""
+        self._memory[0] = home
+
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The mission, home included."""

@@ -18,7 +18,8 @@ from executor.cli.exit_codes import INTERNAL, INTERRUPTED
 from executor.cli.main import main
 from executor.site.site_file import Site, check_site
 from scripts.pages import reference
-from simulator.config import FaultSpecError, parse_fault
+from simulator.errors import FaultSpecError
+from simulator.fault_kinds import parse_fault
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

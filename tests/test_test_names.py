@@ -112,7 +112,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/e2e/test_fleet.py": (
         "executor/flight/run_flight.py",
         "executor/flight/run_start.py",
-        "executor/simulated/injected_faults.py",
+        "executor/simulated/fault_truths.py",
     ),
     "tests/e2e/test_given_back.py": (
         "executor/cli/flights.py",
@@ -125,6 +125,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/chunks.py",),
+    "tests/executor/adapters/mqtt/test_publisher.py": ("executor/adapters/mqtt/topics.py",),
     "tests/executor/adapters/web/test_server.py": ("executor/adapters/web/snapshot.py",),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
@@ -135,7 +136,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/analysis/test_report.py": ("executor/adapters/run_directory.py",),
     "tests/executor/cli/test_areas.py": (
         "executor/site/site_keys.py",
-        "missions/areas.py",
+        "missions/no_fly_areas.py",
     ),
     "tests/executor/cli/test_main.py": (
         "executor/cli/options.py",
@@ -153,7 +154,6 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/core/state/test_vehicle_position.py": ("executor/core/interface/messages.py",),
     "tests/executor/core/telemetry/test_message_update.py": ("executor/core/telemetry/battery_reports.py",),
-    "tests/executor/core/test_fleet_step.py": ("executor/core/inflight/custody/mission_check.py",),
     "tests/executor/core/test_reason_codes.py": ("executor/core/interface/codes.py",),
     "tests/executor/images/test_matching.py": (
         "executor/cli/images.py",
@@ -181,8 +181,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/missions/readers/test_network_build.py": ("missions/readers/raw_network.py",),
     "tests/missions/test_encode_cameras.py": ("missions/cameras.py",),
     "tests/missions/test_plan_file.py": (
+        "missions/plan_check.py",
         "missions/plan_json.py",
         "missions/plan_json_v1.py",
+        "missions/plan_parts.py",
     ),
     "tests/missions/test_setup.py": ("missions/waypoints.py",),
     "tests/planner/test_grasp.py": ("planner/kernels/grasp_walk.py",),

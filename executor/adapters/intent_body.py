@@ -7,7 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
-from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS, PACK, Action, ActionName, Intent
+from executor.core.interface.intents import LONGEST_NAME, MOST_ASSETS, MOST_PACKS, PACK, Action, ActionName, Intent
 
 
 def _check_asset(value: Any) -> int | str:  # noqa: ANN401 - whatever somebody sent
@@ -40,13 +40,15 @@ class IntentBody(BaseModel):
     action: ActionName
     """What is to be done; `prepare` and `take-off` answer the questions before the flight."""
     vehicle: Annotated[str, Field(min_length=1, max_length=32)] | None = None
-    """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
+    """Whose; left out for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
     confirmed: bool = False
     """Whether the second question was answered with yes, which an acknowledgement asked."""
     pack: Annotated[str, Field(pattern=PACK)] = ""
     """The id of the pack that was put in, for `swap`; left out where packs have none."""
     base: Annotated[str, Field(max_length=64)] = ""
-    """Which base of a day is closed or opened, for `close` and `open`."""
+    """Which base of a day, for `close`, `open` and `count`."""
+    charged: Annotated[int, Field(ge=0, le=MOST_PACKS)] | None = None
+    """How many charged packs are at the base now, for `count`."""
     assets: NamedAssets = ()
     """Which are looked at again, for `prove`: names, or segments by their numbers; left out for all that is inferred
     or missed."""
@@ -55,9 +57,13 @@ class IntentBody(BaseModel):
     def _check_assets(self) -> Self:
         if self.assets and self.action != "prove":
             raise ValueError(f"assets: expected none, as {self.action} is for no single one")
+        if (self.charged is None) is (self.action == "count"):
+            raise ValueError("charged: expected a number of packs for count, and none for anything else")
         return self
 
     def build_intent(self, source: str) -> Intent:
         """Return what is asked for, and from which side."""
         action = Action(self.action)
-        return Intent(self.id, action, self.vehicle, source, self.confirmed, self.pack, self.base, self.assets)
+        return Intent(
+            self.id, action, self.vehicle, source, self.confirmed, self.pack, self.base, self.assets, self.charged
+        )

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,12 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Self
 
-import tomli_w
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from executor.errors import LogError
 from missions import format_first_error
-from missions.files import write_document, write_whole
+from missions.files import write_document
 
 
 class _File:
@@ -113,30 +111,6 @@ def create_run_directory(wanted: Path | None) -> Path:
     except OSError as error:
         raise LogError(f"{path}: --run: cannot be made: {error.strerror}") from error
     return path
-
-
-def write_site(path: Path, site: Mapping[str, object], files: Mapping[tuple[str, str], Path]) -> None:
-    """Write site.toml so that the directory can be carried elsewhere: the files that it names lie beside it.
-
-    Args:
-        path: The run directory.
-        site: The content of the site file.
-        files: Its files by table and key, `area.0` being the first of several tables; one that comes with the program
-            is not among them.
-    """
-    content = dict(site)
-    for (name, key), file in files.items():
-        name, _, number = name.partition(".")
-        table = content[name]
-        kept = f"{name}{number}{file.suffix}"
-        if number and isinstance(table, list):
-            content[name] = [{**one, key: kept} if str(row) == number else one for row, one in enumerate(table)]
-        elif isinstance(table, Mapping):
-            content[name] = {**table, key: kept}
-        else:
-            raise TypeError(f"the site's {name} is a table, or a list of them")
-        shutil.copyfile(file, path / kept)
-    write_whole(RunDirectory(path).site, tomli_w.dumps(content).encode())
 
 
 def today() -> str:

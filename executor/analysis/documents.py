@@ -293,6 +293,10 @@ class SortieRow(Document):
     """Of the pack at rest, before it."""
     segments: tuple[Whole, ...]
     """Ids of what it inspected."""
+    base: Annotated[str, Field(exclude_if=not_)] = ""
+    """Where it began, on a day whose sorties end at other bases."""
+    lands: Annotated[str, Field(exclude_if=not_)] = ""
+    """The base where it ended, or was to end."""
 
 
 class EarlierRow(Document):

@@ -15,8 +15,16 @@ from executor.adapters.run_directory import RunDirectory
 from executor.analysis.documents import FaultRow, FlightReport, read_report
 from executor.core.battery.pack_condition import PackHistory
 from executor.core.interface.commands import Level
-from executor.core.interface.events import Event, Heard, LaunchOrdered, SolveEnded, UploadEnded
-from executor.core.interface.messages import Battery, EstimatorStatus, Gps, Heartbeat, Position, SystemStatus
+from executor.core.interface.events import Heard, LaunchOrdered, SolveEnded, UploadEnded
+from executor.core.interface.messages import (
+    Battery,
+    EstimatorStatus,
+    FlightMessage,
+    Gps,
+    Heartbeat,
+    Position,
+    SystemStatus,
+)
 from executor.core.state.gps_loss import update_positioning
 from executor.core.state.inspection_proof import InspectionRun, PositionSample, Track, advance_run
 from executor.core.state.vehicle_parts import PositionFix, Positioning
@@ -25,8 +33,8 @@ from executor.site import site_model
 from executor.site.learned_files import load_site_packs
 from executor.site.site_file import Site, read_site
 from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
-from missions.areas import Area
 from missions.geo import FloatArray
+from missions.no_fly_areas import Area
 from missions.pricing import DEPOT_M
 
 Place = tuple[float, float]
@@ -119,7 +127,6 @@ class PlanRevision:
     """When it was there; 0 for the first plan."""
     routes: tuple[PlannedRoute, ...]
     """Of the vehicles that had something to fly."""
-    uncovered: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +177,7 @@ def build_launch_revision(content: PlanFile) -> PlanRevision:
     """Return the plan that a flight begins with."""
     instance = content.build_instance()
     routes = [build_planned_route(content, instance, route) for route in content.plan.routes if route.visits]
-    return PlanRevision(0, 0.0, tuple(routes), content.uncovered)
+    return PlanRevision(0, 0.0, tuple(routes))
 
 
 def build_planned_route(
@@ -315,7 +322,7 @@ def inspection_time_s(
         for index, direction in enumerate(directions):
             step = advance_run(runs[index], direction, sample, corridor_m=corridor_m, speed_m_s=speed_m_s)
             runs[index] = step.run
-            if step.done:
+            if step.flown is not None:
                 return arrived_s
     return None
 
@@ -336,8 +343,22 @@ class _VehicleMessages:
     reckoned: list[bool] = field(default_factory=list)
     """Of the positions: whether GPS was lost."""
 
-    def take_position(self, said: Position, place_m: tuple[float, float], t_s: float) -> None:
-        """Take where it was; what is reckoned proves nothing."""
+    def take(self, said: FlightMessage, t_s: float, frame: LocalFrame) -> None:
+        """Take what it said; a position that is reckoned proves nothing."""
+        match said:
+            case Position():
+                self._take_position(said, frame.to_local_m(said.lat_deg, said.lon_deg), t_s)
+            case Heartbeat():
+                self.armed = said.armed
+            case Gps() | EstimatorStatus() | SystemStatus():
+                self.positioning = update_positioning(self.positioning, said, self.newest, t_s, stands=not self.armed)
+            case _:
+                pass
+        if isinstance(said, Battery | SystemStatus) and said.remaining_pct is not None:
+            reports = self.battery if isinstance(said, Battery) else self.status
+            reports.append((t_s, said.remaining_pct))
+
+    def _take_position(self, said: Position, place_m: Place, t_s: float) -> None:
         velocity_m_s = (said.east_m_s, said.north_m_s, -said.down_m_s)
         is_reckoned = self.positioning.lost_s is not None
         self.newest = PositionFix(
@@ -348,10 +369,6 @@ class _VehicleMessages:
         self.reckoned.append(is_reckoned)
         if not is_reckoned:
             self.samples.append((t_s, PositionSample(said.boot_s, place_m)))
-
-    def take_positioning(self, said: Gps | EstimatorStatus | SystemStatus, t_s: float) -> None:
-        """Take what it said of its GPS."""
-        self.positioning = update_positioning(self.positioning, said, self.newest, t_s, stands=not self.armed)
 
 
 @dataclass(slots=True)
@@ -411,32 +428,19 @@ def _read_log(path: Path, frame: LocalFrame, site: Site) -> _Log:
     if launched_s is None:
         raise LogError(f"{path}: expected the log of a flight, but nothing was launched")
     log = _Log(launched_s, {table.name: _VehicleMessages() for table in site.vehicle}, {}, {}, {})
-    for t_s, event in events:
-        _take_event(log, event, t_s - launched_s, frame, site.flight.speedup)
+    for at_s, event in events:
+        t_s = at_s - launched_s
+        match event:
+            case Heard(vehicle, message) if vehicle in log.heard:
+                log.heard[vehicle].take(message, t_s, frame)
+            case SolveEnded():
+                log.solved_s[event.revision] = t_s
+                log.solving_s[event.revision] = t_s - site.flight.speedup * event.solve_s
+            case UploadEnded():
+                log.uploaded[event.revision, event.vehicle] = (t_s, event.accepted)
+            case _:
+                pass
     return log
-
-
-def _take_event(log: _Log, event: Event, t_s: float, frame: LocalFrame, speedup: float) -> None:
-    match event:
-        case Heard(vehicle, Position() as position) if vehicle in log.heard:
-            log.heard[vehicle].take_position(position, frame.to_local_m(position.lat_deg, position.lon_deg), t_s)
-        case Heard(vehicle, Heartbeat(armed=armed)) if vehicle in log.heard:
-            log.heard[vehicle].armed = armed
-        case Heard(vehicle, Gps() | EstimatorStatus() as said) if vehicle in log.heard:
-            log.heard[vehicle].take_positioning(said, t_s)
-        case Heard(vehicle, Battery(remaining_pct=remaining)) if vehicle in log.heard and remaining is not None:
-            log.heard[vehicle].battery.append((t_s, remaining))
-        case Heard(vehicle, SystemStatus(remaining_pct=remaining) as said) if vehicle in log.heard:
-            log.heard[vehicle].take_positioning(said, t_s)
-            if remaining is not None:
-                log.heard[vehicle].status.append((t_s, remaining))
-        case SolveEnded():
-            log.solved_s[event.revision] = t_s
-            log.solving_s[event.revision] = t_s - speedup * event.solve_s
-        case UploadEnded():
-            log.uploaded[event.revision, event.vehicle] = (t_s, event.accepted)
-        case _:
-            pass
 
 
 def _build_vehicles(
@@ -505,4 +509,4 @@ def _build_replan_revision(
             began_s = take_off_time_s(vehicle.track, uploaded_s)
         used_pct = draw_at_pct(vehicle, began_s)
         routes.append(build_planned_route(content, instance, route, began_s=began_s, used_pct=used_pct))
-    return PlanRevision(number, decided_s, tuple(routes), content.uncovered)
+    return PlanRevision(number, decided_s, tuple(routes))

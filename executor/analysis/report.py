@@ -259,9 +259,16 @@ def build_sortie_rows(context: Context, state: FleetState, began_s: float) -> tu
                     began_s=one.began_s - began_s,
                     ended_s=None if one.ended_s is None else one.ended_s - began_s,
                     segments=tuple(sorted((then & own) - set(one.before))),
+                    base=(base := one.base or _own_base(context, name)),
+                    lands=base and (one.lands or base),
                 )
             )
     return tuple(sorted(rows, key=lambda row: row.began_s))
+
+
+def _own_base(context: Context, name: str) -> str:
+    """Return the base where a vehicle stood in the morning, where its sorties lead to others; else nothing."""
+    return "" if context.day is None or name not in context.day.pads else context.day.bases[name]
 
 
 def _build_replan_row(record: ReplanRecord) -> documents.ReplanRow:

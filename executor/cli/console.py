@@ -128,20 +128,14 @@ class TerminalConsole:
             self._print(Text.assemble("  ", (mark, style), about))
 
     def confirm(self, question: str) -> bool:
-        """Ask while nothing else goes on; without somebody to answer the answer is no, and so it is at Ctrl-C."""
-        if self._yes:
-            return True
-        if not sys.stdin.isatty():
-            return False
+        """Ask while nothing else goes on; Ctrl-C is a no."""
         try:
-            with self._show_question(question):
-                return _is_yes(sys.stdin.readline())
+            return asyncio.run(self.ask(question))
         except KeyboardInterrupt:
-            self._terminal.print()
             return False
 
     async def ask(self, question: str) -> bool:
-        """Ask while the vehicles are listened to; without somebody to answer the answer is no.
+        """Ask beside everything else that goes on; without somebody to answer the answer is no.
 
         The caller may stop to wait: it was answered elsewhere then.
         """

@@ -3,7 +3,7 @@
 from executor.errors import ExecutorError
 from missions import MissionsError
 from planner import PlannerError
-from simulator.config import SimulatorError
+from simulator.errors import SimulatorError
 
 OUR_ERRORS = (ExecutorError, MissionsError, PlannerError, SimulatorError)
 """What is the input's fault, or the outside's: one line, no traceback."""

@@ -255,6 +255,10 @@ def _build_paths(
     """Return heights and pads, and every vehicle's path, if they are high enough and not too high."""
     if content.inspection is None:
         raise SiteError(f"{source}: inspection: expected heights and speeds, but the plan has none")
+    for name in {} if content.pricing is None else content.pricing.starts:
+        raise SiteError(
+            f"{source}: {name} lands at another base than it takes off: expected a plan of a flight, not of a day"
+        )
     if site is not None:
         ground = site_model.load_site_model(read_site(site), site.parent)
         site_planning.check_plan_fits(content, ground, str(source))

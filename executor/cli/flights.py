@@ -24,8 +24,7 @@ from executor.cli.exit_codes import ANSWER_IS_NO
 from executor.core.formatting import command_line, format_count
 from executor.core.interface.codes import Severity
 from executor.core.interface.commands import Level
-from executor.core.preflight.fence_changes import KeptList
-from executor.core.preflight.parameter_changes import KeptParameter
+from executor.core.preflight.parameter_changes import KeptList, KeptParameter
 from executor.errors import LogError, PreflightFailed, SiteError
 from executor.flight import run_flight as flying
 from executor.flight.next_flight import describe_next_flight, plan_next_flight, read_segments_left
@@ -33,7 +32,7 @@ from executor.flight.open_links import check_backends
 from executor.flight.restore_vehicles import LISTS, PARAMETERS, build_parameter_rows, check_run, find_open_parameters
 from executor.flight.run_start import FlightRequest, read_mqtt_settings, write_run_start
 from executor.simulated import simulated_fleet
-from executor.simulated.injected_faults import read_injected_faults
+from executor.simulated.fault_truths import read_injected_faults
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, read_ground, view_for
 from executor.site.plan_summary import describe_day
@@ -88,8 +87,8 @@ def demo(
     request = FlightRequest(site, Path(), ground, plan, directory, lambda clock: read_injected_faults(directory, clock))
     write_run_start(request)
     with simulated_fleet.run_simulated_fleet(directory, faults, seed):
-        flown = clock.run_on_fair_loop(flying.run_flight(request, console))
-    _finish_flight(request, flown, as_json=as_json)
+        report = clock.run_on_fair_loop(flying.run_flight(request, console))
+    _finish_flight(request, report, as_json=as_json)
 
 
 def simulate(
@@ -220,8 +219,8 @@ class _PreparedSite:
 def _fly_and_finish(request: FlightRequest, console: TerminalConsole, *, as_json: bool) -> None:
     check_run(request.run, request.site)
     write_run_start(request)
-    flown = clock.run_on_fair_loop(flying.run_flight(request, console))
-    _finish_flight(request, flown, as_json=as_json)
+    report = clock.run_on_fair_loop(flying.run_flight(request, console))
+    _finish_flight(request, report, as_json=as_json)
 
 
 def _select_site_and_plan(first: Path, of: Path | None, plan: Path | None) -> tuple[Path, Path | None]:
@@ -283,34 +282,29 @@ def resume(
     console = TerminalConsole(quiet=as_json or quiet, yes=yes)
     known = resuming.read_resume_plan(directory)
     if not isinstance(known, resuming.ResumePlan):
-        flown = clock.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
-        _finish_flight(known, flown, as_json=as_json)
+        report = clock.run_on_fair_loop(resuming.start_unlaunched_run(known, console))
+        _finish_flight(known, report, as_json=as_json)
         return
     left = resuming.read_finished_run(directory)
-    report = None if left is None else resuming.finish_report(directory, left)
-    if left is None or report is None:
+    over = None if left is None else resuming.finish_report(directory, left)
+    if over is None:
         # A heartbeat that begins and ends is a lost ground station to a vehicle: it begins after the yes.
         told = [] if yes else resuming.describe_before_resume(directory, known)
         for line in told:
             console.say(Level.INFO, line)
         if not console.confirm("Resume this flight?"):
             raise PreflightFailed("not confirmed; nothing was sent to any vehicle")
-        _finish_flight(
-            known.request,
-            clock.run_on_fair_loop(resuming.resume_flight(directory, console, told)),
-            as_json=as_json,
-        )
-        return
-    console.say(Level.INFO, f"{directory}: this flight is over")
-    for one in find_open_parameters(directory):
-        restore = command_line("restore", directory)
-        text = f"{one.vehicle}: {one.words_open} not restored: {restore}"
-        console.say(Level.WARNING, text)
-    _finish_flight(known.request, flying.FlightResult(report, left.begun.context, left=False), as_json=as_json)
+        report = clock.run_on_fair_loop(resuming.resume_flight(directory, console, told))
+    else:
+        report = over
+        console.say(Level.INFO, f"{directory}: this flight is over")
+        for one in find_open_parameters(directory):
+            restore = command_line("restore", directory)
+            console.say(Level.WARNING, f"{one.vehicle}: {one.words_open} not restored: {restore}")
+    _finish_flight(known.request, report, as_json=as_json)
 
 
-def _finish_flight(request: FlightRequest, flown: flying.FlightResult, *, as_json: bool) -> None:
-    report = flown.report
+def _finish_flight(request: FlightRequest, report: FlightReport, *, as_json: bool) -> None:
     if as_json:
         _print_line(json_text(report.to_plain()))
     else:

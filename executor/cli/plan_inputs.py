@@ -29,7 +29,6 @@ from executor.site.site_file import Site
 from executor.site.site_model import SiteModel
 from executor.site.site_planning import PlanRequest
 from missions.files import json_text
-from missions.plan_parts import DayLoss
 from planner import Progress, sorties, split_flights
 
 
@@ -354,9 +353,9 @@ def add_loss_windows(content: missions.DayPlanFile, console: TerminalConsole, se
     def told(done: int, of: int) -> None:
         console.show_progress(f"losses checked: {done} of {of}")
 
-    found = sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
-    windows = tuple(DayLoss(content.names[one.vehicle], one.from_s, one.breaks) for one in found)
-    return replace(content, windows=windows)
+    return replace(
+        content, windows=sorties.find_loss_windows(content.build_instance(), content.plan, seed=seed, told=told)
+    )
 
 
 def print_loss_windows(content: missions.DayPlanFile, seed: int, *, as_json: bool) -> None:

@@ -15,9 +15,9 @@ from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.fault_thresholds import Limits
 from executor.core.radio_budget import ALONE, RadioShare
 from executor.core.vehicle_learning import UNKNOWN, LearnedFactors
-from missions import Dialect, FlightSetup, LocalFrame, Pace, Performance, Pricing
-from missions.areas import Unreachable
+from missions import Dialect, FlightSetup, LocalFrame, Pace, Pad, Performance, Pricing
 from missions.flight_model import AS_MODELLED
+from missions.no_fly_areas import Unreachable
 from planner import Drone, pct_per_s, top_speed_m_s
 
 
@@ -58,7 +58,7 @@ class VehicleSetup:
     link_timeout_s: float
     """Silence until it is lost: at least the time in which its own failsafe acts."""
     pad_m: tuple[float, float]
-    """Where it starts and lands, local east and north."""
+    """Where it starts, local east and north: its home."""
     failsafe_s: float | None = None
     """Silence of ours after which it ends its mission by itself; None if it does not, or did not say so."""
     returns: bool = False
@@ -81,6 +81,14 @@ class VehicleSetup:
     """What is known of its pace, relative to its model, before it has flown anything."""
     packs: Mapping[str, VehicleSetup] = field(default_factory=dict)
     """The same vehicle with another pack that the site knows, by its label; by "" with one that nobody knows."""
+    day_pads_m: tuple[tuple[float, float], ...] = ()
+    """Its pads at the bases of the day, where its sorties end at more than one."""
+    rallies: bool = False
+    """Whether these are its rally points: its own RTL then ends on the nearest of them, else where it took off."""
+
+    def pad_distance_m(self, place_m: tuple[float, float]) -> float:
+        """Return how far a place is from the nearest of its pads: it may land on each."""
+        return min(math.dist(place_m, pad_m) for pad_m in (self.pad_m, *self.day_pads_m))
 
     def with_pack(self, label: str) -> VehicleSetup:
         """Return the setup for the pack that the crew has put in."""
@@ -150,6 +158,8 @@ class DayRules:
     """By the vehicle's name: the network's segments that its camera is not good for."""
     packs: Mapping[str, PackRules] = field(default_factory=dict)
     """By the base's name; one that always has enough is not among them."""
+    pads: Mapping[str, Mapping[str, Pad]] = field(default_factory=dict)
+    """By the vehicle's name and the base's, of the vehicles whose sorties do not all end where they begin."""
 
     @property
     def ends_s(self) -> float:

@@ -18,7 +18,7 @@ from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
 from executor.core.inflight import climb_conflicts, homing, touchdown
 from executor.core.inflight.climb_conflicts import record_separation
-from executor.core.inflight.custody import mission_check, mode_causes
+from executor.core.inflight.custody import mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
 from executor.core.inflight.faults.watch_view import Watchpoint, WatchView
 from executor.core.interface import events, messages
@@ -27,10 +27,11 @@ from executor.core.interface.commands import AskStreams, Command, Finish, HandsO
 from executor.core.launch import apply_upload_result
 from executor.core.lines import flight, link, takeoff
 from executor.core.operator import intent_handling
-from executor.core.replanning import lower_to_inspection_height, new_missions, replan_cycle, survivors, withdrawal
+from executor.core.replanning import lower_to_inspection_height, replan_cycle, survivors, withdrawal
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.resume import link_blackout, reconciliation
 from executor.core.state import legs, vehicle_position
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import (
     KEPT_LINES,
     Briefing,
@@ -88,6 +89,7 @@ def build_initial_state(
 
 def step(context: Context, state: FleetState, event: events.Event, now_s: float) -> Stepped:
     """Apply one event."""
+    context = place_vehicles(context, state.vehicles.values())
     state, commands = _dispatch_event(context, state, event, now_s)
     if not commands:
         return state, commands
@@ -115,7 +117,7 @@ def _dispatch_event(  # noqa: C901, PLR0911, PLR0912 - one return for each kind 
         case events.Examined():
             return turnaround.apply_examination(context, state, event, now_s)
         case events.MissionsWanted():
-            return new_missions.apply_missions_wanted(context, state, event, now_s)
+            return replan_cycle.apply_missions_wanted(context, state, event, now_s)
         case events.LossJudged():
             return _record_loss_judgement(state, event, now_s), ()
         case events.IntentReceived(intent):
@@ -137,7 +139,7 @@ def _apply_mission_findings(
     context: Context, state: FleetState, event: events.Resumed | events.MissionRead, now_s: float
 ) -> Stepped:
     if isinstance(event, events.MissionRead):
-        return mission_check.apply_mission_read(state, event.found, now_s)
+        return launch.apply_mission_read(state, event.found, now_s)
     taken = reconciliation.resume_fleet(context, state, event, now_s)
     state, commands = taken.state, list(taken.commands)
     for ended in taken.ended:
@@ -280,7 +282,7 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
     if ours and watch_view.is_stream_request_due(view):
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
         commands.append(AskStreams(name))
-    if mission_check.is_mission_read_due(vehicle, now_s):
+    if launch.is_mission_read_due(vehicle, now_s):
         vehicle = vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=now_s))
         commands.append(ReadMission(name))
     vehicle, raised = watchpoints.judge_watchpoints(context, setup, vehicle, now_s)

@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 from executor.core import formatting
 from executor.core.battery.kalman import BAND_SD
 from executor.core.context import Context
-from executor.core.ground import turnaround
+from executor.core.ground import pack_count, turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
 from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
+from executor.core.state.bases import landing_base_of, place_vehicles
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_parts import PositionFix
@@ -137,6 +138,8 @@ class TurnView:
     """Its base of the day; empty where the flight is no day of sorties."""
     base_closed: bool = False
     """Whether nobody takes off from there."""
+    packs: int | None = None
+    """How many charged packs are there; None where nobody counts them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +257,7 @@ class FleetView:
 
 def build_fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
     """Return the flight as it is known at `now_s`."""
+    context = place_vehicles(context, state.vehicles.values())
     plan = state.replanning.replan
     by = Counter(state.coverage.inspected.values())
     return FleetView(
@@ -338,14 +342,16 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
     on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
-    base, closed = "" if context.day is None else context.day.bases.get(vehicle.name, ""), vehicle.orders.base_closed
+    base, closed = landing_base_of(context, vehicle), vehicle.orders.base_closed
     under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
     sortie = len(turn.sorties) + (not under_way)
+    stock = pack_count.count_packs(context, state, vehicle.name, now_s)
+    packs = None if stock is None else stock.charged
     if turn.asked_s is not None:
         text = "is looked at" if turn.ready_s is None else "waits for its sortie"
-        return TurnView(turn.label, sortie, False, text, base, closed)
+        return TurnView(turn.label, sortie, False, text, base, closed, packs)
     text = turnaround.describe_awaited_sortie(context, state, vehicle, now_s)
-    return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed)
+    return TurnView(turn.label, sortie, bool(text) and not closed, text, base, closed, packs)
 
 
 def _time_to_landing_s(vehicle: VehicleState) -> float | None:

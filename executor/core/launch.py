@@ -2,7 +2,7 @@
 
 A vehicle that was busy, or did not answer, may take a new mission later. Until then its part is planned for other
 vehicles. What it carries is read first: that shows that it answers, and an upload whose end nobody heard may be on
-board after all.
+board after all. It is read, too, before one is believed that says that it was given a mission, and not from here.
 """
 
 from __future__ import annotations
@@ -18,16 +18,15 @@ from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.inflight.homing import is_coming_home, is_on_mission
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, HandsOff, Start
-from executor.core.interface.events import StartEnded, UploadEnded
+from executor.core.interface.events import Found, StartEnded, UploadEnded
 from executor.core.interface.intents import IntentReason
-from executor.core.lines import replanning, sorties, takeoff
+from executor.core.lines import custody, replanning, sorties, takeoff
 from executor.core.replanning import survivors
-from executor.core.replanning.new_missions import end_replan_if_done, has_left_mission
-from executor.core.replanning.replan_cycle import format_segments
+from executor.core.replanning.replan_cycle import end_replan_if_done, format_segments, has_left_mission
 from executor.core.replanning.withdrawal import declare_fault
 from executor.core.state import legs
 from executor.core.state.fleet_state import FleetState, NewMission, Replan, Stepped
-from executor.core.state.mission_ownership import MissionOwnership
+from executor.core.state.mission_ownership import SURE_S, MissionOwnership, apply_mission_readback
 from executor.core.state.vehicle_parts import DeclinedMission, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat, has_fresh_position, is_kill_switch_text
 from executor.core.state.vehicle_state import (
@@ -373,3 +372,49 @@ def _is_answering_again(vehicle: VehicleState, refused: DeclinedMission, now_s: 
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED, Stage.FLYING}:
         return False
     return beat_s is not None and beat_s > refused.at_s and now_s - refused.at_s >= AGAIN_S
+
+
+def is_mission_read_due(vehicle: VehicleState, now_s: float) -> bool:
+    """Return whether it is time to look up what a vehicle carries."""
+    known, heard = vehicle.assignment, not vehicle.link.stale
+    flies = vehicle.stage in {Stage.FLYING, Stage.PILOT} and known.pending is None
+    return flies and heard and known.carried.is_reading_due(now_s)
+
+
+def apply_mission_read(state: FleetState, found: Found, now_s: float) -> Stepped:
+    """Believe, or not, that a vehicle was given a mission, and not from here, as it says."""
+    vehicle = state.vehicles[found.vehicle]
+    board, carried, declined = vehicle.assignment.board, vehicle.assignment.carried, vehicle.assignment.declined
+    if board is None or carried.told_s is None:
+        return state, ()  # it was given one of ours meanwhile
+    if found.items is None and now_s - (vehicle.link.heard_s or 0.0) >= SURE_S:
+        # Nothing came of it at all: it is asked again when it is heard.
+        return state.put(vehicle.with_assignment(carried=replace(carried, asked_s=None))), ()
+    if vehicle.assignment.stubborn and declined is not None:
+        return _apply_read_of_declined(state, vehicle, declined, found, now_s)
+    known = apply_mission_readback(carried, found.match_of(board.revision), now_s)
+    state = state.put(vehicle.with_assignment(carried=known))
+    if known.foreign_s is not None or carried.foreign_s is not None:
+        return state, ()
+    return state, (custody.MISSION_IS_OURS.say(vehicle=vehicle.name),)
+
+
+def _apply_read_of_declined(
+    state: FleetState, vehicle: VehicleState, declined: DeclinedMission, found: Found, now_s: float
+) -> Stepped:
+    """Take what a vehicle carries whose last upload came to no known end."""
+    board, carried, maybe = vehicle.assignment.board, vehicle.assignment.carried, declined.maybe
+    new = None if maybe is None else found.match_of(maybe.revision)
+    if maybe is not None and new is not None and new.whole:
+        carries = apply_onboard_mission(vehicle, maybe, now_s)
+        # It is planned around until it is planned with again: others have its part by now.
+        known = replace(carries.assignment, stubborn=True, declined=replace(declined, maybe=None))
+        known = replace(known, carried=replace(known.carried, read_s=now_s))
+        said = custody.MISSION_ON_BOARD.say(vehicle=vehicle.name, revision=maybe.revision)
+        return state.put(replace(carries, assignment=known)), (said,)
+    if found.items is None or board is None:
+        unread = replace(carried, told_s=None, asked_s=None)
+        declined = replace(declined, at_s=now_s, tries=declined.tries + 1)
+        return state.put(vehicle.with_assignment(carried=unread, declined=declined)), ()
+    looked_up = apply_mission_readback(carried, found.match_of(board.revision), now_s)
+    return state.put(vehicle.with_assignment(carried=looked_up)), ()

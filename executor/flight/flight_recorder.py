@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -25,10 +25,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import CLOCK_SET, DISK_S, EventLog, LogPlace, is_place_in_log, to_plain
 from executor.adapters.run_directory import RunDirectory
-from executor.adapters.solver import REPLAN_COST, build_replan_task
+from executor.adapters.solver import REPLAN_COST, SolverProcess, build_replan_task
+from executor.analysis.documents import AskedVehicles
 from executor.core.context import Context
 from executor.core.interface.commands import Command, Level, Say, Solve, Upload
 from executor.core.interface.events import Event, SolveEnded, Tick
+from executor.core.interface.ports import OpenLink
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import VehicleState
 from executor.errors import LogError
@@ -300,10 +303,8 @@ class Checkpointer:
             await asyncio.to_thread(write_checkpoint, self._files[self._next], checkpoint)
             self._next = 1 - self._next
             self._report("checkpoints are written again", failing=False)
-        except OSError as error:
-            self._report(f"no checkpoint can be written: {error.strerror}; resume would take longer", failing=True)
         except Exception as error:  # noqa: BLE001 - an internal error here must not cost anything but time
-            text = f"{type(error).__name__}: {error!s:.200}"
+            text = error.strerror if isinstance(error, OSError) else f"{type(error).__name__}: {error!s:.200}"
             self._report(f"no checkpoint can be written: {text}; resume would take longer", failing=True)
         finally:
             self._writing = None
@@ -326,38 +327,46 @@ SETTLE_S = 60.0
 """Real seconds that the plans may take to be kept at the end of a flight."""
 
 
+@dataclass(frozen=True, slots=True)
+class FlightSession:
+    """All that a flight is supervised with."""
+
+    request: FlightRequest
+    console: Console
+    context: Context
+    state: FleetState
+    """Before the launch, or when the ground station went away."""
+    links: Mapping[str, OpenLink]
+    clock: SystemClock
+    log: EventLog
+    solver: SolverProcess
+    said: Callable[[], AskedVehicles]
+    """What was known before the flight, with what was found until now."""
+    legacy: InheritedRecord = NOTHING_LEFT
+    """What the process before this one left."""
+
+
 class FlightRecorder:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
-    def __init__(
-        self,
-        request: FlightRequest,
-        context: Context,
-        console: Console,
-        log: EventLog,
-        clock: SystemClock,
-        publication: Publication,
-        legacy: InheritedRecord = NOTHING_LEFT,
-    ) -> None:
-        """Name who is told."""
-        self._order = request
+    def __init__(self, seat: FlightSession, publication: Publication) -> None:
+        """Name the flight, and where else it is told of."""
+        self._seat = seat
         self._publication = publication
-        self._context = context
-        self._console = console
-        self._log = log
-        self._clock = clock
-        self._solve = legacy.solve
-        self._set_s = clock.clock_step_s()
-        self._noted_set_s = legacy.set_s
+        self._solve = seat.legacy.solve
+        self._set_s = seat.clock.clock_step_s()
+        self._noted_set_s = seat.legacy.set_s
         """What the log's notes come to."""
         self._launched_s: float | None = None
         self._state: FleetState | None = None
-        self._unkept = list(legacy.unkept)
+        self._unkept = list(seat.legacy.unkept)
         """Plans that were found, and wait to be kept."""
-        self._in_no_file = list(legacy.unkept)
+        self._in_no_file = list(seat.legacy.unkept)
         """Those, and what is just being kept."""
         self._keeping: set[asyncio.Task[None]] = set()
-        self._checkpoints = Checkpointer(request.run, log, clock.speedup, self._warn, legacy.checkpoint)
+        self._checkpoints = Checkpointer(
+            seat.request.run, seat.log, seat.clock.speedup, self._warn, seat.legacy.checkpoint
+        )
 
     def build_observer(self) -> Observer:
         """Return what the flight tells of itself."""
@@ -366,27 +375,27 @@ class FlightRecorder:
     def record_decision(self, command: Command, now_s: float) -> None:
         """Write a decision down, before it is carried out."""
         if not isinstance(command, Say):
-            self._log.note(now_s, command=to_plain(command))
+            self._seat.log.note(now_s, command=to_plain(command))
         if isinstance(command, Upload):
             try:
-                preparation.record_wider_fence(self._order.run, self._context, command)
+                preparation.record_wider_fence(self._seat.request.run, self._seat.context, command)
             except (OSError, LogError) as error:
                 self._warn(f"the new fence of {command.vehicle} is not on record: {error}")
 
     def show_line(self, line: Say, now_s: float) -> None:
         """Show, keep and publish a line."""
-        self._log.note(now_s, said=line.text, level=line.level.value)
+        self._seat.log.note(now_s, said=line.text, level=line.level.value)
         self._show(line, now_s)
 
     def show_notice(self, line: Say, now_s: float) -> None:
         """Show and keep what nobody decided, such as that a broker went away: a replay does not look for it."""
-        self._log.note(now_s, told=line.text, level=line.level.value)
+        self._seat.log.note(now_s, told=line.text, level=line.level.value)
         self._show(line, now_s)
 
     def _show(self, line: Say, now_s: float) -> None:
         """Show and publish a line by the clock that people go by, which begins with the order to take off."""
         flight_s = None if self._launched_s is None else now_s - self._launched_s
-        self._console.say(line.level, line.text, flight_s)
+        self._seat.console.say(line.level, line.text, flight_s)
         self._publication.publish_line(line, now_s, flight_s)
 
     def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
@@ -403,7 +412,7 @@ class FlightRecorder:
                 self._in_no_file.append((solve, event))
         if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
             self._write_plans()
-        self._console.show(self._context, state, now_s)
+        self._seat.console.show(self._seat.context, state, now_s)
         self._publication.publish_event(event, state)
         if self._checkpoints.is_due(state, now_s):
             # Between two events: what this one decides is in the log by then.
@@ -416,17 +425,17 @@ class FlightRecorder:
         return Checkpoint(place, self._state, legacy)
 
     def _warn(self, text: str) -> None:
-        self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
+        self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
 
     def _record_clock_step(self, now_s: float) -> None:
         """Write down that the time of day was set: the flight does not go by it, but its resumption does."""
-        set_s = self._clock.clock_step_s()
+        set_s = self._seat.clock.clock_step_s()
         by_s = set_s - self._set_s
         if abs(by_s) < CLOCK_SET_S:
             return
         self._set_s = set_s
         self._noted_set_s += by_s
-        self._log.note(now_s, **{CLOCK_SET: by_s})
+        self._seat.log.note(now_s, **{CLOCK_SET: by_s})
         way = "forward" if by_s > 0 else "back"
         text = f"this computer's clock was set {way} by {abs(by_s):.0f} s; the flight's own time goes on"
         self.show_notice(Say(Level.WARNING, text), now_s)
@@ -444,13 +453,15 @@ class FlightRecorder:
 
     async def _write_plan(self, planned: Planned) -> None:
         try:
-            content = await asyncio.to_thread(_build_plan_file, self._order, self._context.pricing, planned)
+            vehicles = () if self._state is None else self._state.vehicles.values()
+            pricing = place_vehicles(self._seat.context, vehicles).pricing
+            content = await asyncio.to_thread(_build_plan_file, self._seat.request, pricing, planned)
         except Exception as error:  # noqa: BLE001 - what keeps a plan is nothing that a flight may end for
             text = f"plan {planned[1].revision} could not be kept: {type(error).__name__}: {error}"
-            self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
+            self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
             report_internal_error("keeping a plan", error, said=True)
             return
-        if plan_path_of(self._order.run, planned).exists():
+        if plan_path_of(self._seat.request.run, planned).exists():
             self._in_no_file.remove(planned)
         self._publication.publish_plan(planned[1].revision, content)
 
@@ -461,7 +472,7 @@ class FlightRecorder:
             _, waiting = await asyncio.wait(self._keeping, timeout=SETTLE_S)
             if waiting:
                 text = f"{len(waiting)} plans are not on the disk after {SETTLE_S:g} s; they are in the event log"
-                self.show_notice(Say(Level.WARNING, text), self._clock.now_s())
+                self.show_notice(Say(Level.WARNING, text), self._seat.clock.now_s())
         await self._checkpoints.settle()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -105,11 +106,12 @@ async def open_links(
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkRequest]] = {"native": {}, "mavsdk": {}}
         for table in request.site.vehicle:
-            log = None
+            order = LinkRequest(table.link, table.sysid)
             if recorded:
                 log = TelemetryLog(RunDirectory(request.run).telemetry_path(table.name), clock.label_usec)
                 stack.callback(log.close)
-            wanted[table.backend][table.name] = LinkRequest(table.link, table.sysid, log)
+                order = replace(order, log=log.write)
+            wanted[table.backend][table.name] = order
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
         radios = request.site.link.senders

@@ -19,15 +19,16 @@ from executor.core.formatting import format_count
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.interface.commands import Level, Upload
 from executor.core.interface.ports import Clock, OpenLink
+from executor.core.lines import checklist
 from executor.core.preflight import fence_changes, mission_checks, vehicle_checks
-from executor.core.preflight.fence_changes import KeptList, OnboardLists, WantedLists
+from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
-    Answers,
     ChangeStage,
+    KeptList,
     ParameterProposal,
+    add_other_homes,
     check_return_height,
-    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.radio_budget import check_radio
@@ -113,6 +114,7 @@ def build_context_and_checklist(
     pads_m = {**base_places_m(site, context.frame), **stated_m}
     visits = {name: board.visits for name, board in boards.items() if board is not None}
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
+    found += _list_day_pads(context)
     links = {table.name: table.link for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
     for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
@@ -176,6 +178,19 @@ async def upload_first_missions(
     await run_for_each(carried, load)
 
 
+def _list_day_pads(context: Context) -> list[Check]:
+    """Return where vehicles land at bases that are not their own: people keep clear of there too."""
+    if context.day is None:
+        return []
+    checks = []
+    for name, own in context.day.pads.items():
+        for base, pad in own.items():
+            if base != context.day.bases[name]:
+                lat_deg, lon_deg = context.frame.to_wgs84_deg(pad.east_m, pad.north_m)
+                checks.append(checklist.LANDS_THERE.say(name, base=base, lat_deg=lat_deg, lon_deg=lon_deg))
+    return checks
+
+
 async def run_checklist_only(request: FlightRequest, console: Console) -> list[Check]:
     """Ask every vehicle, and return what a flight would be told before its take-off.
 
@@ -219,14 +234,8 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
-
-    async def read(name: str) -> Answers:
-        beside = fence_changes.list_fence_parameters(context, name)
-        return await asking.read_present(links[name], clock, context.vehicles[name].dialect, beside)
-
-    return fence_changes.add_fence_changes(
-        context, propose_return_changes(context, await run_for_each(context.vehicles, read))
-    )
+    answers = await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock))
+    return add_other_homes(context, fence_changes.propose_changes(context, answers))
 
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
@@ -343,9 +352,14 @@ def describe_fence_changes(
     for name, lists in build_wanted_lists(context, first).items():
         had = {kind: len(items or ()) or "none" for kind, items in found.get(name, {}).items()}
         fence = f"fence of {len(lists[MissionKind.FENCE])} corners (had {had.get(MissionKind.FENCE, 'none')})"
-        rally = f", its pad as rally point (had {had.get(MissionKind.RALLY, 'none')})"
+        rally = f", {_name_rally(lists)} (had {had.get(MissionKind.RALLY, 'none')})"
         told.append(f"{name}: {fence}{rally if MissionKind.RALLY in lists else ''}")
     return told
+
+
+def _name_rally(lists: OnboardLists) -> str:
+    points = len(lists.get(MissionKind.RALLY) or ())
+    return "its pad as rally point" if points == 1 else f"its {points} pads as rally points"
 
 
 async def upload_wanted_lists(
@@ -381,7 +395,7 @@ async def upload_wanted_lists(
         new = lists[name]
         await asking.load_lists(name, links[name], clock, context.vehicles[name].dialect, new)
         record.set_stage(name, ("fence", "rally"), ChangeStage.SET)
-        rally = ", and its pad as rally point" if MissionKind.RALLY in new else ""
+        rally = f", and {_name_rally(new)}" if MissionKind.RALLY in new else ""
         corners = len(new[MissionKind.FENCE])
         console.say(Level.INFO, f"{name}: fence of {corners} corners on board{rally}, verified by read-back")
 

@@ -6,6 +6,7 @@ The libraries of both are loaded only where the site asks for them: that takes l
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import Future
 from contextlib import ExitStack, asynccontextmanager
@@ -21,9 +22,8 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Intent, IntentRecord
 from executor.core.state.fleet_state import FleetState
-from executor.errors import ConnectionFailed, LogError
+from executor.errors import ConnectionFailed, LogError, SiteError
 from executor.flight.run_start import FlightRequest, MessageSink, MqttSettings
-from executor.flight.web_token import read_token
 from executor.runtime.flight_loop import Flight
 from executor.site.ground_view import GroundView, compute_shown_area, encode_ground, read_ground_files
 from executor.site.mqtt_and_web_keys import WebTable
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 MessageCallback = Callable[[Level, str], None]
 AssetsNow = Callable[[], tuple[AssetView, ...]]
+LEAST_TOKEN = 16
+"""Characters: shorter ones can be guessed."""
 
 
 class Publication:
@@ -130,6 +132,39 @@ class Publication:
         self._publish(lambda to: to.publish_view(view()))
         if assets is not None:
             self._publish(lambda to: to.publish_assets(assets, last=last))
+
+
+def check_web(table: WebTable) -> None:
+    """Check what the environment must hold, and load the server, before anything is connected: loading takes long.
+
+    Raises:
+        SiteError: the token is missing or too short.
+    """
+    if table.enabled:
+        read_token(table)
+        import executor.adapters.web  # noqa: F401 - a third of a second in which no vehicle would be heard
+
+
+def read_token(table: WebTable) -> str | None:
+    """Return the token that browsers must show; None where none is asked for.
+
+    Raises:
+        SiteError: it is missing or too short.
+    """
+    if table.token_env is None:
+        return None
+    value = os.environ.get(table.token_env, "")
+    if (
+        len(value) < LEAST_TOKEN
+        or not value.isascii()
+        or not value.isprintable()
+        or not value.replace("-", "").isalnum()
+    ):
+        raise SiteError(
+            f"web.token_env: expected a token of {LEAST_TOKEN} or more letters, digits or hyphens in the environment "
+            f"variable {table.token_env}"
+        )
+    return value
 
 
 @asynccontextmanager

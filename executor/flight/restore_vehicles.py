@@ -6,7 +6,7 @@ import asyncio
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal
 
@@ -20,10 +20,11 @@ from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
-from executor.core.preflight.fence_changes import Items, KeptList
 from executor.core.preflight.parameter_changes import (
     Change,
     ChangeStage,
+    Items,
+    KeptList,
     KeptParameter,
     ValueOrigin,
     build_board_record,
@@ -155,17 +156,26 @@ SETTLE_S = 1.0
 class RestingVehicle:
     """A vehicle that was waited for until it answers and is not armed; its heartbeats are followed."""
 
-    problem: str = ""
-    """What is in the way, in words; empty if nothing is."""
+    dialect: Dialect
     heartbeat: Heartbeat | None = None
     """The last one."""
-    came: asyncio.Event = field(default_factory=asyncio.Event)
 
     def update(self, message: Message) -> None:
         """Take over a heartbeat."""
         if isinstance(message, Heartbeat):
             self.heartbeat = message
-            self.came.set()
+
+    @property
+    def problem(self) -> str:
+        """What is in the way, in words; empty if nothing is."""
+        if self.heartbeat is None:
+            return "does not answer"
+        if self.heartbeat.armed:
+            return "is armed"
+        number = self.heartbeat.autopilot
+        if number == self.dialect.number:
+            return ""
+        return f"is another vehicle now: its autopilot is {number}, expected {self.dialect.name}"
 
     @property
     def is_at_rest(self) -> bool:
@@ -174,9 +184,7 @@ class RestingVehicle:
 
 
 @asynccontextmanager
-async def wait_for_rest(
-    link: Link, clock: Clock, autopilot: str, heard_s: float = HEARD_S
-) -> AsyncIterator[RestingVehicle]:
+async def wait_for_rest(link: Link, clock: Clock, autopilot: str, heard_s: float) -> AsyncIterator[RestingVehicle]:
     """Wait for a vehicle at rest, to give something back to it; it is listened to until the block ends.
 
     Once it is heard and armed it is waited for no longer than for a heartbeat that was under way. It is called
@@ -191,32 +199,16 @@ async def wait_for_rest(
         autopilot: Which it has to be, by its name in site files.
         heard_s: How long it is waited for, in its time.
     """
-    dialect, vehicle = dialect_for(autopilot), RestingVehicle()
+    vehicle = RestingVehicle(dialect_for(autopilot))
     with listen_to(link, vehicle.update):
         began_s, least_s = clock.now_s(), procedures.PATIENCE_REAL_S * clock.speedup
         while not vehicle.is_at_rest:
             patience_s = max(heard_s if vehicle.heartbeat is None else ARMED_S, least_s)
             if clock.now_s() >= began_s + patience_s:
                 break
-            link.send(SendParamRequest(list_return_parameters(dialect)[0]))
-            vehicle.came.clear()
-            try:
-                async with asyncio.timeout(CALL_S / clock.speedup):
-                    await vehicle.came.wait()
-            except TimeoutError:
-                continue
-        vehicle.problem = _find_restore_problem(vehicle, dialect)
+            link.send(SendParamRequest(list_return_parameters(vehicle.dialect)[0]))
+            await procedures.wait_for(link, clock, lambda message: isinstance(message, Heartbeat), CALL_S)
         yield vehicle
-
-
-def _find_restore_problem(vehicle: RestingVehicle, dialect: Dialect) -> str:
-    if vehicle.heartbeat is None:
-        return "does not answer"
-    if vehicle.heartbeat.armed:
-        return "is armed"
-    if vehicle.heartbeat.autopilot != dialect.number:
-        return f"is another vehicle now: its autopilot is {vehicle.heartbeat.autopilot}, expected {dialect.name}"
-    return ""
 
 
 Links = Mapping[str, OpenLink]
@@ -229,7 +221,7 @@ class RecordFile(Generic[Change]):
     path_in: Callable[[Path], Path]
     parse: Callable[[Path], tuple[Change, ...]]
     build_document: Callable[[Iterable[Change]], Document]
-    read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, Mapping[str, Any]]]
+    read_board: Callable[[Link, Clock, Mapping[str, Change]], Coroutine[None, None, dict[str, Any]]]
     """What is on board now, by name, as far as the vehicle says it."""
     put_back: Callable[[Link, Clock, Change], Coroutine[None, None, str]]
     """Puts on board what was there before; returns why that is not there then, where it is known at once."""
@@ -252,7 +244,7 @@ class RecordFile(Generic[Change]):
         self.build_document(kept).write(self.path_in(run))
 
 
-async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> Mapping[str, float]:
+async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> dict[str, float]:
     return {name: one.value for name, one in (await read_parameters(link, clock, wanted)).present.items()}
 
 
@@ -261,7 +253,7 @@ async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -
     return ""  # what is read in the next round tells
 
 
-async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> Mapping[str, Items]:
+async def _read_lists(link: Link, clock: Clock, wanted: Mapping[str, KeptList]) -> dict[str, Items]:
     lists = {name: await procedures.read_list(link, clock, one.kind) for name, one in wanted.items()}
     return {name: items for name, items in lists.items() if items is not None}
 

@@ -30,6 +30,7 @@ from executor.core.state.fleet_state import FleetState
 from executor.errors import LogError
 from executor.flight import run_flight, run_start
 from executor.flight.flight_recorder import (
+    FlightSession,
     FoundCheckpoint,
     InheritedRecord,
     Planned,
@@ -38,7 +39,7 @@ from executor.flight.flight_recorder import (
 )
 from executor.flight.open_links import follow_fleet_time, open_links
 from executor.flight.restore_vehicles import PARAMETERS, build_parameter_rows
-from executor.simulated.injected_faults import read_injected_faults
+from executor.simulated.fault_truths import read_injected_faults
 from executor.site.site_model import SiteModel
 from missions import PlanFile
 
@@ -215,7 +216,7 @@ def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.Fl
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> run_flight.FlightResult:
+async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> FlightReport:
     """Fly a flight that was never launched.
 
     Raises:
@@ -242,7 +243,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> run_flight.FlightResult:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightReport:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -274,12 +275,12 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             report = finish_report(run, left)
             if report is not None:
                 console.say(Level.INFO, f"{run}: this flight is over")
-                return run_flight.FlightResult(report, left.begun.context, left=False)
+                return report
             for line in describe_interrupted_run(left):
                 if line not in told:
                     console.say(Level.INFO, line)
             log = eventlog.EventLog(
-                RunDirectory(run).events, told=run_flight.make_warning_sink(console), lines=left.lines
+                RunDirectory(run).events, told=partial(console.say, Level.WARNING), lines=left.lines
             )
             for command in left.undone:
                 _note_undone_command(log, command, left.last_s)
@@ -290,10 +291,10 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             starting = asyncio.ensure_future(stack.enter_async_context(solver))
             try:
                 said = partial(_read_preflight_record, run)
-                seat = run_flight.FlightSession(
-                    left.begun.context, left.state, links, clock, log, solver, said, left.legacy
+                seat = FlightSession(
+                    request, console, left.begun.context, left.state, links, clock, log, solver, said, left.legacy
                 )
-                return await run_flight.supervise(request, console, seat, reopened)
+                return await run_flight.supervise(seat, reopened)
             finally:
                 await starting
 

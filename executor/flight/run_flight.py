@@ -18,7 +18,7 @@ from executor.adapters.eventlog import EventLog
 from executor.adapters.interrupts import ENDS, SignalDebouncer, forget_terminal
 from executor.adapters.run_directory import RunDirectory, lock_run_directory, today
 from executor.adapters.solver import SolverProcess, SolverSetup
-from executor.analysis.documents import AskedVehicles, FlightReport
+from executor.analysis.documents import FlightReport
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
 from executor.core.context import Context
@@ -36,12 +36,11 @@ from executor.core.state.onboard_fence import build_first_fences
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import PreflightFailed
 from executor.flight import preparation
-from executor.flight.flight_recorder import NOTHING_LEFT, FlightRecorder, InheritedRecord, read_plan_in_force
+from executor.flight.flight_recorder import FlightRecorder, FlightSession, read_plan_in_force
 from executor.flight.open_links import follow_fleet_time, open_links
-from executor.flight.publication import Publication, serve_page
+from executor.flight.publication import Publication, check_web, serve_page
 from executor.flight.restore_vehicles import build_parameter_rows, restore_board
 from executor.flight.run_start import Console, FlightRequest
-from executor.flight.web_token import check_web
 from executor.images.index_files import build_image_index, write_index
 from executor.runtime.flight_loop import Flight, keep_judging
 from executor.site import day_plans
@@ -149,17 +148,7 @@ class Interrupts:
         self._console.say(Level.WARNING, text)
 
 
-@dataclass(frozen=True, slots=True)
-class FlightResult:
-    """What is left after a flight."""
-
-    report: FlightReport
-    context: Context
-    left: bool
-    """Whether the operator left while the vehicles flew on."""
-
-
-async def run_flight(request: FlightRequest, console: Console) -> FlightResult:
+async def run_flight(request: FlightRequest, console: Console) -> FlightReport:
     """Connect, check, upload, fly and report.
 
     Raises:
@@ -191,7 +180,7 @@ def load_optional_parts(request: FlightRequest) -> None:
 def make_solver_process(request: FlightRequest, console: Console) -> SolverProcess:
     """Return the solver of a flight, not started yet."""
     setup = SolverSetup(request.site.flight.solve_s, request.plan.solved.seed)
-    return SolverProcess(setup, make_warning_sink(console))
+    return SolverProcess(setup, partial(console.say, Level.WARNING))
 
 
 async def _check_and_supervise(
@@ -200,7 +189,7 @@ async def _check_and_supervise(
     clock: SystemClock,
     solver: SolverProcess,
     links: Mapping[str, OpenLink],
-) -> FlightResult:
+) -> FlightReport:
     run = request.run
     facts = await preparation.interview_vehicles(request, links, clock, console)
     context, boards, found = preparation.build_context_and_checklist(request, facts)
@@ -227,13 +216,13 @@ async def _check_and_supervise(
         RunDirectory(run).events,
         began_unix_s=clock.began_unix_s,
         speedup=clock.speedup,
-        told=make_warning_sink(console),
+        told=partial(console.say, Level.WARNING),
     )
     said = partial(build_vehicle_answers, context, facts, found, request.earlier)
-    seat = FlightSession(context, state, links, clock, log, solver, said)
-    flown: FlightResult | None = None
+    seat = FlightSession(request, console, context, state, links, clock, log, solver, said)
+    flown: FlightReport | None = None
     try:
-        flown = await supervise(request, console, seat, LaunchPreparation(proposal, boards, found, fences, lists))
+        flown = await supervise(seat, LaunchPreparation(proposal, boards, found, fences, lists))
     except PreflightFailed:
         RunDirectory(run).events.unlink(missing_ok=True)  # there is nothing to be taken up again
         raise
@@ -264,15 +253,14 @@ class LaunchPreparation:
     """What every vehicle carries beside its mission, where it was asked."""
 
 
-async def _prepare_launch(
-    request: FlightRequest, console: Console, seat: FlightSession, flight: Flight, beginning: LaunchPreparation
-) -> None:
+async def _prepare_launch(seat: FlightSession, flight: Flight, beginning: LaunchPreparation) -> None:
     """Tell what the flight changes on board, ask, set it, put the missions on board, and ask for the take-off.
 
     Raises:
         PreflightFailed: the operator did not confirm, or something cannot be put on board.
     """
-    context, links, clock, proposal = seat.context, seat.links, seat.clock, beginning.proposal
+    request, console, context, links, clock = seat.request, seat.console, seat.context, seat.links, seat.clock
+    proposal = beginning.proposal
     fence_lines = preparation.describe_fence_changes(context, beginning.fences, beginning.lists)
     if proposal.changes or fence_lines:
         text = preparation.compose_changes_question(proposal, fences=len(fence_lines))
@@ -304,35 +292,16 @@ async def _ask_crew(flight: Flight, console: Console, action: Action, text: str,
     return any(answer.result() for answer in done)
 
 
-@dataclass(frozen=True, slots=True)
-class FlightSession:
-    """All that a flight is supervised with."""
-
-    context: Context
-    state: FleetState
-    """Before the launch, or when the ground station went away."""
-    links: Mapping[str, OpenLink]
-    clock: SystemClock
-    log: EventLog
-    solver: SolverProcess
-    said: Callable[[], AskedVehicles]
-    """What was known before the flight, with what was found until now."""
-    legacy: InheritedRecord = NOTHING_LEFT
-    """What the process before this one left."""
-
-
-async def supervise(
-    request: FlightRequest, console: Console, seat: FlightSession, begins: LaunchPreparation | Reopened
-) -> FlightResult:
+async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -> FlightReport:
     """Begin a flight, or take one up again that was left in the midst; fly it to its end and report.
 
     Raises:
         PreflightFailed: the operator did not confirm.
         ConnectionFailed: in a group, when a flight is taken up again and nobody answers.
     """
-    context, clock, links = seat.context, seat.clock, seat.links
+    request, console, context, clock, links = seat.request, seat.console, seat.context, seat.clock, seat.links
     publication = Publication(request.mqtt, request.run, clock)
-    keeper = FlightRecorder(request, context, console, seat.log, clock, publication, seat.legacy)
+    keeper = FlightRecorder(seat, publication)
     if request.mqtt is not None:
         publication.publish_plan(
             seat.state.replanning.revision, read_plan_in_force(request, seat.state.replanning.revision)
@@ -351,9 +320,11 @@ async def supervise(
                 gc.collect()  # 0.1 s for a hundred vehicles: not between the crew's yes and the take-off
                 reopened = begins if isinstance(begins, Reopened) else None
                 if isinstance(begins, LaunchPreparation):
-                    await interrupts.run_unless_interrupted(_prepare_launch(request, console, seat, flight, begins))
+                    await interrupts.run_unless_interrupted(_prepare_launch(seat, flight, begins))
                 with _freeze_garbage_collector():
-                    async with supervised.run_beside("judging losses", partial(keep_judging, flight, seat.solver)):
+                    async with supervised.run_beside(
+                        "judging losses", partial(keep_judging, flight, seat.solver.judge)
+                    ):
                         await flight.run(reopened, request.site.flight.connect_timeout_s)
                         await keeper.settle()
     finally:
@@ -367,7 +338,7 @@ async def supervise(
     )
     for line in write_results(request.run, request.ground, context, flight.state, report, clock.began_unix_s):
         console.say(Level.WARNING, line)
-    return FlightResult(report, context, interrupts.left)
+    return report
 
 
 def write_results(
@@ -414,8 +385,3 @@ def _freeze_garbage_collector() -> Iterator[None]:
         yield
     finally:
         gc.unfreeze()
-
-
-def make_warning_sink(console: Console) -> Callable[[str], None]:
-    """Return how a log tells the operator of its troubles."""
-    return lambda text: console.say(Level.WARNING, text)

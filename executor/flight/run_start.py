@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+import shutil
 import ssl
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from secrets import token_hex
-from typing import Protocol
+from typing import Any, Protocol
+
+import tomli_w
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mqtt.intent_intake import IntakeRules
 from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
-from executor.adapters.run_directory import RunDirectory, today, write_site
+from executor.adapters.run_directory import RunDirectory, today
 from executor.analysis.documents import AskedVehicle, EarlierRow, read_flown_day_plan, read_vehicle_answers
 from executor.analysis.report import InjectedFault
 from executor.core import fleet_step
@@ -42,6 +45,7 @@ from missions import (
     read_plan,
     write_plan,
 )
+from missions.files import write_whole
 from missions.readers.elevation_rasters import write_kept_ground
 
 
@@ -57,9 +61,6 @@ class Console(MessageSink, Protocol):
 
     def show_checks(self, found: Sequence[Check]) -> None:
         """Show the checklist."""
-
-    def confirm(self, question: str) -> bool:
-        """Ask while nobody has to be listened to."""
 
     async def ask(self, question: str) -> bool:
         """Ask beside everything else that goes on."""
@@ -167,17 +168,16 @@ def write_run_start(request: FlightRequest) -> None:
     """
     below = view_for(request.ground, request.base) if request.below is None else request.below
     write_ground(request.run, below, request.ground.network.frame)
-    files = {}
-    if request.site.network.file != site_model.DEFAULT_NETWORK:
-        files["network", "file"] = request.base / request.site.network.file
-    if request.site.energy.packs is not None:
-        files["energy", "packs"] = request.base / request.site.energy.packs
-    for index, table in enumerate(request.site.area):
-        if table.file is not None:
-            files[f"area.{index}", "file"] = request.base / table.file
-    if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
-        files["mqtt", "ca_file"] = request.base / request.site.mqtt.ca_file
     content = request.site.model_dump(exclude_none=True, mode="json")
+    if request.site.network.file != site_model.DEFAULT_NETWORK:
+        _keep_file(request, content["network"], "file", "network")
+    if request.site.energy.packs is not None:
+        _keep_file(request, content["energy"], "packs", "energy")
+    for index, table in enumerate(content["area"]):
+        if "file" in table:
+            _keep_file(request, table, "file", f"area{index}")
+    if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
+        _keep_file(request, content["mqtt"], "ca_file", "mqtt")
     if request.site.signing is not None and request.site.signing.key_file is not None:
         # The key stays where it is: a run directory is copied and handed on.
         content["signing"] = {"key_file": str((request.base / request.site.signing.key_file).resolve())}
@@ -187,13 +187,20 @@ def write_run_start(request: FlightRequest) -> None:
         # What was read, not the rasters: those may be gigabytes, and the next reading of them another.
         kept = RunDirectory(request.run).terrain
         write_kept_ground(kept, request.ground.terrain.elevation)
-        content["terrain"] = {**content["terrain"], "files": kept.name}
-    write_site(request.run, content, files)
+        content["terrain"]["files"] = kept.name
+    write_whole(RunDirectory(request.run).site, tomli_w.dumps(content).encode())
     if request.ground.learned:
         build_learned_document(request.ground.learned, today()).write(RunDirectory(request.run).learned_before)
     write_plan(RunDirectory(request.run).plan_path(0), request.plan)
     if request.day is not None:
         write_plan(RunDirectory(request.run).day_plan, request.day)
+
+
+def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: str) -> None:
+    """Copy a file that the site names into the run directory, so that this can be carried elsewhere, and name it so."""
+    file = request.base / table[key]
+    table[key] = f"{name}{file.suffix}"
+    shutil.copyfile(file, request.run / table[key])
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,11 +284,14 @@ def build_context_and_boards(
         for name, known in parameters.items()
     }
     task = plan.build_task()
-    context = site_model.build_context(ground, setup, task, own, performances)
+    pads = {} if day is None else day_plans.find_day_pads(day, ground, setup)
+    context = site_model.build_context(ground, day_plans.add_day_pads(setup, pads), task, own, performances)
+    first = context.setup
     if day is not None:
-        context = replace(context, day=day_plans.build_day_rules(day))
+        context = replace(context, day=day_plans.build_day_rules(day, pads))
+        first = replace(first, landings=day_plans.find_first_landings(day, pads))
     routes = plan.network_routes
-    paths = site_model.build_paths(context.setup, routes, context.vehicles)
+    paths = site_model.build_paths(first, routes, context.vehicles)
     return context, {
         name: build_onboard_mission(context, name, 0, paths[name], routes[name]) if name in paths else None
         for name in context.vehicles

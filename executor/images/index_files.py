@@ -127,8 +127,8 @@ def build_asset_rows(context: Context, state: FleetState) -> Iterator[AssetRow]:
     network, past = context.setup.network, state.coverage.not_seen
     for segment in sorted(context.wanted & {*looks.spans, *looks.pylons}):
         by = state.coverage.inspected.get(segment, "")
-        lacks = describe_unseen_parts(context, state, segment)
         caught = state.coverage.caught.get(segment, ())
+        lacks = describe_unseen_parts(context, segment, caught)
         ends = [network.pylons[end] for end in (network.segments[segment].a, network.segments[segment].b)]
         first, last = ((pylon.lat_deg, pylon.lon_deg) for pylon in ends)
         pylon = looks.pylons.get(segment)

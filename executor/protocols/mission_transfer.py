@@ -403,7 +403,7 @@ def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tup
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have
     )
     room = max(0, min(state.room, state.ahead) - len(state.under_way))
-    asks = (*again, *islice(fresh, room))
+    asks: tuple[_UnderWay, ...] = (*again, *islice(fresh, room))
     under_way = (*state.under_way, *asks[len(again) :])
     asked_s = min(one.at_s for one in under_way)
     if len(under_way) > 1:  # they come one after the other: none is late as long as any comes

@@ -6,7 +6,7 @@ The log's own clock is the time: ticks come between its records as they come bet
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -188,7 +188,7 @@ class FlightBook:
 
 
 @dataclass(slots=True)
-class _Followed:
+class FollowedVehicle:
     """What is kept of a vehicle beside its state."""
 
     trace: SampleTrace = field(default_factory=SampleTrace)
@@ -197,10 +197,45 @@ class _Followed:
     flown_s: float = 0.0
     beat_s: float | None = None
     """A heartbeat without news since the last tick."""
-    batteries: dict[int, tuple[float, Battery]] = field(default_factory=dict)
-    status: tuple[float, SystemStatus] | None = None
+    reports: dict[int | None, tuple[float, Battery | SystemStatus]] = field(default_factory=dict)
+    """The last of each battery, and of SYS_STATUS, that said something new."""
     mixed_s: float = math.inf
     """Since when two vehicles answer by its name."""
+
+    def observe(self, scene: Scene, vehicle: VehicleState, at_s: float, since_s: float) -> None:
+        """Take note of how it is, and that it was so since it was looked at last."""
+        if vehicle.armed and vehicle.stage is not Stage.LOST:
+            self.flown_s += at_s - since_s
+        self.trace.add(at_s, partial(sample_vehicle, scene, vehicle, at_s))
+
+    def build_replay(
+        self, setup: VehicleSetup, found: Iterable[Finding], to_usec: Callable[[float], int], ended_s: float
+    ) -> VehicleReplay:
+        """Return what was found of it, in the log's own time; what was not over then lasts to the end."""
+        mine = [one for one in found if one.vehicle == setup.name]
+        degraded = sorted((one for one in mine if isinstance(one, Degradation)), key=lambda one: one.from_s)
+        return VehicleReplay(
+            sysid=setup.sysid,
+            name=setup.name,
+            autopilot=setup.dialect.name,
+            declarations=tuple(
+                Declaration(one.kind, one.reason, to_usec(one.at_s), one.evidence)
+                for one in mine
+                if isinstance(one, DeclaredFault)
+            ),
+            degraded=tuple(
+                ImpairedPeriod(one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence)
+                for one in degraded
+            ),
+            flown_s=self.flown_s,
+            samples=tuple(self.trace.samples),
+            packs=self.packs.close_flights(),
+            modes=tuple(
+                ModeTransition(to_usec(one.at_s), one.mode, one.by, one.why)
+                for one in mine
+                if isinstance(one, ObservedModeChange)
+            ),
+        )
 
 
 def is_known_copter(beat: Heartbeat) -> bool:
@@ -222,7 +257,7 @@ class _Player:
         self._now_s = 0.0
         self._next_s = 0.0
         self._findings: list[Finding] = []
-        self._followed: dict[str, _Followed] = {}
+        self._followed: dict[str, FollowedVehicle] = {}
         self._framed = False
         self._ticked_s = 0.0
         self._early: dict[int, dict[str | int, VehicleSetting | ListedItem]] = {}
@@ -294,12 +329,10 @@ class _Player:
         calm = True
         for name, vehicle in self._state.fleet.vehicles.items():
             followed = self._followed[name]
-            if vehicle.armed and vehicle.stage is not Stage.LOST:
-                followed.flown_s += at_s - self._ticked_s
+            followed.observe(self._scene, vehicle, at_s, self._ticked_s)
             calm = calm and _is_calm(vehicle, at_s)
             followed.packs.update(vehicle, pack_facts_of(self._scene, vehicle), at_s)
             followed.flights.update(vehicle)
-            followed.trace.add(at_s, partial(sample_vehicle, self._scene, vehicle, at_s))
         self._ticked_s = at_s
         return CALM_TICK_S if calm else TICK_S
 
@@ -340,10 +373,8 @@ class _Player:
             case MissionCurrent(seq, total, number):
                 same = known.assignment.board is None or number in {None, known.assignment.carried.id}
                 return same and known.telemetry.item == (seq, total)
-            case Battery():
-                return _is_battery_repetition(self._followed[known.name], message, now_s)
-            case SystemStatus():
-                return _is_status_repetition(self._followed[known.name], message, now_s)
+            case Battery() | SystemStatus():
+                return _is_report_repetition(self._followed[known.name], message, now_s)
             case _:
                 return False
 
@@ -371,7 +402,7 @@ class _Player:
         self._scene = replace(self._scene, vehicles={**self._scene.vehicles, setup.name: setup})
         self._state = replace(self._state, fleet=self._state.fleet.put(VehicleState(setup.name)))
         self._names[system] = setup.name
-        self._followed[setup.name] = _Followed()
+        self._followed[setup.name] = FollowedVehicle()
         return setup.name
 
     def build_result(self) -> LogReplay:
@@ -384,7 +415,10 @@ class _Player:
         if self._file.on_board:
             found = [one for one in found if isinstance(one, ObservedModeChange) or one.kind is not FaultKind.LINK]
         found = [one for one in found if _began_s(one) < self._followed[one.vehicle].mixed_s]
-        vehicles = tuple(self._build_vehicle(system, name, found) for system, name in sorted(self._names.items()))
+        vehicles = tuple(
+            self._followed[name].build_replay(self._scene.vehicles[name], found, self._clock.to_usec, self._now_s)
+            for _, name in sorted(self._names.items())
+        )
         notes = [*self._others.values(), *self._file.notes]
         notes += [
             f"{describe_foreign_system(DoubleHeard(self._scene.vehicles[name].sysid, ()))}; not judged from "
@@ -402,64 +436,20 @@ class _Player:
             self._file.path, vehicles, self._file.skipped, self._clock.began_usec or 0, self._now_s, tuple(notes)
         )
 
-    def _build_vehicle(self, system: int, name: str, found: Sequence[Finding]) -> VehicleReplay:
-        followed, mine = self._followed[name], [one for one in found if one.vehicle == name]
-        declarations = [
-            Declaration(one.kind, one.reason, self._clock.to_usec(one.at_s), one.evidence)
-            for one in mine
-            if isinstance(one, DeclaredFault)
-        ]
-        degraded = [one for one in mine if isinstance(one, Degradation)]
-        return VehicleReplay(
-            sysid=system,
-            name=name,
-            autopilot=self._scene.vehicles[name].dialect.name,
-            declarations=tuple(declarations),
-            degraded=build_impaired_periods(degraded, self._clock.to_usec, self._now_s),
-            flown_s=followed.flown_s,
-            samples=tuple(followed.trace.samples),
-            packs=followed.packs.close_flights(),
-            modes=tuple(
-                ModeTransition(self._clock.to_usec(one.at_s), one.mode, one.by, one.why)
-                for one in mine
-                if isinstance(one, ObservedModeChange)
-            ),
-        )
 
-
-def build_impaired_periods(
-    found: Iterable[Degradation], to_usec: Callable[[float], int], ended_s: float
-) -> tuple[ImpairedPeriod, ...]:
-    """Return what was not well, in the log's own time; what was not over then lasts to the end."""
-    return tuple(
-        ImpairedPeriod(one.kind, one.reason, to_usec(one.from_s), to_usec(one.to_s or ended_s), one.evidence)
-        for one in sorted(found, key=lambda one: one.from_s)
-    )
-
-
-def _is_battery_repetition(followed: _Followed, message: Battery, now_s: float) -> bool:
-    at_s, known = followed.batteries.get(message.battery, (-math.inf, message))
-    if (
-        now_s - at_s < REPEATS_S
-        and message.remaining_pct == known.remaining_pct
-        and _is_within(message.voltage_v, known.voltage_v, SAME)
-        and _is_within(message.current_a, known.current_a, ALIKE)
-        and (message.charge_state, message.faults) == (known.charge_state, known.faults)
-        and not message.cells_v
-    ):
+def _is_report_repetition(followed: FollowedVehicle, message: Battery | SystemStatus, now_s: float) -> bool:
+    key = message.battery if isinstance(message, Battery) else None
+    at_s, known = followed.reports.get(key, (-math.inf, message))
+    same = message.remaining_pct == known.remaining_pct and _is_within(message.voltage_v, known.voltage_v, SAME)
+    match message, known:
+        case Battery(), Battery():
+            same = same and (message.charge_state, message.faults) == (known.charge_state, known.faults)
+            same = same and not message.cells_v and _is_within(message.current_a, known.current_a, ALIKE)
+        case SystemStatus(), SystemStatus():
+            same = same and (message.unhealthy, message.prearm_ok) == (known.unhealthy, known.prearm_ok)
+    if same and now_s - at_s < REPEATS_S:
         return True
-    followed.batteries[message.battery] = (now_s, message)
-    return False
-
-
-def _is_status_repetition(followed: _Followed, message: SystemStatus, now_s: float) -> bool:
-    at_s, known = followed.status or (-math.inf, message)
-    same = (message.remaining_pct, message.unhealthy, message.prearm_ok) == (
-        known.remaining_pct, known.unhealthy, known.prearm_ok,
-    )  # fmt: skip
-    if same and _is_within(message.voltage_v, known.voltage_v, SAME) and now_s - at_s < REPEATS_S:
-        return True
-    followed.status = (now_s, message)
+    followed.reports[key] = (now_s, message)
     return False
 
 

@@ -10,7 +10,6 @@ import json
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from executor.adapters.run_directory import RunDirectory
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.inflight.faults import passive_watch
-from executor.core.inflight.faults.passive_watch import Degradation
+from executor.core.inflight.faults.passive_watch import DeclaredFault, Degradation, Finding
 from executor.core.inflight.faults.watch_view import WatchView
 from executor.core.interface.commands import Command, Say
 from executor.core.interface.events import Tick
@@ -27,8 +26,8 @@ from executor.core.interface.recorded_log import SkippedRecords
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage
 from executor.flight.run_start import read_run_start
-from executor.replay.log_replay import build_impaired_periods, sample_vehicle
-from executor.replay.replay_result import Declaration, LogReplay, SampleTrace, VehicleReplay
+from executor.replay.log_replay import FollowedVehicle
+from executor.replay.replay_result import LogReplay, VehicleReplay
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,23 +134,19 @@ class _Watch:
     def __init__(self, context: Context) -> None:
         self._context = context
         self._open: dict[tuple[str, str], Degradation] = {}
-        self._over: list[Degradation] = []
-        self._traces = {name: SampleTrace() for name in context.vehicles}
-        self._flown = dict.fromkeys(context.vehicles, 0.0)
+        self._found: list[Finding] = []
+        self._followed = {name: FollowedVehicle() for name in context.vehicles}
         self._looked_s: float | None = None
 
     def update(self, state: FleetState, now_s: float) -> None:
         """Look at everybody."""
-        elapsed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
+        since_s = now_s if self._looked_s is None else self._looked_s
         self._looked_s = now_s
         for name, vehicle in state.vehicles.items():
-            setup = self._context.vehicles[name]
-            if vehicle.armed and vehicle.stage is not Stage.LOST:
-                self._flown[name] += elapsed_s
+            self._followed[name].observe(self._context, vehicle, now_s, since_s)
             if vehicle.stage is not Stage.LOST:
-                view = WatchView(self._context, setup, vehicle, False, now_s)
-                self._over += passive_watch.update_degradations(view, self._open)
-            self._traces[name].add(now_s, partial(sample_vehicle, self._context, vehicle, now_s))
+                view = WatchView(self._context, self._context.vehicles[name], vehicle, False, now_s)
+                self._found += passive_watch.update_degradations(view, self._open)
 
     def build_vehicle_replays(
         self, state: FleetState, began_unix_s: float, ended_s: float
@@ -161,21 +156,13 @@ class _Watch:
         def usec(at_s: float) -> int:
             return round((began_unix_s + at_s) * 1e6)
 
-        found = []
-        for name, vehicle in state.vehicles.items():
-            fault = vehicle.fault
-            declared = [] if fault is None else [(fault.kind, fault.kind.value, usec(fault.detected_s), fault.reason)]
-            mine = [one for one in (*self._over, *self._open.values()) if one.vehicle == name]
-            setup = self._context.vehicles[name]
-            found.append(
-                VehicleReplay(
-                    sysid=setup.sysid,
-                    name=name,
-                    autopilot=setup.dialect.name,
-                    declarations=tuple(Declaration(*one) for one in declared),
-                    degraded=build_impaired_periods(mine, usec, ended_s),
-                    flown_s=self._flown[name],
-                    samples=tuple(self._traces[name].samples),
-                )
-            )
-        return tuple(found)
+        found = [*self._found, *self._open.values()]
+        found += [
+            DeclaredFault(name, fault.kind, fault.kind.value, fault.reason, fault.detected_s)
+            for name, vehicle in state.vehicles.items()
+            if (fault := vehicle.fault) is not None
+        ]
+        return tuple(
+            self._followed[name].build_replay(self._context.vehicles[name], found, usec, ended_s)
+            for name in state.vehicles
+        )

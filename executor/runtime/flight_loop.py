@@ -21,8 +21,9 @@ from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
-from executor.core.replanning import new_missions, replan_cycle
+from executor.core.replanning import replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
 from executor.protocols import vehicle_commands
@@ -84,6 +85,11 @@ class Flight:
     _mistakes: set[str] = field(default_factory=set)
     _stops: list[Callable[[], None]] = field(default_factory=list)
     _answer: asyncio.Event = field(default_factory=asyncio.Event)
+
+    @property
+    def context_now(self) -> Context:
+        """The context with the pads where everybody stands and lands now."""
+        return place_vehicles(self.context, self.state.vehicles.values())
 
     def apply(self, event: Event) -> None:
         """Write an event down, apply it, and carry out what was decided.
@@ -277,7 +283,7 @@ class Flight:
                 asyncio.get_running_loop().call_soon(self.apply, planned)
             case commands.Solve():
                 nothing = partial(events.SolveEnded, command.revision, None, (), 0.0)
-                solve = partial(self._solver.solve, command, self.context.pricing)
+                solve = partial(self._solver.solve, command, self.context_now.pricing)
                 task = self._spawn(self._run_job("the solver", solve, nothing), "solver")
                 if task is not None:
                     self._solving.add(task)
@@ -360,7 +366,7 @@ class Flight:
             mission = flag_current(mission, None)
         link, name = self._links[command.vehicle], command.vehicle
         ended = partial(events.UploadEnded, name, command.revision)
-        if over_m := height_over_fence_m(self.context, name, command.path):
+        if over_m := height_over_fence_m(self.context_now, name, command.path):
             return ended(False, False, f"it leads {over_m:.0f} m above its fence", Ending.ABOVE_FENCE)
         fenced = command.fence is not None
         if command.fence is not None:
@@ -375,7 +381,7 @@ class Flight:
             self._whole.add(name)
         wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
         alike = self._count_proven_items(name, mission.items) if command.airborne else 0
-        need = UploadNeed(Rank.IN_FLIGHT, new_missions.estimate_need_s(self.state, name), alike)
+        need = UploadNeed(Rank.IN_FLIGHT, replan_cycle.estimate_need_s(self.state, name), alike)
         done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell, need=need)
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
@@ -395,7 +401,7 @@ class Flight:
         supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_receive_mission(self, vehicle: str, mixed: bool) -> bool:
-        return new_missions.may_retry_upload(self.context, self.state.vehicles[vehicle], mixed=mixed)
+        return replan_cycle.may_retry_upload(self.context_now, self.state.vehicles[vehicle], mixed=mixed)
 
     def _may_change_fence(self, vehicle: str, mixed: bool) -> bool:
         """Return whether a fence may be changed: never while a person has the vehicle, or may have."""
@@ -407,7 +413,9 @@ class Flight:
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
-        return await vehicle_preflight.examine_vehicle(self.context, vehicle, link, self._clock, before_s, sets=sets)
+        return await vehicle_preflight.examine_vehicle(
+            self.context_now, vehicle, link, self._clock, before_s, sets=sets
+        )
 
     async def _give_order(self, command: procedures.Order, ended: Callable[..., Event]) -> Event:
         link, dialect = self._links[command.vehicle], self.context.vehicles[command.vehicle].dialect
@@ -420,7 +428,7 @@ class Flight:
 
     async def _read_back_mission(self, vehicle: str) -> Event:
         items = await procedures.read_mission(self._links[vehicle], self._clock)
-        return events.MissionRead(compare_onboard_mission(self.context, self.state, vehicle, items, None))
+        return events.MissionRead(compare_onboard_mission(self.context_now, self.state, vehicle, items, None))
 
     async def _ask_streams(self, vehicle: str) -> None:
         try:
@@ -479,8 +487,8 @@ async def _judge_all(flight: Flight, judge: LossJudge) -> bool:
         revision = flight.state.replanning.revision
         if name not in replan_cycle.select_vehicles_to_judge(flight.state):
             return False
-        problem = replan_cycle.build_loss_problem(flight.context, flight.state, name, flight.now_s())
-        uncovered = problem if isinstance(problem, tuple) else await judge.judge(problem, flight.context.pricing)
+        problem = replan_cycle.build_loss_problem(flight.context_now, flight.state, name, flight.now_s())
+        uncovered = problem if isinstance(problem, tuple) else await judge(problem, flight.context_now.pricing)
         if uncovered is None or revision != flight.state.replanning.revision:
             return False
         flight.apply(LossJudged(name, revision, uncovered))

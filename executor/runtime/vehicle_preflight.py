@@ -17,13 +17,13 @@ from executor.core.interface.events import Examined, Found, Resumed
 from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
 from executor.core.preflight.parameter_changes import (
+    LIST_WORDS,
     Answers,
     KeptParameter,
     ParameterProposal,
     Present,
     list_newer_return_parameters,
     list_return_parameters,
-    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_streams_hz
@@ -268,24 +268,15 @@ async def _wait_until_ready(heard: _VehicleAnswers, link: Link, clock: Clock, wa
 async def _request_banner(heard: _VehicleAnswers, link: Link, clock: Clock) -> None:
     """Ask for the start-up texts, which name the version of a firmware that has no message for it."""
     await procedures.send_order(link, clock, CommandDialogue(vehicle_commands.send_banner(), "banner"))
-    until_s = clock.now_s() + BANNER_TIMEOUT_S
-    while heard.version is None and clock.now_s() < until_s:
-        heard.changed.clear()
-        try:
-            async with asyncio.timeout((until_s - clock.now_s()) / clock.speedup):
-                await heard.changed.wait()
-        except TimeoutError:
-            return
+    if heard.version is None:
+        await procedures.wait_for(link, clock, lambda _: heard.version is not None, BANNER_TIMEOUT_S)
 
 
-async def read_present(link: Link, clock: Clock, dialect: Dialect, beside: Iterable[str] = ()) -> Answers:
-    """Return what a vehicle has of the parameters that its RTL goes by, and of some others."""
-    return await read_parameters(
-        link,
-        clock,
-        (*list_return_parameters(dialect), *beside),
-        lambda present: list_newer_return_parameters(dialect, present),
-    )
+async def read_present(context: Context, name: str, link: Link, clock: Clock) -> Answers:
+    """Return what a vehicle has of the parameters that a flight may change on it."""
+    dialect = context.vehicles[name].dialect
+    names = (*list_return_parameters(dialect), *fence_changes.list_fence_parameters(context, name))
+    return await read_parameters(link, clock, names, lambda present: list_newer_return_parameters(dialect, present))
 
 
 async def read_parameters(
@@ -366,7 +357,7 @@ async def load_mission(
 
 async def read_lists(link: Link, clock: Clock) -> fence_changes.OnboardLists:
     """Read what a vehicle carries beside its mission."""
-    return {kind: await procedures.read_list(link, clock, kind) for kind in fence_changes.LIST_WORDS}
+    return {kind: await procedures.read_list(link, clock, kind) for kind in LIST_WORDS}
 
 
 async def upload_list(
@@ -414,10 +405,11 @@ async def examine_vehicle(
     try:
         share = context.vehicles[name].radio
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
-        proposal = await _build_proposal(context, name, link, clock)
+        # Nothing has to be set where it is as the flight has set it.
+        proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):
             await set_changes(link, clock, lacks)
-            proposal = await _build_proposal(context, name, link, clock)
+            proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
     except PreflightFailed as error:
         return Examined(name, ready=False, reason=str(error).removeprefix(f"{name}: "))
     if reason := _find_mismatch(context, facts) or _unknown(facts, proposal):
@@ -433,13 +425,6 @@ async def examine_vehicle(
         changed=tuple(change.words_set for change in proposal.changes_of(name)),
         sets=sets,
     )
-
-
-async def _build_proposal(context: Context, name: str, link: Link, clock: Clock) -> ParameterProposal:
-    """Return what would have to be set on it: nothing, where it is as the flight has set it."""
-    beside = fence_changes.list_fence_parameters(context, name)
-    present = await read_present(link, clock, context.vehicles[name].dialect, beside)
-    return fence_changes.add_fence_changes(context, propose_return_changes(context, {name: present}))
 
 
 def _unknown(facts: VehicleFacts, proposal: ParameterProposal) -> str:

@@ -23,7 +23,8 @@ from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import default_network_path, dialect_for, read_network
 from simulator.camera import CapturedImage, format_picture_name
-from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle, parse_fault
+from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.radio import parse_radio
 from simulator.truth import Truth, TruthWriter

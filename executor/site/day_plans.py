@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from missions import (
     Base,
     BasePlace,
     DayPlanFile,
+    FlightSetup,
+    Pad,
     PlanFile,
     PlanFileError,
     Pricing,
@@ -38,8 +41,10 @@ from missions import (
     build_priced_instance,
     check_plan,
 )
+from missions.flight_model import UNKNOWN
 from missions.plan_file import FORMAT
 from missions.plan_parts import DayCost, DayVehicle, PlanRoute
+from missions.pricing import price_fleet
 from missions.setup import LOWEST_FLIGHT_M
 from missions.shortest_ways import build_visibility_graph
 from missions.validation import Pair
@@ -75,8 +80,10 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
         for name in ground.names
     ]  # fmt: skip
     vehicles = tuple(_build_day_vehicles(ground, table, tables, days, pads))
-    _check_landings(ground, vehicles, [place.name for place in places])
-    pricing = build_pricing(ground, speeds_m_s=_collect_speeds_m_s(ground))
+    _check_landings(ground, vehicles, {place.name: at for place, at in zip(places, at_m, strict=True)})
+    everywhere = tuple(pad for own in ground.day_pads.values() for pad in own.values())
+    setup = replace(ground.setup, day_pads=everywhere)
+    pricing = build_pricing(ground, setup, speeds_m_s=_collect_speeds_m_s(ground))
     return DayPlanFile(
         format=FORMAT,
         frame=ground.network.frame,
@@ -147,21 +154,25 @@ def list_spares(ground: SiteModel) -> list[str]:
     return [] if ground.site.day is None else [one.name for one in ground.site.day.vehicle if one.spare]
 
 
-def _check_landings(ground: SiteModel, vehicles: Sequence[DayVehicle], bases: Sequence[str]) -> None:
+def _check_landings(
+    ground: SiteModel, vehicles: Sequence[DayVehicle], bases_m: Mapping[str, tuple[float, float]]
+) -> None:
     """Refuse bases of others where a vehicle may land, and that are in an area or that no way leads to."""
     for own in vehicles:
-        areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases, own.pads, strict=True))
+        areas, pads = ground.setup.obstacles_for(own.name).areas, dict(zip(bases_m, own.pads, strict=True))
         for name in own.lands if areas else ():
             begin_m, end_m = np.array(own.start_m), np.array(pads[name].place_m[:2])
-            for area in ground.setup.areas_at(own.name, pads[name].place_m[:2]):
+            for area in ground.setup.areas_at(own.name, pads[name].place_m[:2] if name == own.base else bases_m[name]):
                 kept = f"{area.margin_m:g} m or more outside of area {area.name!r}"
                 raise SiteError(f"base {name}: expected {kept}, got a place in it")
-            if np.isinf(build_visibility_graph(areas).distances_m(begin_m, end_m[np.newaxis])[0]):
+            if build_visibility_graph(areas).is_cut_off(begin_m, end_m[np.newaxis])[0]:
                 raise SiteError(f"base {name}: expected a way from the pad of {own.name}, got none around the areas")
 
 
 def _build_pad(ground: SiteModel, vehicle: str, place: BasePlace, at_m: tuple[float, float]) -> Base:
-    layers = ground.setup.layers
+    layers, own = ground.setup.layers, ground.day_pads.get(vehicle, {}).get(place.name)
+    if own is not None:
+        place, at_m = replace(place, alt_m=own.alt_m), (own.east_m, own.north_m)
     up_m = layers.surface.height_m(*at_m)
     climb_m = up_m + layers.offset_m(vehicle) - ground.network.frame.up_m(place.alt_m)
     if climb_m < LOWEST_FLIGHT_M:
@@ -244,6 +255,7 @@ def build_first_sorties_plan(content: DayPlanFile, ground: SiteModel) -> PlanFil
         PlanFileError: the day plan is another site's, or cannot be flown: one line that says where.
     """
     _check_day_plan(content, ground)
+    content = replace(content, pricing=_price_first_landings(content))
     fleet = {own.name: own for own in content.vehicles}
     vehicles = [Vehicle(name, (0.0, 0.0), fleet[name].budget_pct, fleet[name].consumption) for name in ground.names]
     task = Task(
@@ -273,15 +285,22 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
     """
     opens_s, closes_s = content.days[number]
     kept = [place for place, segment in enumerate(content.segments) if segment.id not in inspected]
+    stands = {
+        own.name: next((one.lands for one in content.routes_of(own.name)[::-1] if one.start_s < opens_s), own.base)
+        for own in content.vehicles
+    }
     vehicles = [
-        replace(own, hours=tuple(one for one in own.hours if opens_s <= one[0] < closes_s))
+        replace(
+            own, base=stands[own.name], start_m=own.pads[content.base_names.index(stands[own.name])].place_m[:2],
+            hours=tuple(one for one in own.hours if opens_s <= one[0] < closes_s),
+        )
         for own in content.vehicles if own.name in names
     ]  # fmt: skip
     shortened = (
         replace(route, visits=tuple(visit for visit in route.visits if visit.segment not in inspected))
         for route in content.routes_on(number) if route.vehicle in names
     )  # fmt: skip
-    routes = tuple(route for route in shortened if route.visits)
+    routes = tuple(_select_reached(content, stands, (route for route in shortened if route.visits)))
     segments = tuple(content.segments[place] for place in kept)
     flown = {visit.segment for route in routes for visit in route.visits}
     part = replace(
@@ -299,13 +318,57 @@ def select_day(content: DayPlanFile, number: int, inspected: Collection[int], na
     return part.with_plan(part.plan, found, Objective(content.cost.name))
 
 
+def _select_reached(
+    content: DayPlanFile, stands: Mapping[str, str], routes: Iterable[PlanRoute]
+) -> Iterator[PlanRoute]:
+    """Yield the sorties that begin where their vehicle can be: what led elsewhere may be inspected, and not flown."""
+    place, number = dict(stands), content.base_names.index
+    for route in routes:
+        if content.transfers_s[number(place[route.vehicle])][number(route.base)] is not None:
+            place[route.vehicle] = route.lands
+            yield route
+
+
 def sorties_ahead_of(content: DayPlanFile) -> Mapping[str, tuple[PlannedSortie, ...]]:
     """Return every vehicle's sorties of the first day, with the network's visits."""
-    begins_s = _first_take_off_s(content)
+    begins_s, moving = _first_take_off_s(content), _find_moving_vehicles(content)
+
+    def build(one: PlanRoute) -> PlannedSortie:
+        ends = (one.base, one.lands) if one.vehicle in moving else ("", "")
+        return PlannedSortie(one.network_visits, one.start_s - begins_s, *ends)
+
+    return {name: tuple(map(build, own)) for name, own in _select_first_day(content).items()}
+
+
+def _find_moving_vehicles(content: DayPlanFile) -> dict[str, DayVehicle]:
+    """Return by name those whose sorties of the first day do not all begin and end where they stand."""
+    first = _select_first_day(content)
     return {
-        name: tuple(PlannedSortie(one.network_visits, one.start_s - begins_s) for one in own)
-        for name, own in _select_first_day(content).items()
+        own.name: own
+        for own in content.vehicles
+        if any((one.base, one.lands) != (own.base, own.base) for one in first[own.name])
     }
+
+
+def find_day_pads(content: DayPlanFile, ground: SiteModel, setup: FlightSetup) -> dict[str, dict[str, Pad]]:
+    """Return the pads of those whose sorties do not all begin and end at one base, by their name and the base's."""
+    found, first = {}, _select_first_day(content)
+    for name, own in _find_moving_vehicles(content).items():
+        known = {**ground.day_pads.get(name, {}), own.base: setup.pad_of(name)}
+        used = dict.fromkeys((own.base, *(base for one in first[name] for base in (one.base, one.lands))))
+        found[name] = {base: known[base] for base in used}
+    return found
+
+
+def add_day_pads(setup: FlightSetup, pads: Mapping[str, Mapping[str, Pad]]) -> FlightSetup:
+    """Return the heights and pads of a flight with all pads of those who land at several bases."""
+    return replace(setup, day_pads=tuple(pad for own in pads.values() for pad in own.values()))
+
+
+def find_first_landings(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]]) -> dict[str, Pad]:
+    """Return where those land on their first sortie, by name, who do not land where they take off."""
+    firsts = {name: own[0] for name, own in _select_first_day(content).items() if own and name in pads}
+    return {name: pads[name][one.lands] for name, one in firsts.items() if one.base != one.lands}
 
 
 def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]:
@@ -322,8 +385,13 @@ def name_sortie_rounds(content: DayPlanFile) -> list[dict[str, tuple[int, ...]]]
     return rounds
 
 
-def build_day_rules(content: DayPlanFile) -> DayRules:
-    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off."""
+def build_day_rules(content: DayPlanFile, pads: Mapping[str, Mapping[str, Pad]] = MappingProxyType({})) -> DayRules:
+    """Return what a day plan says beside its sorties; its clock begins with the first planned take-off.
+
+    Args:
+        content: The plan.
+        pads: As `find_day_pads` has them.
+    """
     begins_s, until_s = _first_take_off_s(content), content.days[0][1]
     return DayRules(
         stagger_s=content.stagger_s,
@@ -337,6 +405,7 @@ def build_day_rules(content: DayPlanFile) -> DayRules:
             for name, own in content.pricing.barred.items()
         },
         packs={base.name: PackRules(base.packs, base.recharge_s) for base in content.bases if base.packs is not None},
+        pads=pads,
     )
 
 
@@ -363,14 +432,8 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
         raise PlanFileError(f"{source}: {line}; `faultline check` says more")
     check_same_segments(content, ground, source)
     for own, sorties in zip(content.vehicles, _select_first_day(content).values(), strict=True):
-        for number, one in enumerate(sorties, 1):
-            if (one.base, one.lands) != (own.base, own.base):
-                raise PlanFileError(
-                    f"{source}: sortie {number} of {own.name}: expected to begin and end at its base {own.base}, where "
-                    'it stands: plan with [day] lands = "own"'
-                )
-        if math.dist(own.start_m, ground.setup.base_of(own.name).place_m[:2]) > AT_DEPOT_M:
-            raise PlanFileError(f"{source}: the site has changed: the pad of {own.name} is elsewhere: plan again")
+        for line in _check_bases(content, ground, own, sorties):
+            raise PlanFileError(f"{source}: {line}")
         for key, called in _SPEEDS.items():
             said_m_s, flown_m_s = getattr(content.pricing.models[own.name], key), getattr(ground.inspection, called)
             if abs(said_m_s - flown_m_s) > SAME_M_S:
@@ -378,6 +441,63 @@ def _check_day_plan(content: DayPlanFile, ground: SiteModel) -> None:
                     f"{source}: {own.name}: expected {called} {flown_m_s:g} of [inspection], at which everybody "
                     f"flies, got {said_m_s:g}: plan again, without it in [[day.vehicle]]"
                 )
+
+
+def _check_bases(
+    content: DayPlanFile, ground: SiteModel, own: DayVehicle, sorties: Sequence[PlanRoute]
+) -> Iterator[str]:
+    """Yield why a vehicle's sorties of a day cannot be flown from base to base."""
+    tables, pads = base_tables(ground.site, ground.network.frame), dict(zip(content.base_names, own.pads, strict=True))
+    if own.base != next(base.name for base in tables if own.name in base.vehicles):
+        yield f"{own.name}: expected at base {own.base}, where it begins the day: name it there in [[base]]"
+        return
+    elsewhere = {name: (pad.east_m, pad.north_m) for name, pad in ground.day_pads.get(own.name, {}).items()}
+    known_m = {**elsewhere, own.base: ground.setup.base_of(own.name).place_m[:2]}
+    for base in dict.fromkeys((own.base, *(base for one in sorties for base in (one.base, one.lands)))):
+        if base not in known_m or math.dist(pads[base].place_m[:2], known_m[base]) > AT_DEPOT_M:
+            yield f"the site has changed: the pad of {own.name} is elsewhere: plan again"
+    for number, one in enumerate(sorties, 1):
+        if one.base == one.lands:
+            continue
+        place = f"sortie {number} of {own.name} ends at base {one.lands}"
+        if ground.inspection.same_distance:
+            yield (
+                f"{place}: expected the base where it begins, as who comes down to the line is kept clear of returns "
+                'to one pad alone: plan with [day] lands = "own", or without inspection.same_distance'
+            )
+        if ground.site.fence is not None and ground.site.fence.gives_rally:
+            continue
+        needs_pct = _compute_return_pct(content, own, one)
+        if needs_pct > own.budget_pct:
+            yield (
+                f"{place}: its own RTL ends where it took off, and takes {needs_pct:.0f} % in all, its "
+                f'budget is {own.budget_pct:.0f} %: expected [fence] with enabled = true and rally = "pad", which '
+                "lets it return to the nearer of its pads"
+            )
+
+
+def _compute_return_pct(content: DayPlanFile, own: DayVehicle, sortie: PlanRoute) -> float:
+    """Return the most that a sortie takes with a return to where it took off, from a segment's end or its landing."""
+    moves, _ = price_fleet(content.pricing, [own.name])
+    home, pad = (own.pads[content.base_names.index(base)] for base in (sortie.base, sortie.lands))
+    visits = list(content.visits_of(sortie))
+    out_pct, back_pct, on_pct = moves.price_out(0, home)[1], moves.price_home(0, home)[1], moves.price_home(0, pad)[1]
+    between_pct = moves.pct(0, visits[:-1], visits[1:])
+    used_pct = out_pct[visits[0]] + np.concatenate(([0.0], np.cumsum(between_pct)))
+    from_pad_pct = float(moves.fliers[0].price_ways_home(np.array([pad.place_m]), UNKNOWN, home)[1][0])
+    lands_pct = float(used_pct[-1] + on_pct[visits[-1]]) + from_pad_pct
+    return own.consumption * max(lands_pct, float((used_pct + back_pct[visits]).max()))
+
+
+def _price_first_landings(content: DayPlanFile) -> Pricing:
+    """Return the prices of the first sorties, each from where it begins to where it ends."""
+    bases, starts, first = dict(content.pricing.bases), dict[str, Base](), _select_first_day(content)
+    for own in content.vehicles:
+        for one in first[own.name][:1]:
+            if one.base != one.lands:
+                pads = dict(zip(content.base_names, own.pads, strict=True))
+                bases[own.name], starts[own.name] = pads[one.lands], pads[one.base]
+    return replace(content.pricing, bases=bases, starts=starts)
 
 
 def _select_first_day(content: DayPlanFile) -> dict[str, tuple[PlanRoute, ...]]:

@@ -73,7 +73,13 @@ class FenceTable(SiteTable):
     """What the vehicle does when it breaches the fence: `keep` leaves its own parameter, any other is set for the
     flight."""
     rally: Literal["pad", "keep"] = "pad"
-    """Where its own RTL may end: `pad`, at its own pad alone; `keep` leaves the rally points that are on board."""
+    """Where its own RTL may end: `pad`, at its own pad alone, on a day at the nearest of its pads; `keep` leaves the
+    rally points that are on board."""
+
+    @property
+    def gives_rally(self) -> bool:
+        """Whether vehicles are given rally points."""
+        return self.enabled and self.rally == "pad"
 
 
 class SigningTable(SiteTable):

@@ -364,13 +364,9 @@ def _read_document(run: Path) -> GroundDocument:
 
 def _build_relief_part(relief: Hillshade) -> HillshadePart:
     rows, columns = choose_grid_size(relief.low_m, relief.high_m, min(MOST_HEIGHTS, relief.heights_m.size), 0.0)
-    i = np.minimum(
-        ((np.arange(rows) + 0.5) / rows * relief.heights_m.shape[0]).astype(int), relief.heights_m.shape[0] - 1
-    )
-    j = np.minimum(
-        ((np.arange(columns) + 0.5) / columns * relief.heights_m.shape[1]).astype(int), relief.heights_m.shape[1] - 1
-    )
-    metres = [None if np.isnan(one) else round(one) for one in relief.heights_m[np.ix_(i, j)].ravel().tolist()]
+    parts = zip((rows, columns), relief.heights_m.shape, strict=True)
+    middles = [((np.arange(some) + 0.5) / some * every).astype(int) for some, every in parts]
+    metres = [None if np.isnan(one) else round(one) for one in relief.heights_m[np.ix_(*middles)].ravel().tolist()]
     return HillshadePart(
         file=RELIEF,
         interval_m=relief.interval_m,

@@ -14,7 +14,7 @@ from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import BasePlace, DayPlanFile, PlanFile, check_ceiling
-from missions.area_rules import check_areas
+from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.geo import FloatArray
 from planner.sorties import SparesEstimate
 
@@ -202,7 +202,7 @@ def compute_planned_heights(ground: SiteModel, rounds: Sequence[Mapping[str, tup
     for text in mission_checks.find_low_places(setup, paths):
         raise SiteError(f"{ground.network.source}: heights: {text}")
     returns = (
-        line for routes, own in flown for line in mission_checks.describe_returns_through_areas(setup, own, routes)
+        describe_crossing(setup, one) for routes, own in flown for one in find_return_crossings(setup, own, routes)
     )
     return PlannedHeights(
         mission_checks.describe_heights(setup, paths),

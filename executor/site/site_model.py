@@ -15,7 +15,8 @@ from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
 from executor.core.interface.connection import Scheme
-from executor.core.preflight.onboard_failsafes import LinkFailsafe, effective_link_timeout_s
+from executor.core.preflight.link_timeout import effective_link_timeout_s
+from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.radio_budget import RadioShare
 from executor.core.replanning.replan_separation import find_layer_bound_vehicles, line_clear_time_s
 from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
@@ -30,14 +31,15 @@ from executor.site.site_parts import (
     build_viewpoint_requests,
     find_base_pads,
     load_areas,
+    place_day_pads,
 )
 from missions.area_rules import apply_areas
-from missions.areas import Unreachable
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
 from missions.line_heights import add_ground_heights, add_structure_heights
+from missions.no_fly_areas import Unreachable
 from missions.pads import column_radius_m
-from missions.plan_file import PlanTerrain
+from missions.plan_parts import PlanTerrain
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from missions.viewpoints import add_viewpoints, build_pylon_tasks, extra_time_s
@@ -74,6 +76,8 @@ class SiteModel:
     """What is known of vehicles from flights before, by their name."""
     packs: SitePacks = field(default_factory=SitePacks)
     """What earlier flights said of packs."""
+    day_pads: Mapping[str, Mapping[str, missions.Pad]] = field(default_factory=dict)
+    """By the vehicle's name and the base's: where it lands on a day at bases that are not its own."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -183,19 +187,20 @@ def build_site_model(
     inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    found, (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    (areas, left_out), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
     setup = missions.plan_flight_setup(
-        network, names, inspection, stated=stated, areas=found.areas, terrain=terrain,
+        network, names, inspection, stated=stated, areas=areas, terrain=terrain,
         bases=find_base_pads(site, network),
     )  # fmt: skip
     pylons, higher = build_pylon_tasks(setup, wished)
     setup = replace(setup, looks=build_looks(site, network, pylons))
-    if found.areas or alternates:
-        setup = apply_areas(setup, found.areas, alternates)
+    if areas or alternates:
+        setup = apply_areas(setup, areas, alternates)
     # One line for all viewpoints that are flown higher than asked.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
-    remarks = (*worth_a_look, *found.remarks, *raised)
-    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks)
+    remarks = (*worth_a_look, *left_out, *raised)
+    day_pads = place_day_pads(site, setup, areas)
+    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads)
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -325,7 +330,7 @@ def build_pricing(
             AS_MODELLED if known is None else known.pace,
         )  # fmt: skip
     bases = {name: setup.base_of(name) for name in ground.names}
-    pads_m = tuple((pad.east_m, pad.north_m) for pad in setup.pads)
+    pads_m = tuple(dict.fromkeys((pad.east_m, pad.north_m) for pad in (*setup.pads, *setup.day_pads)))
     slowest = max((model.performance for model in models.values()), key=lambda one: one.hold_s + one.settle_s)
     pylons, slow_m_s = setup.looks.pylons.items(), min(model.inspection_speed_m_s for model in models.values())
     longer = {segment: extra_time_s(look, slowest, slow_m_s) for segment, look in pylons}
@@ -449,6 +454,10 @@ def build_context(
             reserve_pct=table.reserve_pct,
             link_timeout_s=link_timeout_s(site, dialect, failsafe),
             pad_m=(pad.east_m, pad.north_m),
+            day_pads_m=(
+                pads_m := tuple((one.east_m, one.north_m) for one in setup.day_pads if one.vehicle == table.name)
+            ),
+            rallies=bool(pads_m) and site.fence is not None and site.fence.gives_rally,
             failsafe_s=failsafe.after_s if failsafe is not None and failsafe.acts else None,
             returns=failsafe is not None and failsafe.returns,
             holds_s=failsafe.holds_s if failsafe is not None else 0.0,

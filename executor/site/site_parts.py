@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
@@ -17,8 +17,10 @@ from executor.errors import SiteError
 from executor.site.flight_keys import BaseTable
 from executor.site.site_file import Site
 from executor.site.site_keys import AreaTable, LookTable, Margin, OverGround, OverSea, Width
-from missions import BasePlace, LocalFrame, Network, Pad, SafetyError, parse_where
-from missions.areas import (
+from missions import BasePlace, FlightSetup, LocalFrame, Network, Pad, SafetyError, parse_where, place_pads
+from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
+from missions.errors import AreaError
+from missions.no_fly_areas import (
     Area,
     AreaKind,
     Ring,
@@ -28,9 +30,8 @@ from missions.areas import (
     remove_double_corners,
     simplify_outline,
 )
-from missions.cameras import NO_LOOKS, Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger
-from missions.errors import AreaError
 from missions.readers.area_files import FIGURES, FileArea, check_outline, read_areas
+from missions.setup import put_pads_on_ground
 from missions.terrain import Terrain
 from missions.viewpoints import ViewpointRequest
 
@@ -49,23 +50,14 @@ _RANGES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class SiteAreas:
-    """What the site's tables say."""
-
-    areas: tuple[Area, ...]
-    remarks: tuple[str, ...]
-    """What was left out or simplified, in words."""
-
-
-def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
-    """Return the areas of a site that are near to its lines.
+def load_areas(site: Site, base: Path, network: Network) -> tuple[tuple[Area, ...], tuple[str, ...]]:
+    """Return the areas of a site that are near to its lines, and in words what was left out or simplified.
 
     Raises:
         AreaError: one line that names the file, the feature and what was expected.
     """
     if not site.area:
-        return SiteAreas((), ())
+        return (), ()
     stands_m = [network.frame.to_local_m(place.lat_deg, place.lon_deg) for place in site.place]
     known = np.concatenate((network.positions_m, np.array([(0.0, 0.0), *stands_m])))
     (west, south), (east, north) = known.min(axis=0) - NEAR_M, known.max(axis=0) + NEAR_M
@@ -93,7 +85,7 @@ def load_areas(site: Site, base: Path, network: Network) -> SiteAreas:
             f"areas: {_count_corners(near, 0.0)} corners are simplified to {_count_corners(near, tolerance_m)}; "
             f"flights keep {tolerance_m:g} m more from them"
         )
-    return SiteAreas(tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks))
+    return tuple(_simplify_area(area, tolerance_m) for area in near), tuple(remarks)
 
 
 def build_places(site: Site, frame: LocalFrame) -> tuple[tuple[Pad, ...], tuple[str, ...]]:
@@ -251,6 +243,33 @@ def find_base_pads(site: Site, network: Network) -> dict[str, Pad]:
         if math.hypot(*(at_m := network.frame.to_local_m(base.lat_deg, base.lon_deg))) > AT_DEPOT_M
         for name in base.vehicles
     }
+
+
+def place_day_pads(site: Site, setup: FlightSetup, areas: Sequence[Area]) -> dict[str, dict[str, Pad]]:
+    """Return where vehicles land at bases that are not their own, by the vehicle's name and the base's.
+
+    Each has a pad of its own at each base: no two are ever given the same one.
+
+    Raises:
+        SafetyError: there is no room for them around a base.
+    """
+    if site.day is None or site.day.lands == "own":
+        return {}
+    network, stands = setup.network, list(setup.pads)
+    found: dict[str, dict[str, Pad]] = {}
+    for base in site.base:
+        names = {f"{one.name} {base.name}": one.name for one in site.vehicle if one.name not in base.vehicles}
+        at_m = network.frame.to_local_m(base.lat_deg, base.lon_deg)
+        place = Pad(base.name, *at_m, base_place(network, base, setup.terrain).alt_m)
+        pads = place_pads(
+            tuple(names), setup.tracks_m, layer_m=setup.layers.layer_m, alt_m=place.alt_m, stated=stands, areas=areas,
+            bases=dict.fromkeys(names, place),
+        )  # fmt: skip
+        pads = pads if setup.terrain is None else put_pads_on_ground(pads, setup.terrain)
+        stands += pads
+        for pad in pads:
+            found.setdefault(names[pad.vehicle], {})[base.name] = replace(pad, vehicle=names[pad.vehicle])
+    return found
 
 
 SHORTEST_M = 0.5

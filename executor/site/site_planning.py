@@ -30,8 +30,8 @@ from missions import (
     format_first_error,
     make_plan_file,
 )
-from missions.areas import Area, AreaKind
 from missions.inspection_height import Routes, rearrange_routes
+from missions.no_fly_areas import Area, AreaKind
 from missions.plan_parts import PlanFence
 from planner import (
     DEFAULT_PARAMS,

@@ -214,6 +214,8 @@ class Geofence:
     """The bit of ``kinds`` for polygons and circles that were put on board; 0 if they need none."""
     enable: str | None = None
     """Parameter that switches the fence on with 1; None if ``action`` does."""
+    rally_limit: str | None = None
+    """Parameter: rally points farther away than so many kilometres do not count, 0 for all; None if all do."""
     checked_on_load: bool
     """Whether a fence that does not hold its home and the vehicle is dropped, with a text and no refusal."""
 
@@ -305,13 +307,12 @@ class Dialect:
     """What this dialect was measured with."""
 
 
-def _read_dialects(*names: str) -> tuple[Dialect, ...]:
-    files = (resources.files(__package__).joinpath(f"{name}.toml") for name in names)
-    reader = TypeAdapter(Dialect)
-    return tuple(reader.validate_python(tomllib.loads(file.read_text(encoding="utf-8"))) for file in files)
+def _read_dialect(name: str) -> Dialect:
+    text = resources.files(__package__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return TypeAdapter(Dialect).validate_python(tomllib.loads(text))
 
 
-AUTOPILOTS = ARDUPILOT, PX4 = _read_dialects("ardupilot", "px4")
+AUTOPILOTS = ARDUPILOT, PX4 = _read_dialect("ardupilot"), _read_dialect("px4")
 
 
 def dialect_for(name: str) -> Dialect:

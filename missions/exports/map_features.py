@@ -100,11 +100,15 @@ class MapFeatures:
         Raises:
             MissionFileError: a place or a figure is not finite.
         """
-        things: list[MapLine | MapPoint] = [*self.ways, *self.spots]
-        for one in things:
+        for one in self.things:
             for figure in _figures(one):
                 if isinstance(figure, float) and not math.isfinite(figure):
                     raise MissionFileError(f"{self.title}: {one.name}: expected finite figures, got {figure}")
+
+    @property
+    def things(self) -> list[MapLine | MapPoint]:
+        """All of it, lines first."""
+        return [*self.ways, *self.spots]
 
     def colour_of(self, vehicle: str) -> str:
         """Return a vehicle's colour."""

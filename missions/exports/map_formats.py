@@ -32,8 +32,7 @@ _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 def format_kml(drawn: MapFeatures) -> str:
     """Return the text of a KML file."""
-    things: list[MapLine | MapPoint] = [*drawn.ways, *drawn.spots]
-    folders = {owner: [one for one in things if one.vehicle == owner] for owner in (None, *drawn.vehicles)}
+    folders = {owner: [one for one in drawn.things if one.vehicle == owner] for owner in (None, *drawn.vehicles)}
     template = _load_environment().get_template("map.kml")
     return template.render(drawn=drawn, folders=folders, widths=WIDTHS, opacities=OPACITIES)
 
@@ -45,8 +44,7 @@ def format_gpx(drawn: MapFeatures) -> str:
 
 def format_geojson(drawn: MapFeatures) -> str:
     """Return the text of a GeoJSON file."""
-    things: list[MapLine | MapPoint] = [*drawn.ways, *drawn.spots]
-    features = [_build_feature(drawn, one) for one in things]
+    features = [_build_feature(drawn, one) for one in drawn.things]
     collection = {"type": "FeatureCollection", "name": drawn.title, "features": features}
     return json.dumps(collection, indent=1, allow_nan=False) + "\n"
 

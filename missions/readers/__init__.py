@@ -18,8 +18,15 @@ from missions.files import decode_text, to_printable
 from missions.geo import LocalFrame, distance_m, grid_offsets_to_wgs84_deg
 from missions.network import CUT, MAX_DISTANCE_M, Network, Pylon, part_within
 from missions.readers import geojson, layer_files, table, xml_files
-from missions.readers.archives import Archive, decode_table, naming_file, read_first_bytes, read_limited
-from missions.readers.network_build import SNAP_M, MendingLimits, UnplacedNetwork, build_unplaced_network
+from missions.readers.archives import (
+    Archive,
+    decode_table,
+    explaining_errors,
+    naming_file,
+    read_first_bytes,
+    read_limited,
+)
+from missions.readers.network_build import MendingLimits, UnplacedNetwork, build_unplaced_network
 from missions.readers.raw_network import (
     Comparison,
     NearFilter,
@@ -30,24 +37,7 @@ from missions.readers.raw_network import (
     RemarkTopic,
     Span,
     explain_empty_file,
-    parse_where,
 )
-
-__all__ = [
-    "SNAP_M",
-    "Comparison",
-    "MendingLimits",
-    "NetworkImport",
-    "Remark",
-    "RemarkTopic",
-    "Selection",
-    "build_network_document",
-    "default_network_path",
-    "import_network",
-    "parse_where",
-    "read_network",
-    "read_station_points",
-]
 
 BESIDE_SHP = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qpj")
 OTHERS = (".shp", ".kml", ".kmz", ".geojson", ".geojsonl", ".gpkg", ".gpx", ".osm", ".csv", ".xlsx", ".xls", ".zip")
@@ -193,13 +183,11 @@ def _parse_graph(text: str, choice: ReadOptions) -> RawNetwork:
             raise NetworkError(f"{key}: expected a string in quotes, found none")
     offsets_m = _parse_positions_m(settings[POSITIONS])
     drawing.spans = _parse_spans(settings[NEIGHBOURS], len(offsets_m))
-    try:
+    with explaining_errors("crs", ValueError):
         if choice.crs is None:
             lat_lon_deg = frame.many_to_wgs84_deg(offsets_m[:, :2])
         else:
             lat_lon_deg = grid_offsets_to_wgs84_deg(frame, offsets_m[:, :2], choice.crs)
-    except ValueError as error:
-        raise NetworkError(f"crs: {error}") from error
     drawing.flat = not np.any(offsets_m[:, 2])
     places = np.column_stack((lat_lon_deg, offsets_m[:, 2]))
     for number, (lat_deg, lon_deg, up_m) in enumerate(places.tolist(), start=1):
@@ -417,10 +405,8 @@ def _find_depot(drawing: RawNetwork, known: LocalFrame | None) -> tuple[LocalFra
         if near and depot.elevation_m is not None:
             return LocalFrame(known.lat_deg, known.lon_deg, depot.elevation_m), True
         return known, False
-    try:
+    with explaining_errors(f"{depot.place}: depot", ValueError):
         return LocalFrame(depot.lat_deg, depot.lon_deg, depot.elevation_m or 0.0), depot.elevation_m is not None
-    except ValueError as error:
-        raise NetworkError(f"{depot.place}: depot: {error}") from error
 
 
 def _find_middle(built: UnplacedNetwork) -> LocalFrame:
@@ -443,10 +429,8 @@ def _find_middle(built: UnplacedNetwork) -> LocalFrame:
 def _frame_of(depot: tuple[float, float, float | None] | None) -> LocalFrame | None:
     if depot is None:
         return None
-    try:
+    with explaining_errors("depot", ValueError):
         return LocalFrame(depot[0], depot[1], depot[2] or 0.0)
-    except ValueError as error:
-        raise NetworkError(f"depot: {error}") from error
 
 
 def build_network_document(understood: NetworkImport) -> dict[str, object]:

@@ -98,6 +98,7 @@ PAGES: Mapping[int, str] = {
 }  # fmt: skip
 """Of dBASE, FoxPro and ArcGIS. 0x57 stands for whatever the writer's computer had, and says nothing."""
 USUAL = "utf-8"
+OTHER_ENCODING = "encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {!r}"
 FIELD_BYTES = 32
 FIELDS_END = 0x0D
 
@@ -148,6 +149,21 @@ def naming_file(path: Path, error: type[MissionsError] = NetworkError) -> Iterat
         raise error(f"{path}: content: {NESTED}") from None
 
 
+@contextmanager
+def explaining_errors(
+    words: str, *errors: type[Exception], error: type[MissionsError] = NetworkError
+) -> Iterator[None]:
+    """Let what libraries raise be said in our words, with theirs behind.
+
+    Raises:
+        MissionsError: of the type that is given, in one line.
+    """
+    try:
+        yield
+    except errors as reason:
+        raise error(f"{words}: {to_printable(str(reason))}") from reason
+
+
 class Archive:
     """A zip archive, of which nothing is unpacked that is not asked for."""
 
@@ -157,11 +173,9 @@ class Archive:
         Raises:
             NetworkError: it is none, or unpacks to too much.
         """
-        try:
+        with explaining_errors("content: expected a whole zip archive", *UNREADABLE):
             self._zip = zipfile.ZipFile(io.BytesIO(content))
             members = [member for member in self._zip.infolist() if not member.is_dir()]
-        except (zipfile.BadZipFile, ValueError, NotImplementedError, OSError) as reason:
-            raise NetworkError(f"content: expected a whole zip archive: {to_printable(str(reason))}") from reason
         if len(members) > MOST_MEMBERS:
             raise NetworkError(f"content: expected at most {MOST_MEMBERS} files in it, found {len(members)}")
         if sum(member.file_size for member in members) > MOST_BYTES:
@@ -183,13 +197,9 @@ class Archive:
         Raises:
             NetworkError: it is damaged or locked.
         """
-        try:
-            with self._zip.open(name) as file:
-                return file.read(self._zip.getinfo(name).file_size)
-        except UNREADABLE as reason:
-            raise NetworkError(
-                f"{to_printable(name)}: expected a whole file without a password: {to_printable(str(reason))}"
-            ) from reason
+        words = f"{to_printable(name)}: expected a whole file without a password"
+        with explaining_errors(words, *UNREADABLE), self._zip.open(name) as file:
+            return file.read(self._zip.getinfo(name).file_size)
 
 
 def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
@@ -218,18 +228,8 @@ def decode_table(content: bytes, encoding: str | None) -> tuple[str, str]:
 
 
 def _decode_as(content: bytes, encoding: str) -> str:
-    try:
+    with explaining_errors(OTHER_ENCODING.format(encoding), LookupError, ValueError):
         return content.decode(encoding)
-    except (LookupError, ValueError) as reason:
-        raise build_encoding_error(encoding, reason) from reason
-
-
-def build_encoding_error(encoding: str, reason: Exception) -> NetworkError:
-    """Return what is said of an encoding that is unknown, or is not that of the bytes."""
-    return NetworkError(
-        f"encoding: expected the table's own, such as 'cp1250' or 'utf-16', got {encoding!r}: "
-        f"{to_printable(str(reason))}"
-    )
 
 
 def guess_code_page(content: bytes) -> tuple[str, str]:
@@ -271,12 +271,12 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[s
     """
     texts = [text for text in _iterate_texts(dbf) if not text.isascii()]
     if encoding is not None:
-        if (reason := _find_wrong_letters(texts, encoding)) is not None:
-            raise build_encoding_error(encoding, reason) from reason
+        with explaining_errors(OTHER_ENCODING.format(encoding), LookupError, ValueError):
+            _check_letters(texts, encoding)
         return encoding, ""
     by_cpg, by_dbf = _parse_cpg(cpg), PAGES.get(dbf[AT] if len(dbf) > AT else 0)
     told = [page for page in (by_cpg, by_dbf) if page is not None]
-    fitting = next((page for page in (*told, USUAL) if _find_wrong_letters(texts, page) is None), None)
+    fitting = next((page for page in (*told, USUAL) if _is_encoding_of(texts, page)), None)
     if fitting == (told or [USUAL])[0]:
         return fitting, ""
     fitting, names = (fitting, "") if fitting is not None else guess_code_page(b"\n".join(texts))
@@ -284,15 +284,19 @@ def code_page_of(dbf: bytes, cpg: bytes | None, encoding: str | None) -> tuple[s
     return fitting, f"{wrong}: read as {fitting}{names}; encoding says another"
 
 
-def _find_wrong_letters(texts: Sequence[bytes], encoding: str) -> Exception | None:
-    """Return why texts are not in an encoding; a field that is full may end within a letter."""
+def _is_encoding_of(texts: Sequence[bytes], encoding: str) -> bool:
     try:
-        b"abcd".decode(encoding)
-        for text in texts:
-            codecs.getincrementaldecoder(encoding)("strict").decode(text, False)
-    except (LookupError, ValueError) as reason:
-        return reason
-    return None
+        _check_letters(texts, encoding)
+    except ValueError:
+        return False
+    return True
+
+
+def _check_letters(texts: Sequence[bytes], encoding: str) -> None:
+    """Refuse an encoding that texts are not in; a field that is full may end within a letter."""
+    b"abcd".decode(encoding)  # some codecs are none of letters
+    for text in texts:
+        codecs.getincrementaldecoder(encoding)("strict").decode(text, False)
 
 
 def _parse_cpg(cpg: bytes | None) -> str | None:

@@ -97,8 +97,7 @@ def _read(path: Path, choice: ReadOptions) -> Iterator[FileArea]:
         archive = Archive(content)
         if not archive.list_by_suffix(".kml"):
             raise AreaError(f"content: expected {FORMATS}, found an archive without a .kml")
-        roots = [root_of(document) for document in xml_files.extract_kml(archive)]
-        yield from _read_kml(roots, choice, archive.list_by_suffix(".kml"))
+        yield from _read_kml(xml_files.extract_kml(archive), choice, archive.list_by_suffix(".kml"))
         return
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") or path.suffix.lower() in {".kml", ".kmz"}:
         yield from _read_kml([root_of(content)], choice)

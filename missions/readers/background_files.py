@@ -21,6 +21,7 @@ import pyproj
 from missions.errors import BackgroundError
 from missions.files import to_printable
 from missions.geo import FloatArray, LocalFrame
+from missions.readers.archives import explaining_errors
 from missions.readers.elevation_rasters import (
     check_georeference,
     find_window,
@@ -125,13 +126,11 @@ def read_background(path: Path, wanted: PictureArea) -> Background:
 def _list_zooms(path: Path) -> list[int | None]:
     """Return the zooms of tiles, the finest first."""
     zooms: list[int | None] = []
-    try:
-        with open_sqlite(path) as database:
-            next_zoom = "SELECT max(zoom_level) FROM tiles WHERE zoom_level < ?"
-            while isinstance(zoom := database.execute(next_zoom, (zooms[-1] if zooms else ZOOMS,)).fetchone()[0], int):
-                zooms.append(zoom)
-    except (sqlite3.Error, sqlite3.Warning, OSError) as error:
-        raise BackgroundError(f"{path}: content: expected MBTiles: {to_printable(str(error))}") from error
+    words, reasons = f"{path}: content: expected MBTiles", (sqlite3.Error, sqlite3.Warning, OSError)
+    with explaining_errors(words, *reasons, error=BackgroundError), open_sqlite(path) as database:
+        next_zoom = "SELECT max(zoom_level) FROM tiles WHERE zoom_level < ?"
+        while isinstance(zoom := database.execute(next_zoom, (zooms[-1] if zooms else ZOOMS,)).fetchone()[0], int):
+            zooms.append(zoom)
     if not zooms:
         raise BackgroundError(f"{path}: tiles: expected zoom levels from 0 to {ZOOMS - 1}, found none")
     return zooms

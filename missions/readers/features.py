@@ -18,6 +18,7 @@ from pyproj.exceptions import CRSError, ProjError
 
 from missions.errors import NetworkError
 from missions.files import MOST_FIGURE, is_figure, to_printable
+from missions.readers.archives import explaining_errors
 from missions.readers.attributes import (
     LINES,
     LOOSE,
@@ -67,10 +68,8 @@ class Wgs84Transform:
         """
         if self.transformer is None:
             return list(zip(ys, xs, strict=True))
-        try:
+        with explaining_errors(f"crs: expected coordinates of {self.words}", ProjError):
             lons, lats = self.transformer.transform(xs, ys)
-        except ProjError as error:
-            raise NetworkError(f"crs: expected coordinates of {self.words}: {error}") from error
         found = list(zip(map(float, lats), map(float, lons), strict=True))
         for index, (lat_deg, lon_deg) in enumerate(found):
             if not math.isfinite(lat_deg) or not math.isfinite(lon_deg):

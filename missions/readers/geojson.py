@@ -48,8 +48,10 @@ KINDS = {
     "MultiPoint": GeometryKind.POINT,
     "LineString": GeometryKind.LINE,
     "MultiLineString": GeometryKind.LINE,
+    "Polygon": GeometryKind.OTHER,
+    "MultiPolygon": GeometryKind.OTHER,
+    "GeometryCollection": GeometryKind.OTHER,
 }
-LEFT_OUT = ("Polygon", "MultiPolygon", "GeometryCollection")
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ def features_of(document: Mapping[str, object]) -> Iterator[GeoFeature]:
         if not isinstance(properties, dict) or not isinstance(geometry, dict):
             raise NetworkError(f"{place}: expected properties and geometry to be objects or null")
         kind = geometry.get("type")
-        if kind not in (None, *KINDS, *LEFT_OUT):
+        if kind not in (None, *KINDS):
             raise NetworkError(f"{place}.geometry.type: expected Point or LineString, got {kind!r}")
         coordinates = geometry.get("coordinates")
         yield GeoFeature(

@@ -26,7 +26,7 @@ from urllib.parse import quote
 
 from missions.errors import NetworkError
 from missions.files import to_printable
-from missions.readers.archives import NEEDS, Archive, code_page_of, read_limited
+from missions.readers.archives import NEEDS, Archive, code_page_of, explaining_errors, read_limited
 from missions.readers.features import (
     EMPTY,
     OTHER,
@@ -75,11 +75,9 @@ def read_geopackage(path: Path, choice: ReadOptions) -> RawNetwork:
     Raises:
         NetworkError: one line that names the file, the layer and feature and what was expected.
     """
-    try:
-        with open_sqlite(path) as database:
-            drawing = _read_tables(database, choice)
-    except (sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError) as reason:
-        raise NetworkError(f"content: expected a GeoPackage: {to_printable(str(reason))}") from reason
+    reasons = sqlite3.Error, sqlite3.Warning, UnicodeDecodeError, OSError
+    with explaining_errors("content: expected a GeoPackage", *reasons), open_sqlite(path) as database:
+        drawing = _read_tables(database, choice)
     if _is_left_open(path):
         text = "a program has it open, or it was copied without its -wal: what was saved last may be missing"
         drawing.found.append(Remark(RemarkTopic.WHOLE, choice.source, text))
@@ -182,10 +180,8 @@ def _iterate_rows(database: sqlite3.Connection, table: str, column: str) -> Iter
         attributes = {name: value for name, value in zip(names, row, strict=True) if name != column}
         place = f"layer {table!r} feature {number if key is None else attributes.pop(key)}"
         blob = row[at]
-        try:
+        with explaining_errors(f"{place}: geometry: expected a GeoPackage's", _Damaged, struct.error, TypeError):
             kind, parts = (GeometryKind.OTHER, ()) if blob is None else parse_geometry(blob)
-        except (_Damaged, struct.error, TypeError) as reason:
-            raise NetworkError(f"{place}: geometry: expected a GeoPackage's: {reason}") from reason
         yield Feature(place, kind, parts, attributes, other=EMPTY if blob is None else OTHER)
 
 
@@ -293,18 +289,15 @@ def _open_layer(name: str, files: Mapping[str, bytes], drawing: RawNetwork, choi
 
     if "dbf" not in files:
         raise NetworkError(f"{name}.dbf: expected the names and attributes beside the .shp")
-    try:
+    with explaining_errors(f"{name}: expected a whole shapefile", _Damaged, struct.error):
         _check_parts(files["shp"], files.get("shx"), files["dbf"])
-    except (_Damaged, struct.error) as reason:
-        raise NetworkError(f"{name}: expected a whole shapefile: {reason}") from reason
     encoding, words = code_page_of(files["dbf"], files.get("cpg"), choice.encoding)
     if words:
         drawing.found.append(Remark(RemarkTopic.FILE, f"{name}.dbf", words))
-    try:
-        parts = {part: io.BytesIO(files[part]) for part in ("shp", "shx", "dbf") if part in files}
+    parts = {part: io.BytesIO(files[part]) for part in ("shp", "shx", "dbf") if part in files}
+    reasons = shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError
+    with explaining_errors(f"{name}: expected a shapefile", *reasons):
         reader = shapefile.Reader(**parts, encoding=encoding, encodingErrors="replace")
-    except (shapefile.ShapefileException, struct.error, ValueError, LookupError, OSError, TypeError) as reason:
-        raise NetworkError(f"{name}: expected a shapefile: {to_printable(str(reason))}") from reason
     system = files.get("prj", b"").decode("utf-8-sig", "replace").strip()
     features = _iterate_shapes(reader, name)
     return SourceLayer(name, _kind_of(reader.shapeType), len(reader), features, system, f"{name}.prj")
@@ -324,28 +317,18 @@ def _iterate_shapes(reader: shapefile.Reader, layer: str) -> Iterator[Feature]:
             if record is None or shape is None:
                 continue  # it is marked as deleted
             place, kind = f"layer {layer!r} feature {number + 1}", _kind_of(shape.shapeType)
-            if kind is GeometryKind.OTHER:  # no shape has the type 0
-                yield Feature(place, kind, (), record.as_dict(), other=OTHER if shape.shapeType else EMPTY)
-                continue
             heights = getattr(shape, "z", None) or [None] * len(shape.points)
             positions = [(float(point[0]), float(point[1]), third_m) for point, third_m in
                          zip(shape.points, heights, strict=False)]  # fmt: skip
             starts = getattr(shape, "parts", [0]) if kind is GeometryKind.LINE else [0]
             parts = [positions[a:b] for a, b in itertools.pairwise([*starts, len(positions)])]
-            yield Feature(place, kind, parts, record.as_dict())
+            other = EMPTY if shape.shapeType == shapefile.NULL else OTHER
+            yield Feature(place, kind, parts, record.as_dict(), other=other)
     except (
-        shapefile.ShapefileException,
-        struct.error,
-        ValueError,
-        IndexError,
-        TypeError,
-        OSError,
-        AssertionError,
-    ) as reason:
-        place = f"layer {layer!r} feature {number + 1}"
-        raise NetworkError(
-            f"{place}: expected a whole shape and its attributes: {to_printable(str(reason))}"
-        ) from reason
+        shapefile.ShapefileException, struct.error, ValueError, IndexError, TypeError, OSError, AssertionError
+    ) as reason:  # fmt: skip
+        words = f"expected a whole shape and its attributes: {to_printable(str(reason))}"
+        raise NetworkError(f"layer {layer!r} feature {number + 1}: {words}") from reason
 
 
 def _check_parts(shp: bytes, shx: bytes | None, dbf: bytes) -> None:

@@ -57,6 +57,11 @@ class Node:
     hinted: Mapping[str, str] = field(default_factory=dict)
     """As its pole has it."""
 
+    @property
+    def title(self) -> str:
+        """Its name, or where it is."""
+        return self.name or f"{self.lat_deg:.6f}, {self.lon_deg:.6f}"
+
 
 @dataclass(slots=True)
 class Nodes:
@@ -82,7 +87,6 @@ class Nodes:
 
     def add_poles(self, poles: Iterable[Pole], named: frozenset[str]) -> None:
         """Add the file's poles; those that spans name stay as they are, of others two at one place are one."""
-        unnamed = []
         for pole in poles:
             at_m = self.frame.to_local_m(pole.lat_deg, pole.lon_deg)
             index, away_m = (None, 0.0)
@@ -92,12 +96,9 @@ class Nodes:
                 self._join(self.nodes[index], pole, away_m)
                 continue
             name = self._choose_name(pole) if pole.name else ""
-            if not name:
-                unnamed.append(len(self.nodes))
             heights = pole.elevation_m, pole.height_m, pole.third_m
             self._add(Node(name, pole.lat_deg, pole.lon_deg, at_m, *heights, hinted=pole.hinted))
-        for index in unnamed:
-            self._name(index)
+        self.name_unnamed(range(len(self.nodes)))
 
     def find_or_add(self, vertex: Vertex, at_m: tuple[float, float]) -> tuple[int, float]:
         """Return the node of a line's vertex, a new one if none is near, and how far it was."""
@@ -131,21 +132,18 @@ class Nodes:
     def name_unnamed(self, indices: Iterable[int]) -> None:
         """Name what has no name yet."""
         for index in indices:
-            if not self.nodes[index].name:
-                self._name(index)
+            number = index + 1
+            while not self.nodes[index].name:
+                name, number = f"P{number}", number + len(self.nodes)
+                if name not in self.by_name:
+                    self.nodes[index].name = name
+                    self.by_name[name] = index
 
     def _add(self, node: Node) -> None:
         if node.name:
             self.by_name[node.name] = len(self.nodes)
         self._cells.setdefault(self._cell_of(node.at_m), []).append(len(self.nodes))
         self.nodes.append(node)
-
-    def _name(self, index: int) -> None:
-        number = index + 1
-        while (name := f"P{number}") in self.by_name:
-            number += len(self.nodes)
-        self.nodes[index].name = name
-        self.by_name[name] = index
 
     def _join(self, node: Node, pole: Pole, away_m: float) -> None:
         """Take a pole for one that is there already; what only one of them knows is kept."""
@@ -354,7 +352,7 @@ def _build_chains(drawing: RawNetwork, nodes: Nodes, *, has_poles: bool, found: 
                 if not has_poles:  # then every position is one
                     nodes.name_unnamed((index,))
                 if chain and chain[-1] == index:
-                    text = f"two positions at one place ({_format_vertex(vertex)}): taken once"
+                    text = f"two positions at one place ({vertex[0]:.6f}, {vertex[1]:.6f}): taken once"
                     found.append(Remark(RemarkTopic.ZERO, asset, text))
                     continue
                 if away_m > (SAME_POLE_M if has_poles else SHORTEST_SEGMENT_M):
@@ -365,10 +363,6 @@ def _build_chains(drawing: RawNetwork, nodes: Nodes, *, has_poles: bool, found: 
                 yield _Chain(line, chain)
             else:
                 found.append(Remark(RemarkTopic.ZERO, asset, "a part without length: left out"))
-
-
-def _format_vertex(vertex: Vertex | tuple[float, float]) -> str:
-    return f"{vertex[0]:.6f}, {vertex[1]:.6f}"
 
 
 def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark]) -> list[_Chain]:
@@ -385,7 +379,7 @@ def _split_at_nodes(chains: Sequence[_Chain], nodes: Nodes, found: list[Remark])
             passed += between
             full += [*between, b]
         if passed:
-            names = ", ".join(nodes.nodes[index].name or _format_node(nodes, index) for index in passed[:3])
+            names = ", ".join(nodes.nodes[index].title for index in passed[:3])
             more = ", ..." if len(passed) > 3 else ""
             found.append(Remark(RemarkTopic.SPLIT, chain.asset, f"split at {len(passed)} on its way: {names}{more}"))
         split.append(_Chain(chain.line, [index for index, _ in itertools.groupby(full)]))
@@ -433,10 +427,6 @@ def _build_made_remark(
     if away_m[nearest] <= NEAR_M:
         text += f"; {names[nearest]!r} {_suggest_snap(away_m[nearest])}"
     return Remark(RemarkTopic.MADE, asset, text)
-
-
-def _format_node(nodes: Nodes, index: int) -> str:
-    return _format_vertex((nodes.nodes[index].lat_deg, nodes.nodes[index].lon_deg))
 
 
 def _lay_spans(chains: Sequence[_Chain], spans: _Spans, max_span_m: float | None) -> None:

@@ -213,19 +213,14 @@ class RawNetwork:
         self.left.setdefault(what, []).append(asset)
 
     @property
-    def left_out_text(self) -> str:
-        """What was left out: how many of each kind, and the first of them; empty if nothing was."""
-        return ", ".join(
+    def remarks(self) -> list[Remark]:
+        """What was found, and in one line what was left out: how many of each kind, and the first of them."""
+        text = ", ".join(
             f"{len(names)} {_PLURAL.sub('s', what, count=1) if len(names) > 1 else what} "
             f"({', '.join(names[:NAMED])}{', ...' if len(names) > NAMED else ''})"
             for what, names in self.left.items()
         )
-
-    @property
-    def remarks(self) -> list[Remark]:
-        """What was found, and in one line what was left out."""
-        left = [Remark(RemarkTopic.LEFT_OUT, self.format, self.left_out_text)] if self.left else []
-        return [*self.found, *left]
+        return [*self.found, *([Remark(RemarkTopic.LEFT_OUT, self.format, text)] if text else [])]
 
     def keep_near(self) -> None:
         """Leave out what is far away."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from missions.errors import NetworkError
 from missions.files import is_figure, to_printable
-from missions.readers.archives import NEEDS, UNREADABLE, Archive
+from missions.readers.archives import NEEDS, UNREADABLE, Archive, explaining_errors
 from missions.readers.attributes import (
     ELEVATION,
     HEIGHT,
@@ -140,17 +140,14 @@ def parse_xlsx(archive: Archive, content: bytes, choice: ReadOptions) -> RawNetw
     for name in archive.list_by_suffix(".xml"):
         if b"<!DOCTYPE" in archive.read(name)[:4096]:
             raise NetworkError(f"{name}: expected XML without a document type (DOCTYPE)")
-    try:
+    reasons = *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError
+    with explaining_errors("content: expected a workbook", *reasons):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions that are not read
             book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         sheet = _select_sheet(book, choice)
         hidden = _count_hidden_rows(archive, sheet)
         rows = _read_cells(sheet)
-    except (
-        *UNREADABLE, InvalidFileException, SyntaxError, KeyError, TypeError, AttributeError, IndexError,
-    ) as reason:  # fmt: skip
-        raise NetworkError(f"content: expected a workbook: {to_printable(str(reason))}") from reason
     found: list[Remark] = []
     if hidden:
         text = f"{hidden} rows are hidden, as by a filter: they are read all the same"

@@ -135,15 +135,15 @@ def line_of(element: etree._Element) -> str:
     return f"line {element.sourceline}"
 
 
-def extract_kml(archive: Archive) -> tuple[bytes, ...]:
-    """Return the documents of a KMZ: doc.kml, which programs show, and then all others.
+def extract_kml(archive: Archive) -> list[etree._Element]:
+    """Return the roots of the documents of a KMZ: doc.kml, which programs show, and then all others.
 
     Raises:
         NetworkError: it cannot be read.
     """
     names = archive.list_by_suffix(".kml")
     every = sorted(names, key=lambda name: (name.lower() != "doc.kml", name.count("/"), names.index(name)))
-    return tuple(archive.read(name) for name in every)
+    return [root_of(archive.read(name)) for name in every]
 
 
 def links_of(roots: Iterable[etree._Element], inside: Collection[str] = ()) -> Iterator[etree._Element]:
@@ -161,8 +161,8 @@ def parse_kmz(archive: Archive, choice: ReadOptions) -> RawNetwork:
     Raises:
         NetworkError: as `parse_kml`.
     """
-    names, documents = archive.list_by_suffix(".kml"), extract_kml(archive)
-    drawing = parse_kml([root_of(content) for content in documents], choice, inside=names)
+    names = archive.list_by_suffix(".kml")
+    drawing = parse_kml(extract_kml(archive), choice, inside=names)
     if len(names) > 1:
         text = f"{len(names)} KML files in the archive, all of them are read: {quote_names(names)}"
         drawing.found.insert(0, Remark(RemarkTopic.WHOLE, choice.source, text))
@@ -447,9 +447,9 @@ def _build_osm_network(content: _Content, what: str, choice: ReadOptions) -> Raw
         add_line(drawing, replace(feature, parts=places))
         used |= dict.fromkeys(reference for part in parts for reference in part)
     for node in used:
-        tags, parts = content.tags.get(node, {}), [[content.positions[node]]]
+        tags, places = content.tags.get(node, {}), [[content.positions[node]]]
         if has_power_tag(normalise_attributes(tags)):
-            add_points(drawing, Feature(f"node {node}", GeometryKind.POINT, parts, tags, f"node/{node}"))
+            add_points(drawing, Feature(f"node {node}", GeometryKind.POINT, places, tags, f"node/{node}"))
     if content.deleted:
         drawing.found.append(Remark(RemarkTopic.LEFT_OUT, what, f"{content.deleted} nodes and ways that are deleted"))
     if not drawing.lines and not choice.looked:

@@ -6,6 +6,7 @@ are work space name the shape of each array in its annotation: ``allocate`` make
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -24,10 +25,10 @@ IntTable = Annotated[IntArray, nb.types.Array(nb.int64, 2, "C")]
 IntCube = Annotated[IntArray, nb.types.Array(nb.int64, 3, "C")]
 Flags = Annotated[npt.NDArray[np.bool_], nb.types.Array(nb.boolean, 1, "C")]
 RandomState = Annotated[npt.NDArray[np.uint64], nb.types.Array(nb.uint64, 1, "C")]
-SpaceT = TypeVar("SpaceT", bound=Any)
+SpaceT = TypeVar("SpaceT")
 
 
-def allocate(kind: type[SpaceT], **sizes: int) -> SpaceT:
+def allocate(kind: Callable[..., SpaceT], **sizes: int) -> SpaceT:
     """Return a named tuple of zeros, and of named tuples of zeros.
 
     Args:
@@ -38,7 +39,7 @@ def allocate(kind: type[SpaceT], **sizes: int) -> SpaceT:
         allocate(part, **sizes) if shape is None else np.zeros([_size_of(one, sizes) for one in shape], dtype=part)
         for part, shape in _find_layout(kind)
     ]
-    return kind._make(entries)
+    return kind(*entries)
 
 
 def _size_of(name: str, sizes: dict[str, int]) -> int:
@@ -47,7 +48,7 @@ def _size_of(name: str, sizes: dict[str, int]) -> int:
 
 
 @cache
-def _find_layout(kind: type[Any]) -> list[tuple[Any, list[str] | None]]:
+def _find_layout(kind: Callable[..., object]) -> list[tuple[Any, list[str] | None]]:
     """Return the type of each array's figures and its shape; of a named tuple its class and None."""
     found: list[tuple[Any, list[str] | None]] = []
     for hint in get_type_hints(kind, include_extras=True).values():

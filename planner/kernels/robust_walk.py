@@ -35,10 +35,11 @@ from planner.kernels.tours import (
     copy_route,
     draw_integer,
     draw_uniform,
+    find_position,
     measure,
     orient_visits,
-    position_of,
     remove_strings,
+    reverse_visits,
 )
 
 UNKNOWN = 200
@@ -90,16 +91,6 @@ class WalkLimits(NamedTuple):
 
 
 @inner()
-def reverse_visits(base: State, route: int, begin: int, end: int) -> None:
-    """Fly visits [begin, end) of a route the other way round; ``measure`` follows."""
-    visits = base.visits[route]
-    while begin < end:
-        end -= 1
-        visits[begin], visits[end] = visits[end] ^ 1, visits[begin] ^ 1
-        begin += 1
-
-
-@inner()
 def exchange_tails(base: State, one: int, begin: int, other: int, other_begin: int, spare: Ints) -> None:
     """Exchange what two routes do from a position of each on; ``measure`` follows."""
     kept = base.lengths[one] - begin
@@ -137,7 +128,7 @@ def choose_segment(base: State, clock: LossClock, until_s: float, early: float, 
         return segment
     for _ in range(TRIES):
         route = base.route_of[segment]
-        position = position_of(base, route, segment)
+        position = find_position(base.visits[route], segment)
         if position == 0 or clock.ends_s[route, position - 1] <= until_s:
             break
         segment = draw_integer(rng, len(base.route_of))
@@ -178,18 +169,18 @@ def change_plan(
     if kind < 0.4:
         return bool(reinsert_neighbours(problem, base, desk, segment, rng))
     one = base.route_of[segment]
-    begin = position_of(base, one, segment)
+    begin = find_position(base.visits[one], segment)
     length = base.lengths[one]
     touched[one] = 1
     if kind < 0.5:
-        reverse_visits(base, one, 0, length)
+        reverse_visits(base.visits[one], 0, length)
         return True
     if kind < 0.65:
-        reverse_visits(base, one, begin, begin + 1 + draw_integer(rng, length - begin))
+        reverse_visits(base.visits[one], begin, begin + 1 + draw_integer(rng, length - begin))
         return True
     near = problem.near[segment, draw_integer(rng, min(12, problem.near.shape[1]))]
     other = base.route_of[near]
-    place = position_of(base, other, near) + draw_integer(rng, 2)
+    place = find_position(base.visits[other], near) + draw_integer(rng, 2)
     if kind < 0.9:
         count = 1 + draw_integer(rng, min(4, length - begin))
         if other == one:
@@ -198,7 +189,7 @@ def change_plan(
             if place > begin:
                 place -= count
         if draw_uniform(rng) < 0.5:
-            reverse_visits(base, one, begin, begin + count)
+            reverse_visits(base.visits[one], begin, begin + count)
         shift_string(base, one, begin, count, other, place, desk.spare)
         touched[other] = 1
         return True
@@ -206,7 +197,7 @@ def change_plan(
         return False
     touched[other] = 1
     if draw_uniform(rng) < 0.5:
-        reverse_visits(base, other, 0, base.lengths[other])
+        reverse_visits(base.visits[other], 0, base.lengths[other])
         place = base.lengths[other] - place
     exchange_tails(base, one, begin, other, place, desk.spare)
     return True

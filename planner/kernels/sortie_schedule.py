@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 from planner.kernels.arrays import Floats, Ints, IntTable, Quad, RandomState, Table
 from planner.kernels.compiling import inner, kernel
-from planner.kernels.tours import draw_integer, draw_uniform
+from planner.kernels.tours import draw_integer, draw_uniform, find_position
 
 NEVER = 1e18
 """Seconds of a way that there is not, a time that never comes."""
@@ -143,15 +143,6 @@ def measure_row(problem: SortieProblem, state: SortieState, row: int) -> None:
         pct += move[before, after, 1]
     state.between[row, 0] = seconds
     state.between[row, 1] = problem.consumption[vehicle] * pct
-
-
-@inner()
-def find_position(state: SortieState, row: int, segment: int) -> int:
-    """Return where a sortie visits a segment that it does visit."""
-    position = 0
-    while state.visits[row, position] >> 1 != segment:
-        position += 1
-    return position
 
 
 @inner()
@@ -390,7 +381,7 @@ def find_place_beside(
         if problem.able[vehicle, segment] == 0 or state.size[row] == state.visits.shape[1]:
             continue
         room = problem.budget[vehicle] + TOLERANCE - state.whole[row, 1]
-        position = find_position(state, row, other)
+        position = find_position(state.visits[row], other)
         for at in range(position, position + 2):
             for visit in range(2 * segment, 2 * segment + 2):
                 more = insertion_cost(problem, state, row, at, visit, 0)

@@ -12,14 +12,13 @@ from planner.kernels.sortie_schedule import (
     SortieWorkspace,
     choose_bases_of_touched,
     enter_sortie,
-    find_position,
     may_fly_visits,
     measure_row,
     put_all_segments,
     schedule_sorties,
     set_row_figures,
 )
-from planner.kernels.tours import draw_integer, draw_uniform, sort_by_key
+from planner.kernels.tours import draw_integer, draw_uniform, find_position, reverse_visits, sort_by_key
 
 MOST_REMOVED = 12
 """Segments that are taken out at a time, but for whole sorties."""
@@ -105,7 +104,7 @@ def ruin_sorties(problem: SortieProblem, state: SortieState, memory: SortieWorks
         row = state.where[segment]
         if row < 0:
             continue
-        position = find_position(state, row, segment)
+        position = find_position(state.visits[row], segment)
         size = state.size[row]
         if kind < 0.35:
             count = cut_sortie(problem, state, memory, row, position, position + 1, count)
@@ -141,13 +140,7 @@ def reverse_part(problem: SortieProblem, state: SortieState, memory: SortieWorks
         return
     row = state.order[vehicle, draw_integer(rng, state.counts[vehicle])]
     low, high = draw_integer(rng, state.size[row]), draw_integer(rng, state.size[row])
-    if low > high:
-        low, high = high, low
-    visits = state.visits[row]
-    while low <= high:
-        visits[low], visits[high] = visits[high] ^ 1, visits[low] ^ 1
-        low += 1
-        high -= 1
+    reverse_visits(state.visits[row], min(low, high), max(low, high) + 1)
     measure_row(problem, state, row)
     memory.touched[vehicle] = 1
 
@@ -228,8 +221,8 @@ def move_end(problem: SortieProblem, state: SortieState, memory: SortieWorkspace
     if row < 0 or other < 0 or row == other:
         return False
     taker = state.owner[other]
-    at = find_position(state, row, segment)
-    to = find_position(state, other, near) + draw_integer(rng, 2)
+    at = find_position(state.visits[row], segment)
+    to = find_position(state.visits[other], near) + draw_integer(rng, 2)
     begin, end = (at, state.size[row]) if draw_uniform(rng) < 0.5 else (0, at + 1)
     length = end - begin
     if length == state.size[row] or state.size[other] + length > state.visits.shape[1]:

@@ -183,13 +183,21 @@ def cut_visits(
 
 
 @inner()
-def position_of(state: State, route: int, segment: int) -> int:
-    """Return where a route visits a segment that it does visit."""
-    visits = state.visits[route]
+def find_position(visits: Ints, segment: int) -> int:
+    """Return where visits visit a segment that is among them."""
     position = 0
     while visits[position] >> 1 != segment:
         position += 1
     return position
+
+
+@inner()
+def reverse_visits(visits: Ints, begin: int, end: int) -> None:
+    """Fly visits [begin, end) the other way round; what they take is measured anew by the caller."""
+    while begin < end:
+        end -= 1
+        visits[begin], visits[end] = visits[end] ^ 1, visits[begin] ^ 1
+        begin += 1
 
 
 @inner()
@@ -238,7 +246,7 @@ def remove_strings(
             while size + spared < length and draw_uniform(rng) < 0.01:
                 spared += 1
         span = size + spared
-        position = position_of(state, route, segment)
+        position = find_position(state.visits[route], segment)
         lowest = max(0, position - span + 1)
         highest = min(position, length - span)
         begin = lowest + draw_integer(rng, highest - lowest + 1)

@@ -127,7 +127,7 @@ def build_sorties_after_loss(
     fleet = len(instance.vehicles)
     if not all(0 <= one < fleet for one in (*lost, *(sortie.vehicle for sortie in sorties))):
         raise PlanError(f"expected sorties and losses of {fleet} vehicles")
-    kept, tails, broken = [], [], []
+    kept, tails, broken = list[Route](), list[Route](), list[Route]()
     flown: list[tuple[Route, float]] = []
     """All that took off, with how long it took, also what was lost: packs and take-offs are gone with it."""
     wanted = instance.wanted.copy()
@@ -180,13 +180,13 @@ def _build_bases(
 
 @dataclass(frozen=True, slots=True)
 class LossWindow:
-    """When one vehicle may be lost for good so that everything is still inspected by the end of the last day."""
+    """From when on a vehicle may be lost for good, and everything is still inspected by the end of the last day."""
 
-    vehicle: int
+    vehicle: str
     from_s: float
-    """From here on, on its last stretch of sorties that the others can all make good; NEVER lost too early is 0."""
-    breaks: int | None
-    """The number of its last sortie whose loss no re-plan was found for; None if it may be lost at any time."""
+    """Seconds from the first midnight; 0 if at any time."""
+    breaks: int | None = None
+    """Its last sortie, counted from 0, whose loss no re-plan was found for."""
 
 
 def find_loss_windows(
@@ -219,7 +219,7 @@ def find_loss_windows(
                 from_s, breaks = lands_s, number
                 done += number
                 break
-        found.append(LossWindow(vehicle, from_s, breaks))
+        found.append(LossWindow(instance.vehicles[vehicle].name, from_s, breaks))
     return tuple(found)
 
 

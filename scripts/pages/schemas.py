@@ -18,10 +18,10 @@ from executor.core.imaging import asset_status
 from executor.core.state import fleet_state
 from executor.site import flight_keys, learned_files, mqtt_and_web_keys, site_file, site_keys
 from missions import (
-    areas,
     flight_model,
     geo,
     inspection_defaults,
+    no_fly_areas,
     plan_file,
     plan_parts,
     pricing,
@@ -29,6 +29,7 @@ from missions import (
 )
 from missions import shortest_ways as ways
 from planner import moves
+from planner.sorties import sortie_losses
 
 FILES: dict[str, type[object]] = {
     "dayplan": plan_file.DayPlanFile,
@@ -53,7 +54,7 @@ MESSAGES: dict[str, type[object]] = {
 SITE = (site_file, site_keys, flight_keys, mqtt_and_web_keys)
 """The modules that the site file's keys are in."""
 PLAN = (
-    areas,
+    no_fly_areas,
     flight_model,
     geo,
     inspection_defaults,
@@ -61,6 +62,7 @@ PLAN = (
     plan_file,
     plan_parts,
     pricing,
+    sortie_losses,
     terrain,
     ways,
 )
@@ -106,8 +108,14 @@ def docstrings(module: ModuleType) -> Iterator[tuple[str, str, str]]:
     classes = {node.name: node for node in ast.parse(inspect.getsource(module)).body if isinstance(node, ast.ClassDef)}
     for name, node in classes.items():
         bases = [classes[base.id] for base in node.bases if isinstance(base, ast.Name) and base.id in classes]
-        for body in (node.body, *(base.body for base in bases)):
+        for body in (*(base.body for base in bases), node.body):
             for field, below in pairwise(body):
                 key = field.targets[0] if isinstance(field, ast.Assign) else getattr(field, "target", None)
                 if isinstance(key, ast.Name) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                    yield name, key.id, " ".join(str(below.value.value).split())
+                    yield name, _find_alias(field) or key.id, " ".join(str(below.value.value).split())
+
+
+def _find_alias(field: ast.stmt) -> str | None:
+    """Return what documents call a field, where that is not its own name."""
+    words = (word for call in ast.walk(field) if isinstance(call, ast.Call) for word in call.keywords)
+    return next((str(ast.literal_eval(word.value)) for word in words if word.arg == "alias"), None)

@@ -12,7 +12,7 @@ from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual_flight import FlightObservers, VirtualFlight, VirtualRun, fly_virtual
 from executor.core.interface.events import Heard, LaunchOrdered
 from executor.site.flight_keys import FenceTable
-from simulator.config import FaultSpecError, SimulatorError
+from simulator.errors import FaultSpecError, SimulatorError
 from tests.benchmarks.virtual.short_line import shared, short_ground
 from tests.stories.world import Sink
 

@@ -29,7 +29,8 @@ from executor.core.interface.connection import parse_connection
 from executor.core.interface.ports import LinkRequest, OpenLink
 from executor.runtime.flight_loop import send_heartbeats
 from missions import ARDUPILOT, PX4, Dialect, MissionItem
-from simulator.config import AutopilotKind, SimFleet, parse_fault
+from simulator.config import AutopilotKind, SimFleet
+from simulator.fault_kinds import parse_fault
 from tests.simulator.flying import flying
 from tests.simulator.harness import (
     ALT_M,

@@ -78,7 +78,7 @@ async def test_a_silent_link(tmp_path: Path) -> None:
     again = replay_run(flown.run)
     assert (again.comparison.first_difference, again.comparison.reworded) == ("", "")
     assert again.comparison.logged > 10
-    [declared] = [one for vehicle in again.log.vehicles for one in vehicle.declarations]
+    [declared] = [one for vehicle in again.vehicles for one in vehicle.declarations]
     assert declared.evidence == fault["reason"]
 
 

@@ -54,11 +54,8 @@ class Watching:
     def show_checks(self, found: Sequence[Check]) -> None:
         pass
 
-    def confirm(self, question: str) -> bool:
-        return bool(question)
-
     async def ask(self, question: str) -> bool:
-        return self.confirm(question)
+        return bool(question)
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         self.state = state

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from playwright.async_api import expect
 
-from executor.core.context import DayRules
+from executor.core.context import DayRules, PackRules
 from executor.core.fleet_view import build_fleet_view
 from executor.site.ground_view import encode_ground
 from missions import BreakingLoss, Window
@@ -161,6 +161,35 @@ async def test_a_base_of_a_day_is_closed_and_opened_by_a_button() -> None:
                 await expect(strip.locator(f"[data-action={starts}]")).to_be_hidden()
             await expect(page.locator(".strip").nth(1).locator("[data-base=close]")).to_have_text("Close base south")
     assert [(one.action.value, one.vehicle, one.base) for one in shown.asked] == [("close", None, "north")]
+
+
+async def test_the_charged_packs_of_a_base_are_counted_on_the_page() -> None:
+    scene = scene_of("offer")
+    day = DayRules(30.0, dict.fromkeys(scene.state.vehicles, "north"), {}, packs={"north": PackRules(4)})
+    shown = Shown(replace(scene, context=replace(scene.context, day=day)))
+    with shown.serving() as address:
+        async with browsing(address) as page:
+            count, charged = page.locator(".strip").nth(0).locator("[data-base=count]"), page.locator("#charged")
+            await expect(count).to_have_text("Count packs north")
+            await count.click()
+            await expect(page.locator("#question")).to_have_text("Count packs north?")
+            await expect(charged).to_be_focused()
+            for wrong in ("", "-1", "1.5", "1001"):  # the browser keeps what is no number of packs
+                await charged.fill(wrong)
+                await page.keyboard.press("Enter")
+                await expect(page.locator("#ask")).to_be_visible()
+            await page.keyboard.press("Escape")
+            await count.click()
+            await charged.fill("7")
+            await page.keyboard.press("Enter")
+            await expect(page.locator("#answer")).to_contain_text("Count packs north: accepted")
+            await page.locator(".strip").nth(0).locator("[data-base=close]").click()
+            await expect(charged).to_be_hidden()
+            await page.keyboard.press("Enter")
+            await expect(page.locator("#answer")).to_contain_text("Close base north: accepted")
+    assert [(one.action.value, one.vehicle, one.base, one.charged) for one in shown.asked] == [
+        ("count", None, "north", 7), ("close", None, "north", None),
+    ]  # fmt: skip
 
 
 async def test_a_browser_keeps_the_pictures_and_fetches_them_once() -> None:

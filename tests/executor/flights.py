@@ -15,9 +15,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import tomli_w
 
 from executor.adapters.eventlog import EventLog
-from executor.adapters.run_directory import write_site
 from executor.analysis.documents import FaultRow, FlightReport
 from executor.core.interface.events import Event, Heard, LaunchOrdered, NewRoute, SolveEnded, UploadEnded
 from executor.core.interface.messages import Battery, Position
@@ -69,7 +69,7 @@ def second_plan_file() -> PlanFile:
 
 def write_run(run: Path, *, finished: bool = True) -> FlightReport:
     """Write the flight's run directory, and return the content of its report.json."""
-    write_site(run, _site(), {})
+    (run / "site.toml").write_text(tomli_w.dumps(_site()))
     write_plan(run / "plan-000.json", first_plan_file())
     write_plan(run / "plan-001.json", second_plan_file())
     log = EventLog(run / "events.jsonl", began_unix_s=1.8e9, speedup=2.0)

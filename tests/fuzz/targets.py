@@ -84,7 +84,6 @@ def packets(data: bytes) -> None:
     cutter, pieces = FrameParser(), [data[at : at + 61] for at in range(0, len(data), 61)]
     for piece in pieces:
         list(codec.read(cutter.feed(piece)))
-    cutter.close()
 
 
 @cache

@@ -46,7 +46,7 @@ def small() -> PlanFile:
     return make_plan_file(network, task, TRAVEL, plan, Cost.MINMAX, SOLVED)
 
 
-def routes_of(**figures: float) -> tuple[PlanRoute, ...]:
+def routes_of(**figures: Any) -> tuple[PlanRoute, ...]:
     """Return its routes, the first with other figures."""
     first, second = small().routes
     return replace(first, **figures), second

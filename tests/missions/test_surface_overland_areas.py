@@ -16,9 +16,9 @@ from shapely.geometry import LineString
 
 from missions import FlightPath, FlightSetup, Inspection, build_flight_path, plan_flight_setup
 from missions.area_rules import apply_areas, check_areas
-from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.geo import FloatArray
+from missions.no_fly_areas import Area, AreaKind
 from missions.readers.elevation_rasters import RasterOptions, read_elevation
 from missions.terrain import DETOUR_M, Terrain, reading_box_m
 from tests.missions.test_surface_overland import judged, replanned

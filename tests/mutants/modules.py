@@ -60,8 +60,12 @@ MODULES = {
         ("missions/geometry.py",), ("tests/properties/test_geometry.py", "tests/missions/test_setup.py")
     ),
     "safety": Module(
-        ("missions/setup.py", "missions/layers.py", "missions/waypoints.py"),
-        ("tests/missions/test_setup.py", "tests/missions/test_layers.py", "tests/missions/test_clearance.py"),
+        ("missions/setup.py", "missions/layers_and_rtl_heights.py", "missions/waypoints.py"),
+        (
+            "tests/missions/test_setup.py",
+            "tests/missions/test_layers_and_rtl_heights.py",
+            "tests/missions/test_clearance.py",
+        ),
     ),
     "replan": Module(("planner/replan.py",), ("tests/planner/test_replan.py", "tests/planner/test_window.py")),
     "window": Module(

@@ -30,10 +30,10 @@ from missions import (
     plan_flight_setup,
 )
 from missions.area_rules import apply_areas, check_areas
-from missions.areas import Area, AreaKind
 from missions.errors import SafetyError
 from missions.flight_model import FlightModel
 from missions.geo import LocalFrame
+from missions.no_fly_areas import Area, AreaKind
 from missions.pads import column_radius_m
 from missions.pricing import Pricing, build_priced_instance
 from missions.shortest_ways import Obstacle, build_visibility_graph

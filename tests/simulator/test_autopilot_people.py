@@ -6,7 +6,9 @@ import math
 
 import pytest
 
-from simulator.config import AutopilotKind, FaultSpecError, SimFleet, parse_fault
+from simulator.config import AutopilotKind, SimFleet
+from simulator.errors import FaultSpecError
+from simulator.fault_kinds import parse_fault
 from simulator.messages import MavCommand, Severity
 from tests.simulator.harness import LAND, sim_vehicle
 from tests.simulator.test_fleet_vehicle import KINDS, Flight
@@ -285,3 +287,21 @@ def test_a_mode_that_the_autopilot_does_not_have_is_refused_before_the_flight(ki
     for spec in (f"uav1:pilot={other}@1s", f"all:station={other}@1s"):
         with pytest.raises(FaultSpecError, match=f"uav1 has no mode {other}, expected one of "):
             SimFleet((sim_vehicle(kind),), faults=(parse_fault(spec),))
+
+
+@KINDS
+def test_home_is_where_it_is_armed(kind: AutopilotKind) -> None:
+    flight = Flight(kind)
+    autopilot = flight.vehicle.autopilot
+    flight.run(10.0)
+    home, body = autopilot.home, autopilot.frame.body
+    before = home.lat_lon_e7(0.0, 0.0)
+    elsewhere = home.lat_lon_e7(40.0, -30.0)
+    body.east_m, body.north_m = 1.0, 0.5
+    autopilot.arm()
+    assert (autopilot.frame.armed, home.lat_lon_e7(0.0, 0.0)) == (True, before)  # beside its pad it is the pad
+    autopilot.frame.disarm()
+    body.east_m, body.north_m = 40.0, -30.0
+    autopilot.arm()
+    assert home.lat_lon_e7(0.0, 0.0) == elsewhere
+    assert (body.east_m, body.north_m) == (0.0, 0.0)

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from simulator.config import (
-    AutopilotKind,
-    Endpoint,
-    EndpointError,
-    FaultSpecError,
-    FleetError,
-    SimFleet,
-    parse_fault,
-    parse_vehicle_endpoint,
-)
+from simulator.config import AutopilotKind, Endpoint, SimFleet, parse_vehicle_endpoint
+from simulator.errors import EndpointError, FaultSpecError, FleetError
+from simulator.fault_kinds import parse_fault
 from simulator.params import defaults_for
 from tests.simulator.harness import sim_vehicle
 

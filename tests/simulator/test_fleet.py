@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from simulator.config import AutopilotKind, SimFleet, parse_fault
+from simulator.config import AutopilotKind, SimFleet
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import MAX_LAG_S, SimClock, run_fleet
 from tests.patience import PATIENCE_S
 from tests.ports import free_port

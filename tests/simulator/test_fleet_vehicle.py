@@ -11,7 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from simulator.autopilot import BOOT_S
-from simulator.config import AutopilotKind, parse_fault
+from simulator.config import AutopilotKind
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 from simulator.messages import ItemReceived
 from simulator.truth import Truth

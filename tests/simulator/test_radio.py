@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulator.config import SimulatorError
+from simulator.errors import SimulatorError
 from simulator.messages import build_message
 from simulator.radio import BURST_PACKETS, PROFILES, BurstLoss, Radio, build_radios, is_heartbeat, parse_radio
 from simulator.wire import Codec

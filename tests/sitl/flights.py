@@ -125,11 +125,8 @@ class WatchfulConsole:
     def show_checks(self, found: Sequence[Check]) -> None:
         self.lines += [f"{check.severity.value} {check.subject}: {check.text}" for check in found]
 
-    def confirm(self, question: str) -> bool:
-        return bool(question)
-
     async def ask(self, question: str) -> bool:
-        return self.confirm(question)
+        return bool(question)
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None:
         story, vehicle = self._story, state.vehicles[VICTIM]

@@ -85,20 +85,20 @@ SOON_HOME: Mapping[Autopilot, Mapping[str, float]] = {
 class RealVehicle:
     """A running autopilot."""
 
-    def __init__(self, sysid: int, start: Callable[[], Started], relay: Relay | None) -> None:
+    def __init__(self, sysid: int, start: Callable[[Pad | None], Started], relay: Relay | None) -> None:
         """Start it."""
         self.sysid, self.relay = sysid, relay
         self._start = start
-        self.process, self.other = start()
+        self.process, self.other = start(None)
 
     def end(self) -> None:
         """Take its power away."""
         _end(self.process)
         self.other.close()
 
-    def begin_again(self) -> None:
-        """Give it power again: with a full pack, on its pad, with the parameters that it keeps."""
-        self.process, self.other = self._start()
+    def begin_again(self, at: Pad | None = None) -> None:
+        """Give it power again: with a full pack, on its first pad or another, with the parameters that it keeps."""
+        self.process, self.other = self._start(at)
 
     def suspend(self) -> None:
         """Fall silent, as a vehicle whose link is gone for good."""
@@ -168,7 +168,7 @@ def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> I
             if name in wanted.relayed:
                 port = autopilot.port + number
                 relay = stack.enter_context(Relay(port, port + RELAYED).running())
-            beginning = partial(start, str(binary), number, pad, wanted, work / name)
+            beginning = partial(_begin, start, str(binary), number, pad, wanted, work / name)
             vehicles[name] = RealVehicle(number + 1, beginning, relay)
             stack.callback(vehicles[name].end)
         if autopilot is PX4:
@@ -177,6 +177,13 @@ def running(autopilot: Autopilot, binary: Path, work: Path, wanted: Wanted) -> I
                 for parameter, value in {**wanted.settings, **wanted.own.get(name, {})}.items():
                     vehicle.set(parameter, value, START_REAL_S)
         yield vehicles
+
+
+def _begin(
+    start: Callable[[str, int, Pad, Wanted, Path], Started], binary: str, number: int, pad: Pad, wanted: Wanted,
+    folder: Path, at: Pad | None,
+) -> Started:  # fmt: skip
+    return start(binary, number, at or pad, wanted, folder)
 
 
 def _copter(binary: str, number: int, pad: Pad, wanted: Wanted, folder: Path) -> Started:

@@ -15,7 +15,7 @@ from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import IntentReceived, LaunchOrdered
 from executor.core.interface.intents import Action
 from simulator.autopilot import STEP_S
-from simulator.config import InjectionKind, parse_fault
+from simulator.fault_kinds import InjectionKind, parse_fault
 from simulator.truth import Truth
 from tests.stories.record import KNOWS_S, Record, Span, distance_m, last_words_s, place
 from tests.stories.world import Flown

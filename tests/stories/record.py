@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from executor.core.interface.events import IntentReceived
 from executor.core.interface.intents import Action, Outcome
 from simulator.autopilot import LAST_WORDS_S
-from simulator.config import InjectionKind, parse_fault
+from simulator.fault_kinds import InjectionKind, parse_fault
 from simulator.truth import Truth
 from tests.stories.story import MISSION
 from tests.stories.world import Flown

@@ -33,7 +33,8 @@ from executor.runtime.flight_loop import Flight
 from executor.site import site_model
 from missions import Network, dialect_for, encode
 from planner import PRESETS
-from simulator.config import AutopilotKind, SimVehicle, parse_fault
+from simulator.config import AutopilotKind, SimVehicle
+from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
 from tests.executor.builders import ground_for, site_of

@@ -28,10 +28,11 @@ from executor.core.interface.messages import (
     OrderSeen,
     OwnFailsafe,
     Position,
+    RcChannels,
     StatusText,
     VehicleSetting,
 )
-from executor.core.interface.recorded_log import MODE_COMMANDS, RcChangeFilter, TiltFilter, is_wanted_setting
+from executor.core.interface.recorded_log import MODE_COMMANDS, is_wanted_setting
 from missions import ARDUPILOT
 from missions.autopilots.dialect import mode_name
 from missions.items import Frame, MissionItem
@@ -188,7 +189,6 @@ class ArduPilotBoot:
     arming_told: bool = False
     changed: bool = False
     """Whether a HEARTBEAT would say something new."""
-    rc: RcChangeFilter = field(default_factory=RcChangeFilter)
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """North, east, down, by the filter that POS is by."""
     filtered_usec: int = -STALE_USEC
@@ -201,7 +201,6 @@ class ArduPilotBoot:
     thrust_rows: int = 0
     capacity_ah: float = 0.0
     """Of its first pack, as it is set; 0 where nobody says it."""
-    tilt: TiltFilter = field(default_factory=TiltFilter)
     fix: tuple[int, int] = (-GPS_USEC, -1)
     """When it was told last, and which one."""
 
@@ -248,8 +247,8 @@ def _read_error(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
     return failsafe_of(int(fields["Subsys"]), int(fields["ECode"]))
 
 
-def _read_rc_channels(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
-    return boot.rc.filter_channels(t_usec, tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
+def _read_rc_channels(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
+    return RcChannels(tuple(int(fields.get(f"C{one}", 0)) for one in range(1, CHANNELS + 1)))
 
 
 def _read_parameter(boot: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
@@ -333,8 +332,8 @@ def _read_velocity(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilo
     return None
 
 
-def _read_attitude(boot: ArduPilotBoot, t_usec: int, fields: Fields) -> ArduPilotMessages:
-    return boot.tilt.filter_attitude(t_usec, Attitude(fields["Roll"], fields["Pitch"]))
+def _read_attitude(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
+    return Attitude(fields["Roll"], fields["Pitch"])
 
 
 def _read_throttle(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:

@@ -40,10 +40,8 @@ from executor.core.interface.messages import (
 )
 from executor.core.interface.recorded_log import (
     MODE_COMMANDS,
-    RcChangeFilter,
     Record,
     RecordedFile,
-    TiltFilter,
     is_wanted_setting,
 )
 from executor.core.telemetry.mode_evidence import ARGUMENT_BYTES, parse_px4_event
@@ -154,8 +152,6 @@ class Px4State:
     received_usec: int = -STALE_USEC
     landed: bool | None = None
     item: tuple[int, int] | None = None
-    rc: RcChangeFilter = field(default_factory=RcChangeFilter)
-    tilt: TiltFilter = field(default_factory=TiltFilter)
     failing: dict[str, tuple[str, str]] = field(default_factory=dict)
     """Flags that are up in the order in which they rose, with what they are about."""
     failed: OwnFailsafe | None = None
@@ -258,11 +254,11 @@ def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Mes
     return None
 
 
-def _read_rc_channels(vehicle: Px4State, t_usec: int, row: TopicRow) -> RcChannels | None:
+def _read_rc_channels(_: Px4State, __: int, row: TopicRow) -> RcChannels | None:
     if row.get("rc_lost", 0):
         return None
     count = min(int(row["channel_count"]), CHANNELS)
-    return vehicle.rc.filter_channels(t_usec, tuple(int(row[f"values[{one}]"]) for one in range(count)))
+    return RcChannels(tuple(int(row[f"values[{one}]"]) for one in range(count)))
 
 
 def _read_battery(_: Px4State, __: int, row: TopicRow) -> Battery | None:
@@ -347,11 +343,11 @@ def _read_height_target(vehicle: Px4State, _: int, row: TopicRow) -> HeightTarge
     return HeightTarget(-down_m - vehicle.height_m) if vehicle.height_m is not None and math.isfinite(down_m) else None
 
 
-def _read_attitude(vehicle: Px4State, t_usec: int, row: TopicRow) -> Attitude | None:
+def _read_attitude(_: Px4State, __: int, row: TopicRow) -> Attitude:
     w, x, y, z = (float(row[f"q[{one}]"]) for one in range(4))
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    return vehicle.tilt.filter_attitude(t_usec, Attitude(math.degrees(roll), math.degrees(pitch)))
+    return Attitude(math.degrees(roll), math.degrees(pitch))
 
 
 def _read_land_detected(vehicle: Px4State, _: int, row: TopicRow) -> LandedState | None:

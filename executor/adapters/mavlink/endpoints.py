@@ -19,7 +19,7 @@ from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCo
 from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
 from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.ports import FrameLog, Keyring, LinkCounts, LinkRequest
+from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
@@ -45,7 +45,7 @@ def discard_frame(_: bytes) -> bool:
 class VehicleLink:
     """Messages of one vehicle; an endpoint brings its frames and says where to write to."""
 
-    def __init__(self, sysid: int, codec: MavlinkCodec, log: FrameLog | None = None) -> None:
+    def __init__(self, sysid: int, codec: MavlinkCodec, log: Callable[[bytes], None] = lambda _: None) -> None:
         """Make a link that leads nowhere yet."""
         self.sysid = sysid
         self.component = AUTOPILOT
@@ -98,8 +98,7 @@ class VehicleLink:
 
     def record_sent(self, frame: bytes) -> None:
         """Record a frame that this vehicle is sent, maybe with others."""
-        if self._log is not None:
-            self._log.write(frame)
+        self._log(frame)
 
     def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
         """Take a frame of this vehicle.
@@ -113,8 +112,7 @@ class VehicleLink:
             self.write = write
         if received.own and source and source != self._source:
             self._note_source(source)
-        if self._log is not None:
-            self._log.write(received.frame)
+        self._log(received.frame)
         told = None if self._is_outdated(received) else received.message
         self._count(received)
         if isinstance(told, messages.Heartbeat):

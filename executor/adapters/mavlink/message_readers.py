@@ -335,7 +335,7 @@ def build_event_frame(fields: Mapping[str, object], sysid: int, compid: int) -> 
     except (KeyError, TypeError, ValueError, struct.error):
         return None
     frame = bytes((V2, len(payload), 0, 0, 0, sysid, compid, *EVENT.to_bytes(3, "little"))) + payload
-    return frame + x25crc(frame[1:] + bytes((EVENT_EXTRA,))).crc.to_bytes(CHECKSUM, "little")
+    return frame + int(x25crc(frame[1:] + bytes((EVENT_EXTRA,))).crc).to_bytes(CHECKSUM, "little")
 
 
 @dataclass(slots=True)

@@ -29,15 +29,13 @@ from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface import messages
 from executor.core.interface.messages import DoubleHeard, FlightMessage, HeightTarget, ListedItem, Message, Traffic
 from executor.core.interface.recorded_log import (
-    RcChangeFilter,
     Record,
     RecordedFile,
-    TiltFilter,
     is_wanted_setting,
 )
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
 from executor.core.telemetry.plausibility import filter_implausible
-from missions import AUTOPILOTS, PX4
+from missions import PX4
 
 BACK_USEC = 1_000_000
 """Frames of several links are out of order by less."""
@@ -62,8 +60,6 @@ STEADY_USEC = 2_900_000
 """Of what is repeated until it changes, one in three seconds."""
 RC_USEC = 190_000
 """A switch is seen at once."""
-STAND_IN_USEC = 4_000_000
-"""SYS_STATUS stands in for BATTERY_STATUS; beside it one in five seconds is enough."""
 MARKS = frozenset(HEADS)
 STAMP = 8
 LONGEST = STAMP + 10 + 255 + 2 + 13
@@ -77,11 +73,9 @@ ENOUGH_FRAMES = 80
 """Counts of frames are handed on with a HEARTBEAT once there are as many."""
 HALF = 128
 """A sequence number that is ahead by more is one that was overtaken on the way."""
-POSITION, BATTERY, SYSTEM = "GLOBAL_POSITION_INT", "BATTERY_STATUS", "SYS_STATUS"
+POSITION = "GLOBAL_POSITION_INT"
 LOCAL_POSITION, TARGET_POSITION = "LOCAL_POSITION_NED", "POSITION_TARGET_LOCAL_NED"
 MOST_NAMED = 8
-ROUND_TWICE = frozenset(dialect.number for dialect in AUTOPILOTS if dialect.rounds_twice)
-"""MAV_AUTOPILOT."""
 BOOT_TIMED = frozenset({POSITION, "ATTITUDE"})
 _HEAD = struct.Struct(">Q5B")
 LOOKAHEAD = 1 << 16
@@ -167,10 +161,6 @@ class _Source:
     received: int = 1
     missing: int = 0
     vehicle: bool = False
-    rounds_twice: bool = False
-    """Whether SYS_STATUS says more than BATTERY_STATUS, as PX4's does."""
-    battery_usec: int = -STAND_IN_USEC
-    """When its BATTERY_STATUS came last."""
     boot: BootTime | None = None
     """Its own time when it said it last."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
@@ -186,9 +176,9 @@ class _MessageStream:
     system: int
     component: int
     every_usec: int
-    newest_usec: int = -STAND_IN_USEC
+    newest_usec: int = -STEADY_USEC
     """When one was read last."""
-    told_usec: int = -STAND_IN_USEC
+    told_usec: int = -STEADY_USEC
     """When one was handed on last, of those that are all read."""
 
 
@@ -211,8 +201,8 @@ class TelemetryFile(RecordedFile):
     """What the recorder's clock was set by since the first record, taken back."""
     _began: int = 0
     _sets: int = 0
-    _rc: dict[int, RcChangeFilter] = field(default_factory=dict)
-    _tilts: dict[int, TiltFilter] = field(default_factory=dict)
+    _channels: dict[int, int] = field(default_factory=dict)
+    """How many each system tells at most: ArduPilot sends the first eight once more."""
     _downs_m: dict[int, float] = field(default_factory=dict)
     """How far below where its filter began each system is."""
 
@@ -242,61 +232,52 @@ class TelemetryFile(RecordedFile):
             self.notes.append(f"no HEARTBEAT of an autopilot in it; heard were the systems {named}")
 
     def _read_piece(self, buffer: bytes, last: bool) -> Generator[Record, None, int]:
-        """Yield what whole records of a piece say; returns where the rest begins. Calls would take most of the time."""
-        at, size, known, in_garbage, frames, shift = 0, len(buffer), self._stamp, False, 0, self._shift
+        """Yield what whole records of a piece say; returns where the rest begins."""
+        at, size, in_garbage = 0, len(buffer), False
         stop = size if last else size - LOOKAHEAD
-        lanes, heard, head = self._lanes, self.heard, _HEAD.unpack_from
         while at < stop:
             if at + LEAST > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
                 break
-            stamp, mark, length, flags, _, seq = head(buffer, at)
+            stamp, mark, length, flags, _, seq = _HEAD.unpack_from(buffer, at)
             if mark == V2:
                 key, end = buffer[at + 13 : at + 18], at + 18 + length + (15 if flags & 1 else 2)
             else:  # the fields of the older version stand elsewhere
                 key, end, seq, flags = buffer[at + 11 : at + 14], at + 16 + length, flags, 0
-            if not (
-                end + STAMP < size
-                and buffer[end + STAMP] in MARKS
-                and mark in MARKS
-                and -STAMP_TOLERANCE_USEC < stamp - (known or stamp) < STAMP_TOLERANCE_USEC
-                and flags < 2
-            ) and not self._is_record_at(buffer, at, end, known):
+            if mark not in MARKS or flags > 1 or not self._is_record_at(buffer, at, end):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
                 continue
-            if not -BACK_USEC <= stamp - known < AHEAD_USEC:
-                shift = self._shift_from(buffer, at, known)
-            in_garbage, known = False, stamp
-            stamp += shift
-            frames += 1
-            lane = lanes.get(key) or self._open_stream(key, seq)
+            if not -BACK_USEC <= stamp - self._stamp < AHEAD_USEC:
+                self._follow_clock(buffer, at)
+            in_garbage, self._stamp = False, stamp
+            stamp += self._shift
+            self.frames += 1
+            lane = self._lanes.get(key) or self._open_stream(key, seq)
             source = lane.source
             if 0 < (ahead := (seq - source.seq) & 255) < HALF:
                 source.missing += ahead - 1  # that its sequence number says are lost
                 source.received += 1
                 source.seq = seq
             if source.vehicle:
-                if not 0 <= stamp - heard.get(lane.system, 0) < GAP_USEC:
+                if not 0 <= stamp - self.heard.get(lane.system, 0) < GAP_USEC:
                     yield stamp, 0, None
-                heard[lane.system] = stamp
+                self.heard[lane.system] = stamp
             if lane.kind is not None and not 0 <= stamp - lane.newest_usec < lane.every_usec:
                 yield from self._read_frame(lane.kind, buffer[at + STAMP : end], stamp, lane)
             at = end
-        self._stamp = known
-        self.frames += frames
         return at
 
-    def _shift_from(self, buffer: bytes, at: int, known: int) -> int:
-        """Return what stamps are shifted by from a record on, whose stamp is far from that of the last one."""
-        stamp = int.from_bytes(buffer[at : at + STAMP], "big")
+    def _follow_clock(self, buffer: bytes, at: int) -> None:
+        """Shift stamps from a record on, whose stamp is far from that of the last one, if the clock was set there."""
+        stamp, known = int.from_bytes(buffer[at : at + STAMP], "big"), self._stamp
         if not known:
             self._began = stamp
-            return self._shift
+            return
         by_usec = was_set_by_usec(self._boots_after(buffer, at), stamp + self._shift, known + self._shift)
         if not by_usec:
-            return self._shift
+            return
         self._sets += 1
         self.skipped.time_back += by_usec < 0
         if self._sets <= MOST_NAMED:
@@ -304,7 +285,6 @@ class TelemetryFile(RecordedFile):
             own = f"by {by_usec / 1e6:+.1f} s at {at_s:.1f} s: times go on by the vehicles' own"
             self.notes.append(f"the recorder's clock was set {own}")
         self._shift -= by_usec
-        return self._shift
 
     def _boots_after(self, buffer: bytes, at: int) -> list[tuple[BootTime, BootTime]]:
         """Return what vehicles say of their own time after a leap."""
@@ -343,14 +323,8 @@ class TelemetryFile(RecordedFile):
         if not frames:
             self.skipped.bad_checksums += 1
             return
-        if kind.name == BATTERY:
-            source.battery_usec = stamp
-        elif kind.name in BOOT_TIMED:
+        if kind.name in BOOT_TIMED:
             source.boot = BootTime(_boot_usec(frame), stamp)
-        elif kind.name == SYSTEM and not self.every_record:
-            # Beside BATTERY_STATUS it is wanted seldom, if it says the same.
-            beside = not source.rounds_twice and 0 <= stamp - source.battery_usec < STAND_IN_USEC
-            lane.every_usec = STAND_IN_USEC if beside else SLOW_USEC
         yield from self._interpret(kind.name, frames[0], stamp, lane)
         if not source.vehicle and kind.name not in NO_BEATS:
             yield stamp, 0, None
@@ -389,10 +363,10 @@ class TelemetryFile(RecordedFile):
                 yield from self._follow_heartbeat(stamp, lane, message)
             case messages.ParamValue(name, value) if source.vehicle and is_wanted_setting(name):
                 yield stamp, system, messages.VehicleSetting(name, value)
-            case messages.Attitude() | messages.RcChannels() if source.vehicle:
-                changed = self._filter_unchanged(stamp, system, message)
-                if changed is not None:
-                    yield stamp, system, changed
+            case messages.RcChannels(values) if source.vehicle:
+                most = self._channels[system] = max(len(values), self._channels.get(system, 0))
+                if len(values) == most:
+                    yield stamp, system, message
             case _ if (
                 source.vehicle and isinstance(message, FlightMessage) and not isinstance(message, messages.Position)
             ):
@@ -404,7 +378,7 @@ class TelemetryFile(RecordedFile):
         if (before := self._vehicles.get(system)) is not None:
             before.vehicle = False
         self._vehicles[system] = source
-        source.vehicle, source.rounds_twice = True, beat.autopilot in ROUND_TWICE
+        source.vehicle = True
         if source.received + source.missing >= ENOUGH_FRAMES:
             yield stamp, system, Traffic(source.received, source.missing)
             source.received = source.missing = 0
@@ -428,17 +402,6 @@ class TelemetryFile(RecordedFile):
             if is_due:
                 yield stamp, lane.system, place
 
-    def _filter_unchanged(
-        self, stamp: int, system: int, message: messages.Attitude | messages.RcChannels
-    ) -> FlightMessage | None:
-        """Return an attitude or channels, unless they are as they were."""
-        if isinstance(message, messages.Attitude):
-            return self._tilts.setdefault(system, TiltFilter()).filter_attitude(stamp, message)
-        watch = self._rc.setdefault(system, RcChangeFilter())
-        if len(message.values_us) < len(watch.told):
-            return None  # ArduPilot sends the first eight channels once more
-        return watch.filter_channels(stamp, message.values_us)
-
     def _read_mission_item(self, stamp: int, by: int, frame: Frame) -> Iterator[Record]:
         """Yield an item of a vehicle's mission, on its way to it or from it.
 
@@ -458,21 +421,19 @@ class TelemetryFile(RecordedFile):
         is_px4 = self._codec.autopilots.get(system) == PX4.number
         return filter_implausible(HeightTarget(self._downs_m.get(system, math.nan) - down_m)) if is_px4 else None
 
-    def _is_record_at(self, buffer: bytes, at: int, end: int, known: int) -> bool:
-        """Return whether a whole record lies here, where what follows it does not show that."""
+    def _is_record_at(self, buffer: bytes, at: int, end: int) -> bool:
+        """Return whether a whole record lies where one may begin."""
         size = len(buffer)
-        if buffer[at + 8] not in MARKS or (buffer[at + 8] == V2 and buffer[at + 10] & ~1):
-            return False
         if end > size:
             self.skipped.truncated = 1
             return False
         stamp = int.from_bytes(buffer[at : at + 8], "big")
-        far = known and abs(stamp - known) >= STAMP_TOLERANCE_USEC
-        if far:
+        if self._stamp and abs(stamp - self._stamp) >= STAMP_TOLERANCE_USEC:
             # A clock that is set in flight may leap by years: then the next record must agree.
             following = int.from_bytes(buffer[end : end + 8], "big")
             return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
-        return end == size or _is_known(buffer, at, end)
+        is_followed = end == size or (end + STAMP < size and buffer[end + STAMP] in MARKS)
+        return is_followed or _is_known(buffer, at, end)
 
 
 def _boot_usec(frame: bytes) -> int:

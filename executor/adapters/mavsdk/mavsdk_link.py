@@ -149,8 +149,7 @@ class MavsdkLink:
             )
         except MavlinkDirectError:
             return  # what cannot be sent is lost, as on the air
-        if self._log is not None:
-            self._log.write(frame)
+        self._log(frame)
 
     def attach(self, system: System) -> None:
         """Take the system that MAVSDK has found."""
@@ -173,8 +172,7 @@ class MavsdkLink:
         if read is None:
             return
         frame, heard = read
-        if self._log is not None:
-            self._log.write(frame)
+        self._log(frame)
         for one in heard:
             if isinstance(one, Heartbeat):
                 self.component = message.component_id

@@ -65,7 +65,7 @@ class IntentMessage(IntentBody):
     version: Annotated[str, Field(pattern=r"^1\.\d{1,4}\.\d{1,4}$")] = "1.5.0"
     """Of these topics and payloads."""
     vehicle: Annotated[str, Field(pattern=NAME)] | None = None
-    """Whose; left out for `replan`, `prove`, `close`, `open`, `abort`, `prepare` and `take-off`."""
+    """Whose; left out for `replan`, `prove`, `close`, `open`, `count`, `abort`, `prepare` and `take-off`."""
     token: Annotated[str, Field(max_length=256)] | None = None
     """Needed where the site names one."""
 
@@ -75,7 +75,7 @@ class IntentMessage(IntentBody):
         if everybody and self.vehicle is not None:
             raise ValueError(f"vehicle: expected none, as {self.action} is for all of them")
         if bool(self.base) != (Action(self.action) in FOR_BASE):
-            raise ValueError("base: expected a name for close and open, and none for anything else")
+            raise ValueError("base: expected a name for close, open and count, and none for anything else")
         if self.pack and self.action != "swap":
             raise ValueError(f"pack: expected none, as {self.action} changes none")
         if not everybody and self.vehicle is None:

@@ -326,6 +326,8 @@ export interface TurnView {
   base: string;
   /** Whether nobody takes off from there. */
   base_closed: boolean;
+  /** How many charged packs are there; None where nobody counts them. */
+  packs: number | null;
 }
 
 /** A loss that nothing repairs. */

@@ -395,14 +395,18 @@ class EventStream(StreamingResponse):
         if rivals:
             stuck = [one for one in rivals if one.patience.when() is not None]
             goes = min(stuck, key=lambda one: one.patience.when() or 0.0, default=rivals[0])
+            goes.wait_until(0.0)
             del self._newest.streams[goes]
-            if not goes.patience.expired():
-                goes.patience.reschedule(0.0)
         self._newest.streams[self] = origin
+
+    def wait_until(self, at_s: float | None) -> None:
+        """Be patient until then, or for ever; who has no place any more is being let go."""
+        if self in self._newest.streams and not self.patience.expired():
+            self.patience.reschedule(at_s)
 
     async def _iterate_events(self) -> AsyncIterator[bytes]:
         yield f"retry: {RETRY_MS}\n\n".encode()
         async for value in self._newest.iterate_values():
-            self.patience.reschedule(asyncio.get_running_loop().time() + SLOW_S)
+            self.wait_until(asyncio.get_running_loop().time() + SLOW_S)
             yield b"data: " + value + b"\n\n"
-            self.patience.reschedule(None)
+            self.wait_until(None)

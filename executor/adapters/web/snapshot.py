@@ -15,10 +15,11 @@ from typing import TypedDict
 from executor.core.context import Context
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.imaging.asset_status import AssetState, build_asset_views, list_asked_pictures
+from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import Coverage, FleetState
 from missions import Phase, Window
-from missions.areas import AreaKind
 from missions.files import json_text
+from missions.no_fly_areas import AreaKind
 
 Place = tuple[float, float]
 """East and north of the depot, in metres."""
@@ -180,7 +181,8 @@ class WebSnapshot:
     def encode_map(self) -> bytes:
         """Return the network, the pads, the routes on board and the ways flown so far, as JSON."""
         state, _ = self._now()
-        setup = self._context.setup
+        setup = place_vehicles(self._context, state.vehicles.values()).setup
+        pads = {name: setup.landing_pad_of(name) for name in self._context.vehicles}
         return _encode_json(
             PageChart(
                 chart=_compute_route_stamp(state),
@@ -200,7 +202,7 @@ class WebSnapshot:
                 vehicles=[
                     PageVehicle(
                         name=name,
-                        pad_m=_round_place(self._context.vehicles[name].pad_m),
+                        pad_m=_round_place((pads[name].east_m, pads[name].north_m)),
                         route=_build_route(state, name),
                         track_m=self._tracks[name].places,
                     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -332,8 +332,8 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
     """
     state = build_state_before_losses(content.build_instance(), content.plan)
     planned = [state.progress_of(vehicle) for vehicle in range(len(state.fleet))]
-    anew = [_compute_replanned_progress(content, repair) for repair in repairs]
-    drawn = planned + [flown for lines in anew for _, flown in lines]
+    anew = [line for repair in repairs for line in _compute_replanned_lines(content, repair)]
+    drawn = [*planned, *(line.flown for line in anew)]
     end_s = 1.01 * max(1.0, *(float(flown.time_s[-1]) for flown in drawn))
     budgets = [(f"budget, {one.budget_pct:g} %", one.budget_pct, one.name) for one in content.vehicles]
     marks = [
@@ -345,60 +345,53 @@ def draw_window_figure(content: PlanFile, found: ReplanWindow, repairs: Sequence
         _group_limits(budgets, len(content.vehicles)), marks, _build_window_legend(content, found, repairs),
     )  # fmt: skip
     axes.axvspan(found.earliest_s, found.longest_route_s, color=SHADE, lw=0, zorder=0)
-    _draw_lines(axes, planned, repairs, anew)
+    _draw_lines(axes, planned, anew)
     if 0 < found.certified_earliest_s < found.earliest_s:
         axes.axvline(found.certified_earliest_s, color=LOSS, lw=1.2, ls=(0, (1.0, 2.0)), zorder=2)
-    label_lines(axes, _collect_window_ends(content, planned, repairs, anew))
+    label_lines(axes, _collect_window_ends(content, planned, anew))
     axes.set_xlabel("time since launch (s)")
     return figure
 
 
-def _compute_replanned_progress(content: PlanFile, repair: Repair) -> list[tuple[int, RouteProgress]]:
-    """Return what each survivor will have done by when, from when it can follow the re-plan."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReplannedLine:
+    """What a survivor will have done by when."""
+
+    vehicle: int
+    lost: int
+    flown: RouteProgress
+    """From when it can follow the re-plan."""
+
+
+def _compute_replanned_lines(content: PlanFile, repair: Repair) -> Iterator[_ReplannedLine]:
     left, plan = repair
     state = build_state_before_losses(content.build_instance(), content.plan).apply_plan(left, plan)
-    lines = []
     for place, survivor in enumerate(left.survivors):
-        if not plan.routes[place].visits and survivor.finishing is None:
-            continue
-        whole = state.progress_of(place)
-        since = np.flatnonzero(whole.time_s >= survivor.free_s - 1e-6)
-        part = RouteProgress(whole.time_s[since], whole.used_pct[since], whole.airborne_s[since])
-        lines.append((survivor.vehicle, part))
-    return lines
+        if plan.routes[place].visits or survivor.finishing is not None:
+            whole = state.progress_of(place)
+            since = np.flatnonzero(whole.time_s >= survivor.free_s - 1e-6)
+            part = RouteProgress(whole.time_s[since], whole.used_pct[since], whole.airborne_s[since])
+            yield _ReplannedLine(survivor.vehicle, left.lost, part)
 
 
-def _draw_lines(
-    axes: Axes,
-    planned: Sequence[RouteProgress],
-    repairs: Sequence[Repair],
-    anew: Sequence[list[tuple[int, RouteProgress]]],
-) -> None:
+def _draw_lines(axes: Axes, planned: Sequence[RouteProgress], anew: Sequence[_ReplannedLine]) -> None:
     for vehicle, flown in enumerate(planned):
         axes.plot(flown.time_s, flown.used_pct, color=style_of(vehicle).colour, lw=2.4, zorder=3)
-    for (left, _), lines in zip(repairs, anew, strict=True):
-        lost = left.lost
-        for vehicle, flown in lines:
-            colour, dashes = style_of(vehicle).colour, style_of(lost).dashes
-            axes.plot(flown.time_s, flown.used_pct, color=colour, lw=1.5, ls=dashes, zorder=4)
-            axes.plot(flown.time_s[-1:], flown.used_pct[-1:], ls="", marker=style_of(lost).marker, ms=5.5, mfc=colour,
-                      mec=PAPER, mew=0.6, zorder=5)  # fmt: skip
+    for line in anew:
+        colour, of_lost, flown = style_of(line.vehicle).colour, style_of(line.lost), line.flown
+        axes.plot(flown.time_s, flown.used_pct, color=colour, lw=1.5, ls=of_lost.dashes, zorder=4)
+        axes.plot(flown.time_s[-1:], flown.used_pct[-1:], ls="", marker=of_lost.marker, ms=5.5, mfc=colour,
+                  mec=PAPER, mew=0.6, zorder=5)  # fmt: skip
 
 
 def _collect_window_ends(
-    content: PlanFile,
-    planned: Sequence[RouteProgress],
-    repairs: Sequence[Repair],
-    anew: Sequence[list[tuple[int, RouteProgress]]],
+    content: PlanFile, planned: Sequence[RouteProgress], anew: Sequence[_ReplannedLine]
 ) -> list[LineEnd]:
     ends = []
     for vehicle, flown in enumerate(planned):
         words = f"{content.vehicles[vehicle].name}: plan {flown.used_pct[-1]:.0f} %"
-        most = max(
-            (float(part.used_pct[-1]) for lines in anew for who, part in lines if who == vehicle), default=None
-        )  # fmt: skip
-        if most is not None and repairs:
-            words += f", re-plan {most:.0f} %"
+        if again := [float(line.flown.used_pct[-1]) for line in anew if line.vehicle == vehicle]:
+            words += f", re-plan {max(again):.0f} %"
         ends.append(LineEnd(float(flown.time_s[-1]), float(flown.used_pct[-1]), words, style_of(vehicle).colour))
     return ends
 

@@ -18,8 +18,8 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from executor.analysis.flight_record import Place
 from executor.analysis.pictures.style import FAINT, INK, LOSS, PAPER, WIDTH_IN, make_figure, make_white_edge
 from executor.site.ground_view import Contour, GroundView
-from missions.areas import Area, AreaKind
 from missions.geo import FloatArray
+from missions.no_fly_areas import Area, AreaKind
 from missions.readers.background_files import Background, Pixels
 
 DIRECTIONS = 24
@@ -208,9 +208,7 @@ def build_area_handles(areas: Sequence[Area]) -> list[Artist]:
 
 
 def _draw_scale_and_north(axes: Axes, m_per_in: float) -> None:
-    west, _ = axes.get_xlim()
-    _, east = axes.get_xlim()
-    south, _ = axes.get_ylim()
+    (west, east), (south, _) = axes.get_xlim(), axes.get_ylim()
     length_m = round_length_m(1.3 * m_per_in)
     left, base = west + 0.2 * m_per_in, south + 0.2 * m_per_in
     thick = 0.05 * m_per_in

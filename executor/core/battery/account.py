@@ -195,13 +195,11 @@ def apply_remaining_report(
     # A drain must not become usual before it is found.
     calm = drift.excess_pct <= CALM_PCT and state.charge.drift.excess_pct <= CALM_PCT
     within_s = min(USUAL_S, max(FIRST_S, flown_s / 2)) if calm else USUAL_S
-    begins = 0
-    while now_s - state.history[begins].at_s > HISTORY_S and begins + 1 < len(state.history):
-        begins += 1
+    recent = (one for one in state.history[:-1] if now_s - one.at_s <= HISTORY_S)
     return replace(
         reported,
         lowest_pct=remaining_pct if state.lowest_pct is None else min(state.lowest_pct, remaining_pct),
-        history=(*state.history[begins:], sample),
+        history=(*recent, state.history[-1], sample),
         estimate=estimate,
         usual=_follow_factor(state.usual, estimate, elapsed_s, within_s),
         began_s=now_s if state.began_s is None and state.modelled_pct > 0 else state.began_s,
@@ -319,11 +317,6 @@ def rebase_account(
     if charge.consumed_ah is not None:
         charge = start_counter(charge, charge.consumed_ah, remaining_pct, 0.0, now_s)
     return replace(anew, charge=charge, stood=state.stood)
-
-
-def apply_capacity_setting(state: BatteryState, capacity_ah: float | None) -> BatteryState:
-    """Take what its parameter says of the capacity."""
-    return replace(state, charge=replace(state.charge, set_ah=capacity_ah))
 
 
 def derive_prior(state: BatteryState, prior: Prior) -> Prior:

@@ -13,8 +13,9 @@ from executor.core.context import Context
 from executor.core.interface.commands import Command, HandsOff, SendHome
 from executor.core.interface.messages import StatusText
 from executor.core.lines import sorties
-from executor.core.replanning import new_missions, replan_cycle
+from executor.core.replanning import replan_cycle
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
+from executor.core.state.bases import base_of, landing_base_of
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_position import is_kill_switch_text
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
@@ -24,23 +25,34 @@ _STANDS = frozenset({Stage.GROUND, Stage.LANDED, Stage.STARTING})
 
 def list_bases(context: Context) -> tuple[str, ...]:
     """Return the bases of the day; none where the flight is no day of sorties."""
-    return () if context.day is None else tuple(dict.fromkeys(context.day.bases.values()))
+    if context.day is None:
+        return ()
+    elsewhere = (base for own in context.day.pads.values() for base in own)
+    return tuple(dict.fromkeys((*context.day.bases.values(), *elsewhere)))
 
 
 def find_vehicles_at_base(context: Context, state: FleetState, base: str) -> tuple[VehicleState, ...]:
     """Return the vehicles that stand at a base, or land there."""
-    bases = {} if context.day is None else context.day.bases
-    return tuple(vehicle for name, vehicle in state.vehicles.items() if bases.get(name) == base)
+
+    def is_at_base(vehicle: VehicleState) -> bool:
+        lands = landing_base_of(context, vehicle) == base
+        return lands or (vehicle.stage in _STANDS and base_of(context, vehicle) == base)
+
+    return tuple(vehicle for vehicle in state.vehicles.values() if is_at_base(vehicle))
 
 
 def is_base_closed(context: Context, state: FleetState, base: str) -> bool:
     """Return whether nobody may take off from a base."""
-    return all(vehicle.orders.base_closed for vehicle in find_vehicles_at_base(context, state, base))
+    if base in state.crew.closed_bases:
+        return True
+    vehicles = find_vehicles_at_base(context, state, base)
+    return bool(vehicles) and all(vehicle.orders.base_closed for vehicle in vehicles)
 
 
 def close_base(context: Context, state: FleetState, base: str, now_s: float) -> Stepped:
     """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
     commands: list[Command] = []
+    state = state.with_crew(closed_bases=state.crew.closed_bases | {base})
     for vehicle in find_vehicles_at_base(context, state, base):
         shut = vehicle.with_orders(base_closed=True, cleared_s=None)
         state, more = _keep_on_ground(context, state.put(shut), shut, sorties.BASE_IS_CLOSED.format(base=base), now_s)
@@ -60,14 +72,14 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
     plan = state.replanning.replan
     if vehicle.stage not in {Stage.GROUND, Stage.LANDED} or plan is None or vehicle.name not in plan.pending:
         return state, ()
-    return new_missions.release_vehicle(state, plan, vehicle.name, why, now_s)
+    return replan_cycle.release_vehicle(state, plan, vehicle.name, why, now_s)
 
 
 def open_base(context: Context, state: FleetState, base: str) -> FleetState:
     """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
     for vehicle in find_vehicles_at_base(context, state, base):
         state = state.put(vehicle.with_orders(base_closed=False))
-    return state
+    return state.with_crew(closed_bases=state.crew.closed_bases - {base})
 
 
 def apply_kill_switch_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:

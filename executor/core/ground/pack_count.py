@@ -1,8 +1,9 @@
 """The charged packs of each base, counted as the day's plan counts them, from the sorties that were flown.
 
 All packs of a base are charged at the launch. Each take-off takes the one that was charged first; it can fly again
-`recharge_s` after its landing, and never where packs are charged overnight or where it is lost with its vehicle. A
-vehicle that is being turned around has its pack. The crew knows its packs better: what it puts in is flown.
+`recharge_s` after its landing, at the base where it landed, and never where packs are charged overnight or where it is
+lost with its vehicle. A vehicle that is being turned around has its pack. The crew knows its packs better: what it puts
+in is flown, and what it counts is what is charged from then on.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground.out_of_service import find_vehicles_at_base
 from executor.core.lines import sorties
-from executor.core.state.fleet_state import FleetState
-from executor.core.state.vehicle_state import Stage, VehicleState
+from executor.core.state.bases import base_of, landing_base_of
+from executor.core.state.fleet_state import CountedPacks, FleetState
+from executor.core.state.vehicle_state import Stage
 
 _AWAY = frozenset({Stage.STARTING, Stage.FLYING, Stage.RETURNING, Stage.PILOT})
 
@@ -36,17 +38,24 @@ class PackStock:
 def count_packs(context: Context, state: FleetState, name: str, now_s: float) -> PackStock | None:
     """Return the packs at a vehicle's base; None before the launch, or where the plan does not count them."""
     day, launched_s = context.day, state.progress.launched_s
-    base = "" if day is None else day.bases.get(name, "")
+    base = landing_base_of(context, state.vehicles[name])
     rules = None if day is None else day.packs.get(base)
     if day is None or rules is None or launched_s is None:
         return None
-    vehicles = find_vehicles_at_base(context, state, base)
-    pool = [launched_s] * rules.count
-    for _, back_s in sorted(_list_pack_moves(vehicles, rules.recharge_s)):
+    vehicles, counted = find_vehicles_at_base(context, state, base), state.crew.counted_packs.get(base)
+    pool, owed = [launched_s] * rules.count, counted
+    taken = set[str]() if counted is None else set(counted.in_vehicles)
+    for (at_s, _, name), back_s in sorted(_list_pack_moves(context, state, base, rules.recharge_s)):
+        if owed is not None and at_s > owed.at_s:
+            pool, owed = _apply_count(pool, owed), None
+        if back_s is None and owed is None and name in taken:
+            taken.remove(name)  # it had its pack before the crew counted
+            continue
         if back_s is not None:
             pool.append(back_s)
         elif pool:  # with none charged the crew charges faster, or has one more than the plan
             pool.remove(min(pool))
+    pool = pool if owed is None else _apply_count(pool, owed)
     charged, last_s = sum(ready_s <= now_s for ready_s in pool), launched_s + day.ends_s
     next_s = min((ready_s for ready_s in pool if ready_s > now_s), default=math.inf)
     used = any(vehicle.stage in _AWAY or vehicle.turn.asked_s is not None for vehicle in vehicles)
@@ -55,20 +64,28 @@ def count_packs(context: Context, state: FleetState, name: str, now_s: float) ->
     return PackStock(base, charged, next_s - launched_s if math.isfinite(next_s) else None, exhausted)
 
 
+def _apply_count(pool: list[float], counted: CountedPacks) -> list[float]:
+    """Return when each pack is charged after the crew has counted: those that it still charges are not among them."""
+    return [counted.at_s] * counted.charged + [ready_s for ready_s in pool if ready_s > counted.at_s]
+
+
 def _list_pack_moves(
-    vehicles: tuple[VehicleState, ...], recharge_s: float | None
-) -> list[tuple[tuple[float, bool], float | None]]:
-    """Return when packs leave the charged ones, and with the time when it can fly again when they are back."""
-    moves: list[tuple[tuple[float, bool], float | None]] = []
-    for vehicle in vehicles:
+    context: Context, state: FleetState, base: str, recharge_s: float | None
+) -> list[tuple[tuple[float, bool, str], float | None]]:
+    """Return when whose packs leave the charged ones, and with the time when it can fly again when they are back."""
+    moves: list[tuple[tuple[float, bool, str], float | None]] = []
+    for vehicle in state.vehicles.values():
         turn, unflown = vehicle.turn, False
+        own = "" if context.day is None else context.day.bases.get(vehicle.name, "")
         for sortie in turn.sorties:
-            moves.append(((sortie.began_s, True), None))
-            if sortie.ended_s is not None and recharge_s is not None:
-                moves.append(((sortie.ended_s, False), sortie.ended_s + recharge_s))
+            begins = sortie.base or own
+            if begins == base:
+                moves.append(((sortie.began_s, True, vehicle.name), None))
+            if sortie.ended_s is not None and recharge_s is not None and (sortie.lands or begins) == base:
+                moves.append(((sortie.ended_s, False, vehicle.name), sortie.ended_s + recharge_s))
             unflown = sortie.ended_s is None and not vehicle.sortie.took_off
-        if turn.asked_s is not None and not unflown:
-            moves.append(((turn.asked_s, True), None))
+        if turn.asked_s is not None and not unflown and base_of(context, vehicle) == base:
+            moves.append(((turn.asked_s, True, vehicle.name), None))
     return moves
 
 

@@ -19,7 +19,12 @@ from executor.core.battery.voltage import VoltageState
 from executor.core.context import Context
 from executor.core.formatting import format_count, format_duration
 from executor.core.ground import pack_count
-from executor.core.ground.out_of_service import clear_for_takeoff, find_vehicles_at_base, return_to_service
+from executor.core.ground.out_of_service import (
+    clear_for_takeoff,
+    find_vehicles_at_base,
+    is_base_closed,
+    return_to_service,
+)
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
 from executor.core.interface.commands import Command, Examine, Level, Solve
 from executor.core.interface.events import Examined, SolveEnded
@@ -29,6 +34,7 @@ from executor.core.preflight import vehicle_checks
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
+from executor.core.state.bases import base_of, find_planned_landing, place_vehicles, settle_at_base
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_parts import CLEARED_S, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
@@ -43,10 +49,12 @@ PLACELESS_S = 10.0
 """Who says so long not where it is may have rebooted: ArduPilot sends only heartbeats then until it is asked."""
 
 
-def begin_turnaround(state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float) -> Stepped:
+def begin_turnaround(
+    context: Context, state: FleetState, vehicle: VehicleState, intent: Intent, now_s: float
+) -> Stepped:
     """Take the crew's word that a vehicle's pack is changed and its pad clear: it is to be looked at."""
     state, ready = return_to_service(state, vehicle)
-    turned = ready.with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
+    turned = settle_at_base(context, ready).with_turn(label=intent.pack, asked_s=now_s, intent=intent.id, ready_s=None)
     return state.put(turned), (Examine(vehicle.name),)
 
 
@@ -55,9 +63,11 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
     vehicle = state.vehicles[event.vehicle]
     if vehicle.turn.asked_s is None or vehicle.turn.ready_s is not None:
         return state, ()
-    if event.ready and event.changed and not event.sets and vehicle.sortie.rebooted_s is not None:
-        # It lost them as it booted; who changed them without a boot meant it.
-        said = sorties.PARAMETERS_SET.say(vehicle=vehicle.name, changes="; ".join(event.changed))
+    rebooted = vehicle.sortie.rebooted_s is not None
+    if event.ready and event.changed and not event.sets and (rebooted or vehicle.turn.moved):
+        # It lost them as it booted, or its heights count from another pad; who changed them otherwise meant it.
+        line = sorties.PARAMETERS_SET if rebooted else sorties.PARAMETERS_MOVED
+        said = line.say(vehicle=vehicle.name, changes="; ".join(event.changed))
         return state, (said, Examine(vehicle.name, sets=True))
     if why := _describe_unreadiness(context, vehicle, event):
         return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
@@ -78,7 +88,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         line = line.with_level(Level.WARNING)
         more += sorties.BUDGET.format(budget_pct=budget_pct, planned_pct=setup.budget_pct)
     if context.day is not None:
-        state = state.put(vehicle.with_turn(ready_s=now_s))
+        state = state.put(vehicle.with_turn(ready_s=now_s, moved=False))
     else:
         state = clear_for_takeoff(state, vehicle.with_turn(asked_s=None), now_s)
         state = _close_intent(state, vehicle, Outcome.DONE, (None, sorties.PASSED_REPLANNING), now_s)
@@ -370,12 +380,13 @@ def _is_slot_free(context: Context, state: FleetState, vehicle: VehicleState, no
     day = context.day
     if day is None:
         return True
-    base = day.bases.get(vehicle.name)
+    base = base_of(context, vehicle)
     began = (
         one.turn.sorties[-1].began_s
         for one in state.vehicles.values()
-        if one.name != vehicle.name and one.turn.sorties and day.bases.get(one.name) == base
-    )
+        if one.name != vehicle.name and one.turn.sorties
+        and (one.turn.sorties[-1].base or day.bases.get(one.name, "")) == base
+    )  # fmt: skip
     return now_s - max(began, default=-math.inf) >= day.stagger_s
 
 
@@ -400,7 +411,11 @@ def _assign_next_sortie(
     while ahead and not set(visits) & set(ahead[0].visits):
         ahead = ahead[1:]
     vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
-    whole = bool(visits) and visits == vehicle.turn.ahead[0].visits and not pool
+    planned, stands = vehicle.turn.ahead[0], base_of(context, vehicle)
+    in_place = planned.base in {"", stands} and not (planned.lands and is_base_closed(context, state, planned.lands))
+    lands = planned.lands if visits and in_place and planned.lands != stands else ""
+    vehicle = vehicle.with_turn(lands_at=lands)
+    whole = bool(visits) and visits == planned.visits and not pool and in_place
     lasts_s, costs_pct = _estimate_sortie(context, vehicle, visits) if whole else (0.0, 0.0)
     left_s, _ = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     as_planned = whole and costs_pct * offer.consumption <= offer.budget_pct and lasts_s <= left_s
@@ -416,7 +431,8 @@ def _assign_next_sortie(
     )  # fmt: skip
     state = state.put(vehicle).with_replanning(revision=revision, replan=Replan(solve, now_s))
     line, count = sorties.AS_PLANNED if as_planned else sorties.REPLANNED, format_count(len(visits), "segment")
-    return state, (*said, line.say(trigger=trigger, segments=count), solve)
+    to = sorties.TO_BASE.format(base=lands) if lands else ""
+    return state, (*said, line.say(trigger=trigger, segments=count, to=to), solve)
 
 
 def find_next_visits(context: Context, state: FleetState, vehicle: VehicleState) -> tuple[int, ...]:
@@ -459,7 +475,10 @@ def _list_open_sorties(
 
 def _estimate_sortie(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> tuple[float, float]:
     """Return how long a sortie takes, and what it costs by the model, in percent of a full battery."""
-    found = estimate(build_flight_path(context.setup, vehicle.name, visits), context.pricing.models[vehicle.name])
+    lands = find_planned_landing(context, vehicle, visits)
+    on_its_way = vehicle.with_turn(lands_at=lands, asked_s=vehicle.turn.asked_s or 0.0)
+    setup = place_vehicles(context, (on_its_way,)).setup
+    found = estimate(build_flight_path(setup, vehicle.name, visits), context.pricing.models[vehicle.name])
     return found.duration_s, found.energy_pct
 
 
@@ -471,7 +490,7 @@ def end_turnaround(state: FleetState, vehicle: VehicleState, code: IntentReason,
     """End the crew's word without a start: it has to be given again."""
     if vehicle.turn.asked_s is None:
         return state, ()
-    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None).with_orders(cleared_s=None))
+    state = state.put(vehicle.with_turn(asked_s=None, ready_s=None, lands_at="").with_orders(cleared_s=None))
     state = _close_intent(state, vehicle, Outcome.FAILED, (code, why), now_s)
     return state, (sorties.NOT_CLEARED.say(vehicle=vehicle.name, why=why),)
 

@@ -291,12 +291,8 @@ def record_passed_pylons(context: Context, state: FleetState, before: VehicleSta
     return record_flown_segments(context, state, vehicle.name, done, now_s) if done else state
 
 
-def describe_unseen_parts(context: Context, state: FleetState, segment: int) -> list[str]:
+def describe_unseen_parts(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
     """Return in words what pictures do not show of a segment; nothing where they show all of it."""
-    return _describe_missing_pictures(context, segment, state.coverage.caught.get(segment, ()))
-
-
-def _describe_missing_pictures(context: Context, segment: int, caught: Iterable[tuple[str, float]]) -> list[str]:
     pylon = context.setup.looks.pylons.get(segment)
     if pylon is not None:
         had = {int(at_m) for camera, at_m in caught if camera == pylon.camera}
@@ -347,7 +343,7 @@ def find_missed_segments(context: Context, state: FleetState) -> frozenset[int]:
     waiting = {
         segment
         for segment in set(state.coverage.unseen) - set(state.coverage.inspected)
-        if describe_unseen_parts(context, state, segment)
+        if describe_unseen_parts(context, segment, state.coverage.caught.get(segment, ()))
     }
     return frozenset(waiting | set(state.coverage.not_seen) - set(state.coverage.inspected))
 
@@ -360,7 +356,7 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
     commands: list[Command] = list(asked)
     for segment, waits in state.coverage.unseen.items():
         caught = state.coverage.caught if waits.nearer_m is None else state.coverage.caught_nearer
-        why = _describe_missing_pictures(context, segment, caught.get(segment, ()))
+        why = describe_unseen_parts(context, segment, caught.get(segment, ()))
         if why and now_s - waits.since_s < WAITS_S:
             continue
         if waits.nearer_m is None:

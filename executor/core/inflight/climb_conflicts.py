@@ -285,9 +285,9 @@ def _observe_climb(context: Context, vehicle: VehicleState) -> Climb | None:
     if fix is None or not (told or returns) or fix.alt_rel_m < context.limits.airborne_m:
         return None
     up_m, top_m = context.setup.up_m(vehicle.name, fix.alt_rel_m), _return_top_m(context, vehicle)
-    up_m_s, pad_m = fix.velocity_m_s[2], context.vehicles[vehicle.name].pad_m
+    up_m_s, away_m = fix.velocity_m_s[2], context.vehicles[vehicle.name].pad_distance_m(fix.place_m)
     rises = up_m_s > context.limits.climbs_m_s
-    lands_now = up_m_s < -SINKS_M_S or (not rises and math.dist(fix.place_m, pad_m) <= context.limits.pad_m)
+    lands_now = up_m_s < -SINKS_M_S or (not rises and away_m <= context.limits.pad_m)
     if lands_now or up_m > top_m - RISES_M:
         return None
     here = np.array(fix.place_m)

@@ -8,7 +8,6 @@ descent must not become a flight.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -83,7 +82,7 @@ def is_coming_down(context: Context, vehicle: VehicleState) -> bool:
 
 def _is_over_pad(context: Context, vehicle: VehicleState) -> bool:
     fix = vehicle.motion.fix
-    return fix is not None and math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.pad_m
+    return fix is not None and context.vehicles[vehicle.name].pad_distance_m(fix.place_m) <= context.limits.pad_m
 
 
 def advise_homing(context: Context, vehicle: VehicleState, now_s: float) -> HomingAdvice:  # noqa: C901, PLR0911 - one return a reason

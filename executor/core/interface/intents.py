@@ -45,24 +45,28 @@ class Action(Enum):
     """Nobody takes off from a base of the day any more; who is in the air lands there."""
     OPEN = "open"
     """Vehicles may be sent out from a base again."""
+    COUNT = "count"
+    """So many charged packs are at a base of the day, whatever the plan's count says."""
     ABORT = "abort"
     """Everybody returns."""
 
 
 ActionName = Literal[
     "hold", "resume", "return", "land", "exclude", "include", "swap", "disarm", "replan", "prove", "close", "open",
-    "abort", "prepare", "take-off",
+    "count", "abort", "prepare", "take-off",
 ]  # fmt: skip
 """What a client writes for an action: the value of each, as a type."""
 PACK = r"^[A-Za-z0-9._:#/-]{0,32}$"
 """What the id of a pack is made of."""
+MOST_PACKS = 1000
+"""At a base."""
 MOST_ASSETS = 100
 """In one intent."""
 LONGEST_NAME = 128
 """Letters of an asset's name in an intent."""
 FOR_ALL = frozenset({Action.REPLAN, Action.PROVE, Action.ABORT, Action.PREPARE, Action.TAKE_OFF})
 """Actions that name no vehicle."""
-FOR_BASE = frozenset({Action.CLOSE, Action.OPEN})
+FOR_BASE = frozenset({Action.CLOSE, Action.OPEN, Action.COUNT})
 """Actions that name a base, and no vehicle."""
 BEFORE = frozenset({Action.PREPARE, Action.TAKE_OFF})
 """Answers to what is asked before the flight."""
@@ -123,6 +127,7 @@ class IntentReason(ReasonCode):
     BASE_UNKNOWN = "base_unknown", "It names no base of the day, or the flight is no day of sorties."
     BASE_CLOSED = "base_closed", "The base is closed."
     BASE_OPEN = "base_open", "The base is not closed."
+    PACKS_UNCOUNTED = "packs_uncounted", "Nobody counts the packs of that base, or it says no number."
     OUT_OF_HOURS = "out_of_hours", "Its next sortie would not end within its hours."
     REPLANNING = "replanning", "A re-plan is under way."
     NO_VEHICLE = "no_vehicle", "No vehicle is on a mission, or can take a new route."
@@ -161,10 +166,12 @@ class Intent:
     pack: str = ""
     """The id of the pack that is put in, for a swap; empty if nobody says."""
     base: str = ""
-    """Which base is closed or opened."""
+    """Which base is closed or opened, or has its packs counted."""
     assets: tuple[int | str, ...] = ()
     """Which are looked at again, for proof: a text is an asset's name, a number its segment; none for all that is
     inferred or missed."""
+    charged: int | None = None
+    """How many charged packs are at the base."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -169,7 +169,7 @@ class MissionReached:
 
 @dataclass(frozen=True, slots=True)
 class MissionRequest:
-    """MISSION_REQUEST or MISSION_REQUEST_INT, from whoever downloads; both are answered with MISSION_ITEM_INT."""
+    """MISSION_REQUEST or MISSION_REQUEST_INT, by the side that downloads; both are answered with MISSION_ITEM_INT."""
 
     seq: int
     kind: MissionKind = MissionKind.MISSION
@@ -177,7 +177,7 @@ class MissionRequest:
 
 @dataclass(frozen=True, slots=True)
 class MissionAck:
-    """MISSION_ACK, from whoever downloads: closes a transfer (0), or cancels it (15)."""
+    """MISSION_ACK, by the side that downloads: closes a transfer (0), or cancels it (15)."""
 
     result: int
     """MAV_MISSION_RESULT."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Coroutine, Hashable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -64,20 +64,14 @@ class OpenLink(Link, Protocol):
         """What came so far."""
 
 
-class FrameLog(Protocol):
-    """Where every frame of both directions is recorded."""
-
-    def write(self, frame: bytes) -> None:
-        """Append one frame."""
-
-
 @dataclass(frozen=True, slots=True)
 class LinkRequest:
     """A link to be opened."""
 
     connection: Connection
     sysid: int
-    log: FrameLog | None = None
+    log: Callable[[bytes], None] = lambda _: None
+    """Takes every frame of both directions, to record it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +104,6 @@ class Solver(Protocol):
         """Make whatever works on this revision stop soon."""
 
 
-class LossJudge(Protocol):
-    """The planner, asked what would be, when nothing else is asked."""
-
-    async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
-        """Return the segments that could not be covered; None if something more urgent came."""
+LossJudge = Callable[[Solve, Pricing], Coroutine[None, None, tuple[int, ...] | None]]
+"""The planner, asked what would be when nothing else is asked: returns the segments that could not be covered; None if
+something more urgent came."""

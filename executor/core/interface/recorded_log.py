@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
-from executor.core.interface.messages import Attitude, FlightMessage, RcChannels
+from executor.core.interface.messages import FlightMessage
 
 Record = tuple[int, int, FlightMessage | None]
 """Microseconds on the log's own clock, the system that speaks (0 for the link as a whole), and what it says; None is
@@ -83,50 +83,3 @@ _SETTINGS = re.compile(
 def is_wanted_setting(name: str) -> bool:
     """Return whether a parameter says something of modes, switches, batteries or failsafes; there are a thousand."""
     return _SETTINGS.match(name) is not None
-
-
-STICKS = 4
-"""Channels 1 to 4 are moved all the time; a switch is any other."""
-SWITCHED_US = 40
-"""More than a receiver's noise."""
-STICKS_USEC = 1_900_000
-
-
-@dataclass(slots=True)
-class RcChangeFilter:
-    """One vehicle's channels: a switch is told at once, sticks every other second."""
-
-    told: tuple[int, ...] = ()
-    at_usec: int = 0
-
-    def filter_channels(self, t_usec: int, values_us: tuple[int, ...]) -> RcChannels | None:
-        """Return what the channels say, unless it is what they said."""
-        if self.told and 0 <= t_usec - self.at_usec < STICKS_USEC:
-            before = self.told[STICKS:]
-            if len(values_us) == len(self.told) and all(
-                abs(now - was) < SWITCHED_US for now, was in zip(values_us[STICKS:], before, strict=True)
-            ):
-                return None
-        self.told, self.at_usec = values_us, t_usec
-        return RcChannels(values_us)
-
-
-STEEP_DEG = 45.0
-"""No flight along a line tilts so far."""
-LEVEL_USEC = 4_900_000
-
-
-@dataclass(slots=True)
-class TiltFilter:
-    """One vehicle's attitude: steep is told at once, level seldom, and once after it was steep."""
-
-    at_usec: int = -LEVEL_USEC
-    steep: bool = False
-
-    def filter_attitude(self, t_usec: int, said: Attitude) -> Attitude | None:
-        """Return an attitude, unless it is as level as the last one."""
-        steep = max(abs(said.roll_deg), abs(said.pitch_deg)) >= STEEP_DEG
-        if not steep and not self.steep and 0 <= t_usec - self.at_usec < LEVEL_USEC:
-            return None
-        self.at_usec, self.steep = t_usec, steep
-        return said

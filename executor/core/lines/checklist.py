@@ -162,6 +162,8 @@ FENCE_KINDS = "keeps to a height and to the fence on board"
 FENCE_TOP = "its fence ends above all that it flies"
 FENCE_ACTION = "what it does at a breach, by the site file"
 FENCE_ENABLED = "keeps to its fence"
+AT_OTHER_PAD = "; {value} at another of its pads"
+RALLY_EVERYWHERE = "its return may end at each of its pads, however far"
 NO_FENCE = ChecklistLine(STOP, CheckCode.GEOFENCE, "cannot be given a fence: {names} does not answer")
 FENCE_IDLE = ChecklistLine(WARNING, CheckCode.GEOFENCE, "{does} when it breaches its fence ({setting})")
 DOES_NOTHING = "does nothing"
@@ -194,6 +196,9 @@ OFF_STATED_PAD = ChecklistLine(
     WARNING, CheckCode.AREAS,
     "it stands {off_m:.0f} m from the pad that the site states for it; it lands where it stands",
 )  # fmt: skip
+LANDS_THERE = ChecklistLine(
+    OK, CheckCode.PLAN, "lands at base {base} too: its pad there is at {lat_deg:.6f}, {lon_deg:.6f}"
+)
 ALTERNATES = ChecklistLine(OK, CheckCode.AREAS, "alternates: {names}")
 AREAS_ENTERED = ChecklistLine(STOP, CheckCode.AREAS, "{found}")
 AREAS_KEPT = ChecklistLine(OK, CheckCode.AREAS, "{areas}; every leg keeps out of them")

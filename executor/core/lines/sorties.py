@@ -26,6 +26,7 @@ BASE_IS_CLOSED = "base {base} is closed"
 
 # A turnaround.
 PARAMETERS_SET = CrewLine(INFO, "{vehicle}: parameters set again after reboot: {changes}")
+PARAMETERS_MOVED = CrewLine(INFO, "{vehicle}: parameters set for its pad at another base: {changes}")
 CHECKS_PASSED = CrewLine(INFO, "{vehicle}: its checks have passed: {pack}{more}")
 BUDGET = "; its budget is {budget_pct:.0f} % instead of {planned_pct:g} %"
 REPLANNING_WITH_IT = "; re-planning with it"
@@ -69,5 +70,6 @@ NO_HOURS = "its next sortie of {lasts} does not end within its hours; it has no 
 OPENED = CrewLine(WARNING, "{vehicle}: {segments} of its later sorties open for the sorties of others")
 TAKES_OVER = CrewLine(INFO, "{vehicle}: takes over the last sortie of {giver}, {segments}")
 SORTIE = "{vehicle}: sortie {number}"
-AS_PLANNED = CrewLine(INFO, "{trigger}: {segments}, as planned")
-REPLANNED = CrewLine(INFO, "{trigger}: re-planned for its budget")
+AS_PLANNED = CrewLine(INFO, "{trigger}: {segments}, as planned{to}")
+TO_BASE = "; it lands at base {base}"
+REPLANNED = CrewLine(INFO, "{trigger}: re-planned for its budget{to}")

@@ -24,7 +24,7 @@ from executor.core.replanning import replan_cycle, withdrawal
 from executor.core.replanning.replan_cycle import format_segments
 from executor.core.replanning.survivors import ON_GROUND
 from executor.core.replanning.withdrawal import declare_fault, leave_plan, withdraw_vehicle
-from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.fleet_state import CountedPacks, FleetState, Stepped
 from executor.core.state.vehicle_parts import FOLLOWED_LATE_S, ModeCause
 from executor.core.state.vehicle_position import describe_down_place
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState, change_stage
@@ -196,7 +196,9 @@ def _include(pending: PendingIntent) -> _IntentResult:
 
 
 def _swap(pending: PendingIntent) -> _IntentResult:
-    state, told = turnaround.begin_turnaround(pending.state, pending.vehicle, pending.intent, pending.now_s)
+    state, told = turnaround.begin_turnaround(
+        pending.context, pending.state, pending.vehicle, pending.intent, pending.now_s
+    )
     installed = operator.PACK_INSTALLED if pending.intent.pack else operator.ANY_PACK_INSTALLED
     text = installed.format(pack=pending.intent.pack)
     before, after = (
@@ -223,6 +225,15 @@ def _close(pending: PendingIntent) -> _IntentResult:
 def _open(pending: PendingIntent) -> _IntentResult:
     state = out_of_service.open_base(pending.context, pending.state, pending.intent.base)
     return _IntentResult(state, operator.BASE_IS_OPENED)
+
+
+def _count(pending: PendingIntent) -> _IntentResult:
+    base, charged = pending.intent.base, pending.intent.charged or 0
+    vehicles = pending.state.vehicles.values()
+    turned = frozenset(vehicle.name for vehicle in vehicles if vehicle.turn.asked_s is not None)
+    counted = {**pending.state.crew.counted_packs, base: CountedPacks(charged, pending.now_s, turned)}
+    state = pending.state.with_crew(counted_packs=MappingProxyType(counted))
+    return _IntentResult(state, operator.PACKS_COUNTED.format(packs=format_count(charged, "charged pack"), base=base))
 
 
 def _disarm(pending: PendingIntent) -> _IntentResult:
@@ -312,6 +323,7 @@ _ORDERS: Mapping[Action, _Order] = {
     Action.PROVE: _Order(_prove),
     Action.CLOSE: _Order(_close),
     Action.OPEN: _Order(_open),
+    Action.COUNT: _Order(_count),
     Action.ABORT: _Order(_abort, "all vehicles return"),
     Action.DISARM: _Order(_disarm, "its motors are off", "disarmed"),
     Action.PREPARE: _Order(_answer),

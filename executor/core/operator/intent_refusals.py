@@ -116,6 +116,14 @@ def _object_to_base(pending: PendingIntent) -> Reasons:
     yield not closes and not shut and operator.BASE_OPEN
 
 
+def _object_to_count(pending: PendingIntent) -> Reasons:
+    bases, day = list_bases(pending.context), pending.context.day
+    if day is None or pending.intent.base not in bases:
+        yield pending.refuse(operator.BASE_UNKNOWN if bases else operator.NO_BASES, bases=", ".join(bases))
+    elif pending.intent.base not in day.packs or pending.intent.charged is None:
+        yield operator.PACKS_UNCOUNTED
+
+
 def _object_to_silence(pending: PendingIntent) -> Reasons:
     heard_s = pending.vehicle.link.heard_s
     if heard_s is None:
@@ -163,7 +171,7 @@ def _object_to_landing(pending: PendingIntent) -> Reasons:
     line_m = _distance_to_line_m(context, fix.place_m)
     yield line_m < LINE_M and pending.refuse(operator.NEAR_LINE, line_m=line_m)
     for other in pending.state.vehicles:
-        near = other != vehicle.name and math.dist(fix.place_m, context.vehicles[other].pad_m) < PAD_M
+        near = other != vehicle.name and context.vehicles[other].pad_distance_m(fix.place_m) < PAD_M
         yield near and pending.refuse(operator.OTHER_PAD, other=other)
 
 
@@ -270,6 +278,7 @@ _OBJECTIONS: Mapping[Action, Callable[[PendingIntent], Reasons]] = {
     Action.SWAP: _object_to_swap,
     Action.DISARM: _object_to_disarm,
     Action.CLOSE: _object_to_base,
+    Action.COUNT: _object_to_count,
     Action.OPEN: _object_to_base,
     Action.REPLAN: _object_to_replan,
     Action.PROVE: _object_to_proof,

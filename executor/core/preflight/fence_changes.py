@@ -1,10 +1,10 @@
-"""What a flight changes of fences and rally points on board, what speaks against it, and what is to be given back."""
+"""What a flight changes of fences and rally points on board, and what speaks against it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from executor.core.context import Context
 from executor.core.formatting import format_count
@@ -19,75 +19,47 @@ from executor.core.preflight.onboard_failsafes import (
 )
 from executor.core.preflight.parameter_changes import (
     REAL32,
-    BoardChange,
+    Answers,
+    Items,
     KeptParameter,
     ParameterProposal,
     Present,
     format_number,
     list_change_checks,
     plan_change,
+    propose_return_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.onboard_fence import fence_top_m
-from missions import FlightPath, MissionItem, MissionKind
-from missions.fences import find_first_outside, find_list_differences, parse_outlines
+from missions import FlightPath, MissionKind
+from missions.fences import find_first_outside, parse_outlines
 
-Items = tuple[MissionItem, ...]
 OnboardLists = Mapping[MissionKind, Items | None]
 """What one vehicle carries beside its mission; None of what it does not let be read."""
 WantedLists = Mapping[MissionKind, Items]
 """What is put on board of that; what is not in it stays."""
-LIST_WORDS = {MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}
-"""What that is."""
 NEAR_M = 5.0
 """A rally point this near to a pad is the pad."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeptList(BoardChange[Items]):
-    """What is on record of one vehicle's fence, or of its rally points."""
-
-    @property
-    def kind(self) -> MissionKind:
-        """Which list."""
-        return MissionKind[self.name.upper()]
-
-    @property
-    def words(self) -> str:
-        """What is restored, for the crew to confirm."""
-        items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
-        return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
-
-    @property
-    def words_open(self) -> str:
-        """What the vehicle has not got back."""
-        return LIST_WORDS[self.kind]
-
-    def describe_other(self, found: Items) -> str:  # noqa: ARG002 - whatever it is
-        """Return in words that somebody put this there since."""
-        return f"somebody has changed the {self.words_open} since: left as found"
-
-    def describe_stay(self, found: Items | None) -> str:
-        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
-        return f"{self.words_open} cannot be read" if found is None else f"{self.words_open}: still the flight's"
-
-    @staticmethod
-    def is_same(one: Items, found: Items) -> bool:
-        """Return whether what was found on board is this one, but for what is lost on its way."""
-        return not find_list_differences(one, found)
 
 
 def list_fence_parameters(context: Context, name: str) -> tuple[str, ...]:
     """Return which parameters say how a vehicle keeps to its fence; nothing where it is given none."""
     if context.fencing is None or not context.fencing.enabled:
         return ()
-    rule = context.vehicles[name].dialect.geofence
-    kinds = rule.kinds[0] if rule.kinds is not None else None
-    return select_names(kinds, rule.height, rule.action, rule.enable, *rule.enabled_by)
+    setup = context.vehicles[name]
+    rule = setup.dialect.geofence
+    kinds, far = None if rule.kinds is None else rule.kinds[0], rule.rally_limit if setup.rallies else None
+    return select_names(kinds, rule.height, rule.action, rule.enable, far, *rule.enabled_by)
 
 
-def add_fence_changes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
-    """Return what a flight changes on board with what its fences need."""
+def propose_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
+    """Return what a flight changes on board so that everybody comes home clear of the others and keeps to its fence.
+
+    Args:
+        context: Of the flight.
+        answered: What came of asking each vehicle.
+    """
+    proposal = propose_return_changes(context, answered)
     changes, checks = list(proposal.changes), list(proposal.checks)
     for name, said in proposal.present.items():
         made = plan_fence_changes(context, name, said)
@@ -117,6 +89,8 @@ def plan_fence_changes(context: Context, name: str, said: Present) -> list[KeptP
     action = dict(rule.named).get(context.fencing.action if context.fencing is not None else "keep")
     if action is not None:
         wanted[rule.action] = (float(action), "", checklist.FENCE_ACTION)
+    if rule.rally_limit in names:
+        wanted[rule.rally_limit] = (0.0, "km", checklist.RALLY_EVERYWHERE)
     if rule.enable is not None:
         wanted[rule.enable] = (1.0, "", checklist.FENCE_ENABLED)
     return [
@@ -181,10 +155,10 @@ def _check_onboard_fence(
         return unread
     if not read_fence_kinds(dialect, facts.parameters) & (dialect.geofence.polygons or -1):
         return [checklist.FENCE_OFF.say(name, fence=what)]
-    pad_m = context.vehicles[name].pad_m
-    places = [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in (path.waypoints if path else ())]
+    setup, waypoints = context.vehicles[name], path.waypoints if path else ()
+    pad_m, places = setup.pad_m, [context.frame.to_local_m(one.lat_deg, one.lon_deg) for one in waypoints]
     shapes = parse_outlines(fence, context.frame)
-    ways = [[pad_m, *places], *([place, pad_m] for place in places)]
+    ways = [[pad_m, *places], *([place, home_m] for home_m in (pad_m, *setup.day_pads_m) for place in places)]
     out = next((place for way in ways if (place := find_first_outside(shapes, way)) is not None), None)
     if out is not None:
         lat_deg, lon_deg = context.frame.to_wgs84_deg(*out)
@@ -199,8 +173,8 @@ def _check_onboard_rally(context: Context, facts: VehicleFacts, lists: OnboardLi
         return [checklist.RALLY_UNREADABLE.say(name, Severity.STOP if given else None)]
     if rally == ours.get(MissionKind.RALLY):
         return []
-    pad_m = context.vehicles[name].pad_m
-    away_m = [math.dist(pad_m, context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in rally]
+    setup = context.vehicles[name]
+    away_m = [setup.pad_distance_m(context.frame.to_local_m(item.x / 1e7, item.y / 1e7)) for item in rally]
     far = [one for one in away_m if one > NEAR_M]
     if not far or given:
         return []

@@ -184,12 +184,5 @@ def check_missions_and_areas(
     found += [checklist.AREAS_ENTERED.say("areas", found=text) for text in wrong]
     if not wrong:
         found.append(checklist.AREAS_KEPT.say("areas", areas=format_count(len(setup.areas), "area")))
-    crossed = describe_returns_through_areas(setup, paths, routes)
-    return found + [checklist.RETURNS_THROUGH.say("areas", found=text) for text in crossed]
-
-
-def describe_returns_through_areas(
-    setup: FlightSetup, paths: Sequence[FlightPath], routes: Mapping[str, Sequence[int]]
-) -> list[str]:  # fmt: skip
-    """Return in words where a vehicle's own return would lead through an area."""
-    return [describe_crossing(setup, one) for one in find_return_crossings(setup, paths, routes)]
+    crossed = find_return_crossings(setup, paths, routes)
+    return found + [checklist.RETURNS_THROUGH.say("areas", found=describe_crossing(setup, one)) for one in crossed]

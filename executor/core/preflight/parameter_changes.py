@@ -1,4 +1,4 @@
-"""What a flight changes of the parameters on board and is to give back: what it proposes to set, and the record."""
+"""What a flight changes on board and is to give back: the record, and the parameters that it proposes to set."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from executor.core.preflight.onboard_failsafes import (
     describe_unread_parameters,
     select_names,
 )
-from missions import Dialect, ReturnParameters, max_return_height_m
+from missions import Dialect, MissionItem, MissionKind, ReturnParameters, max_return_height_m
+from missions.fences import find_list_differences
 
 Value = TypeVar("Value")
 Present = Mapping[str, ParamValue]
@@ -80,29 +81,6 @@ class BoardChange(ABC, Generic[Value]):
         """Vehicle and name."""
         return self.vehicle, self.name
 
-    @property
-    @abstractmethod
-    def words(self) -> str:
-        """What is restored, for the crew to confirm."""
-
-    @property
-    def words_back(self) -> str:
-        """What the vehicle has again once it is given back."""
-        return self.words_open
-
-    @property
-    @abstractmethod
-    def words_open(self) -> str:
-        """What the vehicle has not got back."""
-
-    @abstractmethod
-    def describe_other(self, found: Value) -> str:
-        """Return in words that somebody put this there since."""
-
-    @abstractmethod
-    def describe_stay(self, found: Value | None) -> str:
-        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
-
     @staticmethod
     @abstractmethod
     def is_same(one: Value, found: Value) -> bool:
@@ -162,6 +140,51 @@ class KeptParameter(BoardChange[float]):
         return math.isclose(one, found, rel_tol=1e-5, abs_tol=1e-6)
 
 
+Items = tuple[MissionItem, ...]
+LIST_WORDS = {MissionKind.FENCE: "fence", MissionKind.RALLY: "rally points"}
+"""What that is."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptList(BoardChange[Items]):
+    """What is on record of one vehicle's fence, or of its rally points."""
+
+    @property
+    def kind(self) -> MissionKind:
+        """Which list."""
+        return MissionKind[self.name.upper()]
+
+    @property
+    def words(self) -> str:
+        """What is restored, for the crew to confirm."""
+        items = f"{len(self.old)} item{'s' if len(self.old) != 1 else ''}" if self.old else "none"
+        return f"{self.vehicle}: {self.words_open} -> {items}, as before the flight"
+
+    @property
+    def words_open(self) -> str:
+        """What the vehicle has not got back, or has again."""
+        return LIST_WORDS[self.kind]
+
+    words_back = words_open
+
+    def describe_other(self, found: Items) -> str:  # noqa: ARG002 - whatever it is
+        """Return in words that somebody put this there since."""
+        return f"somebody has changed the {self.words_open} since: left as found"
+
+    def describe_stay(self, found: Items | None) -> str:
+        """Return in words what it still is, though it was to be given back; None where it cannot be read."""
+        return f"{self.words_open} cannot be read" if found is None else f"{self.words_open}: still the flight's"
+
+    @staticmethod
+    def is_same(one: Items, found: Items) -> bool:
+        """Return whether what was found on board is this one, but for what is lost on its way."""
+        return not find_list_differences(one, found)
+
+
+Recorded = TypeVar("Recorded", bound=BoardChange[Any])
+Change = TypeVar("Change", bound=KeptParameter | KeptList)
+
+
 def plan_change(setup: VehicleSetup, found: ParamValue, new: float, unit: str, why: str) -> KeptParameter:
     """Return a parameter that is to be set on a vehicle for the flight, from what is on board."""
     return KeptParameter(
@@ -169,10 +192,7 @@ def plan_change(setup: VehicleSetup, found: ParamValue, new: float, unit: str, w
     )
 
 
-Change = TypeVar("Change", bound=BoardChange[Any])
-
-
-def build_board_record(planned: Iterable[Change], before: Sequence[Change]) -> list[Change]:
+def build_board_record(planned: Iterable[Recorded], before: Sequence[Recorded]) -> list[Recorded]:
     """Return the whole record before a flight changes anything.
 
     What an earlier attempt at the same flight found is the oldest value, and given back, unless somebody put something
@@ -277,6 +297,25 @@ def propose_return_changes(
     return ParameterProposal(present, tuple(changes), tuple(checks))
 
 
+def add_other_homes(context: Context, proposal: ParameterProposal) -> ParameterProposal:
+    """Return what a flight changes with what it changes later for other pads, whose ground is higher or lower.
+
+    It is on record from the beginning, so that it is given back from whichever pad is the last.
+    """
+    changes, setup = {one.key: one for one in proposal.changes}, context.setup
+    for name, said in proposal.present.items():
+        for home in setup.list_pads_of(name)[1:]:
+            pads = tuple(home if pad.vehicle == name else pad for pad in setup.pads)
+            elsewhere = replace(context, setup=replace(setup, pads=pads))
+            for one in propose_return_changes(elsewhere, {name: Answers(said)}).changes:
+                known = changes.get(one.key, replace(one, new=one.old))
+                more = checklist.AT_OTHER_PAD.format(value=format_number(one.new))
+                if one.new not in {known.new, *known.earlier}:
+                    known = replace(known, earlier=(*known.earlier, one.new), why=known.why + more)
+                changes[one.key] = known
+    return replace(proposal, changes=tuple(changes.values()))
+
+
 def list_change_checks(changes: Sequence[KeptParameter]) -> list[Check]:
     """Return the lines of the checklist that name changes."""
     return [checklist.TO_BE_SET.say(one.vehicle, change=one.words_set) for one in changes]
@@ -341,7 +380,7 @@ def _explain_return_height(context: Context) -> str:
     heights = context.setup.layers.track_heights_m
     if len(context.vehicles) == 1:
         return checklist.ABOVE_LINE
-    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers` tells flat from uneven
+    if float(heights.max() - heights.min()) > 1.0:  # as `missions.layers_and_rtl_heights` tells flat from uneven
         return checklist.ABOVE_LAYERS
     return checklist.IN_ITS_LAYER
 

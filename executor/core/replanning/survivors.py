@@ -42,7 +42,7 @@ def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[Inte
         found.append(operator.TILTED)
     if vehicle.orders.base_closed:
         found.append(operator.BASE_CLOSED)
-    if fix is None or math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if fix is None or setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         found.append(operator.OFF_PAD)
     if left_pct is None or left_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         left = "unknown" if left_pct is None else f"{left_pct:.0f} %"
@@ -97,7 +97,8 @@ def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survi
         (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
         facing_m = (east_m - before_m[0], north_m - before_m[1])
     low = kept > 0 and board.path.waypoints[kept - 1].below_m > 0
-    up_m = setup.up_m(state.name, alt_rel_m) if low else setup.lowest_layer_up_m(state.name, alt_rel_m)
+    # Flights are priced in the lowest layer.
+    up_m = setup.up_m(state.name, alt_rel_m) - (0.0 if low else setup.layers.offset_m(state.name))
     return replace(offer, start_up_m=up_m, facing_m=facing_m, low=low)
 
 
@@ -213,12 +214,7 @@ def find_remaining_hours(
 ) -> tuple[float, float | None]:
     """Return how long a vehicle may fly, and when it may again.
 
-    Args:
-        context: Of the flight.
-        state: Of the flight.
-        name: Of the vehicle.
-        now_s: The time.
-        ahead_s: Hours that begin so soon count as begun: a clearance may be so old at the take-off.
+    Hours that begin within `ahead_s` count as begun: a clearance may be so old at the take-off.
 
     Returns:
         The seconds until its hours end, infinite where nobody set any, and 0 outside them; and the seconds after the

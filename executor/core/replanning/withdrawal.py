@@ -21,7 +21,7 @@ from executor.core.inflight.homing import HomingAction, is_on_mission
 from executor.core.interface.commands import CancelSolve, Command, Disarm, HandsOff, Resume
 from executor.core.interface.messages import Actor
 from executor.core.lines import custody, pilot, replanning
-from executor.core.replanning import new_missions
+from executor.core.replanning import replan_cycle
 from executor.core.state import legs, vehicle_position
 from executor.core.state.fleet_state import FleetState, Stepped
 from executor.core.state.vehicle_parts import ModeCause, Takeover
@@ -127,7 +127,7 @@ def withdraw_vehicle(state: FleetState, name: str, trigger: str, now_s: float) -
         return state.with_replanning(replan=None), (CancelSolve(plan.solve.revision),)
     if plan is not None and name in plan.pending:
         state = state.with_replanning(replan=replace(plan, pending=plan.pending - {name}))
-        return new_missions.end_replan_if_done(state, now_s)
+        return replan_cycle.end_replan_if_done(state, now_s)
     return state, ()
 
 
@@ -180,7 +180,7 @@ def _cancel_solve_with(state: FleetState, name: str) -> Stepped:
     plan = state.replanning.replan
     if plan is None or plan.solve_s is not None or name not in {offer.vehicle for offer in plan.solve.survivors}:
         return state, ()
-    return new_missions.request_replan_again(state, plan), (CancelSolve(plan.solve.revision),)
+    return replan_cycle.request_replan_again(state, plan), (CancelSolve(plan.solve.revision),)
 
 
 def monitor_taken_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:

@@ -226,7 +226,7 @@ def _describe_deviation(
         return resume.WENT_BACK
     if state.telemetry.mode_since_s > before.fix.at_s:
         return resume.MODE_CHANGED
-    away_m = locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], fix.place_m)[1]
+    away_m = _lateral_offset_m(board, waypoint, fix.place_m)
     return _describe_interference(state, before.fix.at_s) or (
         resume.OFF_TRACK.format(away_m=away_m) if away_m > context.corridor_m else ""
     )
@@ -264,7 +264,7 @@ def _infer_after_landing(
 def _describe_other_landing(context: Context, state: VehicleState, before: LastKnown, fix: PositionFix) -> str:
     """Return how else than by its mission a vehicle may have come to the ground; empty if there is no other way."""
     setup = context.vehicles[state.name]
-    if math.dist(fix.place_m, setup.pad_m) > context.limits.off_pad_m:
+    if setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         return resume.OFF_PAD
     if state.mode is None or is_home_mode(setup.dialect, state.mode):
         return resume.CAME_HOME
@@ -307,3 +307,8 @@ def _estimate_rest(board: OnboardMission, waypoint: int, fix: PositionFix, pace:
     factors[0] *= remaining_leg_share(board, waypoint, fix)
     paced = list(zip(factors, legs, strict=True))
     return sum(factor * leg.duration_s for factor, leg in paced), sum(factor * leg.energy_pct for factor, leg in paced)
+
+
+def _lateral_offset_m(board: OnboardMission, waypoint: int, place_m: tuple[float, float]) -> float:
+    """Return how far beside the leg to a waypoint a place lies."""
+    return locate_on_leg(board.places_m[max(0, waypoint - 1)], board.places_m[waypoint], place_m)[1]

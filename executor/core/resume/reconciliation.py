@@ -17,8 +17,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command, Start, Upload
 from executor.core.interface.events import Event, Found, Match, Reopened, Resumed, StartEnded, UploadEnded
 from executor.core.lines import replanning, resume
-from executor.core.replanning import new_missions, survivors
-from executor.core.replanning.replan_cycle import format_segments
+from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.withdrawal import leave_plan, withdraw_vehicle
 from executor.core.resume.link_blackout import catch_up_mission
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, NewMission, Replan, Stepped
@@ -92,7 +91,7 @@ def _drop_waiting_missions(state: FleetState, plan: Replan, now_s: float) -> Fle
     """Plan again for those who waited for others' new missions: by now these may have flown past everything."""
     for route in plan.unmade:
         if route.vehicle in plan.pending:
-            state, plan, _ = new_missions.drop_late_mission(state, plan, route.vehicle, replanning.FLEW_ON, now_s)
+            state, plan, _ = replan_cycle.drop_late_mission(state, plan, route.vehicle, replanning.FLEW_ON, now_s)
     return state.with_replanning(replan=replace(plan, unmade=()))
 
 
@@ -101,11 +100,11 @@ def resume_fleet(context: Context, state: FleetState, event: Resumed, now_s: flo
     state = _correct_absence(state, event)
     plan = state.replanning.replan
     if plan is not None and plan.solve_s is None:
-        state = new_missions.request_replan_again(state, plan)  # the solver died with the ground station
+        state = replan_cycle.request_replan_again(state, plan)  # the solver died with the ground station
     elif plan is not None and plan.unmade and plan.low:
         state = _drop_waiting_missions(state, plan, now_s)
     elif plan is not None and plan.unmade:
-        state = state.with_replanning(replan=new_missions.build_all_missions(context, state, plan))
+        state = state.with_replanning(replan=replan_cycle.build_all_missions(context, state, plan))
     state, said = turnaround.end_turnarounds_after_absence(state, now_s)
     commands: list[Command] = [*said]
     ended: list[Event] = []
@@ -203,7 +202,7 @@ def _finish_upload(context: Context, state: FleetState, plan: Replan, found: Fou
         state, said = catch_up_mission(context, state, vehicle, board, found.seq)
         offer = next(one for one in plan.solve.survivors if one.vehicle == found.vehicle)
         if not survivors.is_offer_valid(state.vehicles[found.vehicle], offer):
-            state, more = new_missions.release_vehicle(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
+            state, more = replan_cycle.release_vehicle(state, plan, found.vehicle, replanning.FLEW_ON, now_s)
             return Resumption(state, (*said, *more))
     elif (
         not mission.fresh and new is not None and _is_at_end_of_new_part(found, new) and is_on_mission(context, vehicle)
@@ -256,8 +255,8 @@ def _resend_mission(
     old = None if vehicle.assignment.board is None else found.match_of(vehicle.assignment.board.revision)
     if not flown or not (mission.fresh or (old is not None and old.whole)):
         return state, again
-    why = resume.FLOWN_BY_OTHERS.format(segments=format_segments(context, frozenset(flown)))
-    return new_missions.release_vehicle(state, plan, name, why, now_s)
+    why = resume.FLOWN_BY_OTHERS.format(segments=replan_cycle.format_segments(context, frozenset(flown)))
+    return replan_cycle.release_vehicle(state, plan, name, why, now_s)
 
 
 def _has_started(context: Context, vehicle: VehicleState) -> bool:
@@ -294,5 +293,5 @@ def _handle_unstarted_vehicle(
     if plan is None or name not in plan.pending:
         return Resumption(state, (said,))
     why = resume.LANDED_BEFORE if flown else resume.UNSTARTED_BEFORE
-    state, more = new_missions.release_vehicle(state, plan, name, why, now_s)
+    state, more = replan_cycle.release_vehicle(state, plan, name, why, now_s)
     return Resumption(state, (said, *more))

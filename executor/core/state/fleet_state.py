@@ -261,6 +261,16 @@ class ContactState:
 
 
 @dataclass(frozen=True, slots=True)
+class CountedPacks:
+    """The charged packs at a base, by the crew's count."""
+
+    charged: int
+    at_s: float
+    in_vehicles: frozenset[str] = frozenset()
+    """Vehicles that were being turned around: their packs were taken before, and fly later."""
+
+
+@dataclass(frozen=True, slots=True)
 class CrewDialogue:
     """What the crew was told, what it asked for, and what it is asked."""
 
@@ -276,6 +286,10 @@ class CrewDialogue:
     """Since when there is something to offer."""
     offers_over: bool = False
     """Whether an offer was not answered in its time: nobody takes off again."""
+    closed_bases: frozenset[str] = frozenset()
+    """Bases of the day that the crew has closed."""
+    counted_packs: Mapping[str, CountedPacks] = field(default_factory=lambda: MappingProxyType({}))
+    """How many charged packs the crew counted last, by the base."""
 
 
 @dataclass(frozen=True, slots=True)

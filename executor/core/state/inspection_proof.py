@@ -137,11 +137,6 @@ class RunStep:
     broken: str = ""
     """Why a run ended before the other pylon."""
 
-    @property
-    def done(self) -> bool:
-        """Whether the segment counts."""
-        return self.flown is not None
-
 
 def advance_run(  # noqa: PLR0911 - one return for each way in which a run goes on or ends
     run: InspectionRun | None,

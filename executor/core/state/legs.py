@@ -16,6 +16,7 @@ from executor.core import vehicle_learning
 from executor.core.battery import account
 from executor.core.battery.kalman import Projection, project_remaining
 from executor.core.context import Context, Scene, VehicleSetup
+from executor.core.state.bases import settle_at_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import (
     FlownLeg,
@@ -115,7 +116,9 @@ def energy_to_return_pct(context: Scene, state: VehicleState, setup: VehicleSetu
         return None
     performance, known = context.model_of(setup)
     pace = known.transit * state.assignment.pace.transit
-    east_m, north_m = setup.pad_m[0] - fix.place_m[0], setup.pad_m[1] - fix.place_m[1]
+    pads_m = setup.day_pads_m if setup.rallies else ()
+    pad_m = min((setup.pad_m, *pads_m), key=lambda one: math.dist(one, fix.place_m))
+    east_m, north_m = pad_m[0] - fix.place_m[0], pad_m[1] - fix.place_m[1]
     away_m, up_m = math.hypot(east_m, north_m), max(0.0, fix.alt_rel_m)
     if away_m <= context.limits.pad_m:
         away_m = 0.0
@@ -266,6 +269,7 @@ def begin_sortie(state: FleetState, vehicle: VehicleState, now_s: float) -> Vehi
     own = tuple(sorted(segment for segment, name in state.coverage.inspected.items() if name == vehicle.name))
     rest_v = None if rest is None else rest.voltage_v
     sortie = FlownSortie(len(before) + 1, turn.label, now_s, vehicle.power.battery.remaining_pct, rest_v, own)
+    sortie = replace(sortie, base=turn.base, lands=turn.lands_at)
     return vehicle.with_turn(sorties=(*before, sortie))
 
 
@@ -277,14 +281,16 @@ def end_sortie(context: Context, vehicle: VehicleState, now_s: float) -> Vehicle
     power, sag = vehicle.power, vehicle.power.pack.sag
     # What its voltage says then is of another pack, in effect.
     refilled = (power.battery.remaining_pct or 0.0) > (power.landed_pct or 0.0) + REFILLED_PCT
+    vehicle = settle_at_base(context, vehicle)
     last = replace(
         turn.sorties[-1],
+        lands=vehicle.turn.base,
         ended_s=now_s,
         ended_pct=power.landed_pct if is_charge_fresh(context, power, now_s) else None,
         end_v=None if refilled else power.volts.voltage_v if sag is None else sag.recovered_v,
         cells=power.volts.cells if power.volts.voltage_v is not None else None,
     )
-    return replace(vehicle, turn=replace(turn, sorties=(*turn.sorties[:-1], last)))
+    return vehicle.with_turn(sorties=(*turn.sorties[:-1], last))
 
 
 def is_charge_fresh(context: Context, power: PowerState, now_s: float) -> bool:

@@ -76,11 +76,6 @@ def add_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: fl
     return LinkQuality(window, lost, usual + (lost - usual) * follow, state.radio, state.radio_s)
 
 
-def apply_radio_report(state: LinkQuality, radio: Radio, now_s: float) -> LinkQuality:
-    """Take the radio's own report."""
-    return LinkQuality(state.window, state.lost, state.usual, radio, now_s)
-
-
 CLOCK_S = 1.0
 """A vehicle's clock goes on as time does, but for what frames take on their way."""
 APART_M, FASTEST_M_S = 50.0, 40.0

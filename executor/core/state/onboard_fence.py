@@ -22,9 +22,9 @@ def fence_for(context: Context, name: str, path: FlightPath | None) -> Fence | N
     rule = context.fencing
     if rule is None or not rule.enabled:
         return None
-    return build_fence(
-        flown_places(context.vehicles[name].pad_m, path, context.frame), rule.margin_m, fence_top_m(context, name)
-    )
+    setup = context.vehicles[name]
+    places_m = [*flown_places(setup.pad_m, path, context.frame), *setup.day_pads_m]
+    return build_fence(places_m, rule.margin_m, fence_top_m(context, name))
 
 
 def build_first_fences(context: Context, boards: Mapping[str, OnboardMission | None]) -> dict[str, Fence]:
@@ -47,8 +47,9 @@ def fence_top_m(context: Context, name: str) -> float:
     No later plan of the flight needs another.
     """
     setup = context.setup
-    over_home_m = setup.layers.offset_m(name) - setup.frame.up_m(setup.pad_of(name).alt_m)
-    highest_m = max(float(setup.layers.track_heights_m.max()) + over_home_m, context.return_height_m(name))
+    home_up_m = setup.frame.up_m(min(pad.alt_m for pad in setup.list_pads_of(name)))  # its home may be any of them
+    over_home_m = setup.layers.offset_m(name) - home_up_m
+    highest_m = max(float(setup.layers.track_heights_m.max()) + over_home_m, setup.layers.return_up_m(name) - home_up_m)
     return highest_m + (0.0 if context.fencing is None else context.fencing.height_margin_m)
 
 
@@ -80,4 +81,5 @@ def build_rally_list(context: Context, name: str) -> tuple[MissionItem, ...] | N
     rule = context.fencing
     if rule is None or not rule.enabled or rule.rally == "keep":
         return None
-    return build_rally_items((context.vehicles[name].pad_m,), context.frame)
+    setup = context.vehicles[name]
+    return build_rally_items(dict.fromkeys((setup.pad_m, *setup.day_pads_m)), context.frame)

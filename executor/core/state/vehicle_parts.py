@@ -478,6 +478,10 @@ class PlannedSortie:
     """Visits of the network in their order."""
     start_s: float
     """Its planned take-off, counted from the first one of the day."""
+    base: str = ""
+    """Where it begins; empty where the vehicle's sorties all begin and end at one base."""
+    lands: str = ""
+    """The base where it ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -501,6 +505,10 @@ class FlownSortie:
     end_v: float | None = None
     """Of the pack at its end, as it would rest where that is known."""
     cells: int | None = None
+    base: str = ""
+    """Where it began; empty for the vehicle's own of the day."""
+    lands: str = ""
+    """The base where it ended, or is to end; empty for the one where it began."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -525,6 +533,12 @@ class Turnaround:
     """Open segments of which it could fly none with a good pack."""
     sorties: tuple[FlownSortie, ...] = ()
     """Its sorties, the one under way last."""
+    base: str = ""
+    """Where it stands, or took off; empty for its own of the day."""
+    lands_at: str = ""
+    """The base where the mission that it carries, or is given, ends; empty for the one where it takes off."""
+    moved: bool = False
+    """Whether it stands at another base than when its parameters were looked at."""
 
 
 LONG_AGO_S = float("-inf")

@@ -48,8 +48,6 @@ class Accuracy:
     """fix: by GPS. reckoned: without it. unsaid: the vehicle has said nothing of its GPS."""
     off_m: float
     """By so much it may be off; a reckoned one by this or more."""
-    fixed: PositionFix | None = None
-    """The last position with a fix, of one that is reckoned."""
 
 
 def accuracy_of(vehicle: VehicleState) -> Accuracy | None:
@@ -60,7 +58,7 @@ def accuracy_of(vehicle: VehicleState) -> Accuracy | None:
     usual_m = USUAL_M if known.accuracy_m is None else known.accuracy_m
     if fix.reckoned:
         drift_m = 0.5 * DRIFT_M_S2 * time_without_fix_s(known, fix) ** 2
-        return Accuracy("reckoned", usual_m + drift_m, known.fixed)
+        return Accuracy("reckoned", usual_m + drift_m)
     return Accuracy("unsaid" if known.fixed is None else "fix", usual_m)
 
 
@@ -72,7 +70,7 @@ def format_coordinates(context: Scene, vehicle: VehicleState) -> str:
     fix, how = vehicle.motion.fix, accuracy_of(vehicle)
     if fix is None or how is None:
         return position.UNKNOWN_PLACE
-    if how.known != "reckoned" or how.fixed is None:
+    if how.known != "reckoned" or vehicle.sensors.positioning.fixed is None:
         return formatting.format_known_place(*context.frame.to_wgs84_deg(*fix.place_m), how.known, how.off_m)
     place = _place(context, fix, how.off_m)
     return position.RECKONED_SINCE.format(last_fix=last_fix(context, vehicle), place=place, off_m=how.off_m)
@@ -204,7 +202,7 @@ def is_over_pad(context: Scene, vehicle: VehicleState) -> bool:
 def is_home_by_own_estimate(context: Scene, vehicle: VehicleState) -> bool:
     """Return whether its autopilot takes itself to be over its pad: that is what it acts by."""
     fix = vehicle.motion.fix
-    return fix is None or math.dist(fix.place_m, context.vehicles[vehicle.name].pad_m) <= context.limits.off_pad_m
+    return fix is None or context.vehicles[vehicle.name].pad_distance_m(fix.place_m) <= context.limits.off_pad_m
 
 
 def has_mission_ended(context: Scene, vehicle: VehicleState) -> bool:

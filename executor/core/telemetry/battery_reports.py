@@ -70,7 +70,7 @@ def apply_pack_setting(state: VehicleState, message: VehicleSetting) -> PowerSta
     facts = voltage.apply_pack_parameter(old.pack.facts, message.name, message.value)
     if facts == old.pack.facts:
         return old
-    battery = account.apply_capacity_setting(old.battery, facts.capacity_ah)
+    battery = replace(old.battery, charge=replace(old.battery.charge, set_ah=facts.capacity_ah))
     return replace(old, pack=replace(old.pack, facts=facts), battery=battery)
 
 

@@ -245,7 +245,7 @@ def _apply_link_report(
             window_s = context.limits.loss_window_s
             return state.with_link(quality=link_quality.add_traffic(known, message, now_s, window_s))
         case messages.Radio():
-            return state.with_link(quality=link_quality.apply_radio_report(known, message, now_s))
+            return state.with_link(quality=replace(known, radio=message, radio_s=now_s))
 
 
 def _apply_evidence(state: VehicleState, message: messages.EvidenceMessage, now_s: float) -> VehicleState:
@@ -326,7 +326,7 @@ def _apply_position(
     settles = known.lost_s is not None or now_s - known.regained_s <= vehicle_position.SETTLES_S
     jump = (None if settles else _find_jump(context, last, fix, elapsed_s)) or state.motion.jump
     took_off = sortie.took_off or (state.armed and fix.alt_rel_m > context.limits.airborne_m)
-    away = sortie.away_once or math.dist(place, context.vehicles[state.name].pad_m) > context.limits.off_pad_m
+    away = sortie.away_once or context.vehicles[state.name].pad_distance_m(place) > context.limits.off_pad_m
     away = took_off and away
     falls = took_off and fix.velocity_m_s[2] < -context.limits.fall_m_s
     if (took_off, away, rebooted_s) != (sortie.took_off, sortie.away_once, sortie.rebooted_s):
@@ -423,7 +423,7 @@ def _advance_coverage(context: Scene, state: VehicleState, sample: PositionSampl
     step = advance_run(
         run, track, sample, corridor_m=context.corridor_m, speed_m_s=context.inspection_speed_m_s, longest_gap_s=gap_s
     )
-    if step.done:
+    if step.flown is not None:
         return replace(old, run=step.run, run_visit=visit), track.segment, step.flown
     if step.broken:
         broken = (*old.runs_broken, (track.segment, step.broken))

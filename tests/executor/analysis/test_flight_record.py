@@ -67,7 +67,6 @@ def planned(number: int, decided_s: float, **routes: tuple[int, ...]) -> PlanRev
         tuple(
             PlannedRoute(name, segments, (), ((0.0, 0.0), (50.0 + number, 9.0))) for name, segments in routes.items()
         ),
-        (),
     )
 
 

@@ -61,7 +61,7 @@ def test_the_first_plan_begins_at_the_launch(tmp_path: Path) -> None:
     write_run(tmp_path)
     record = read_run(tmp_path)
     first = record.revisions[0]
-    assert (first.number, first.decided_s, first.uncovered) == (0, 0.0, ())
+    assert (first.number, first.decided_s) == (0, 0.0)
     one, two = first.routes
     assert (one.vehicle, one.segments) == ("uav1", (3, 4))
     assert np.array(one.energy) == pytest.approx(np.array([(0, 0), (60, 6), (80, 8), (140, 14)]), abs=1e-4)

@@ -211,9 +211,7 @@ def test_spans_are_called_by_their_names(flight: tuple[FlightRecord, FlightRepor
 
 @given(st.text())
 def test_any_text_comes_back_from_the_page_as_it_was(text: str) -> None:
-    record = FlightRecord(
-        (), (), (PlanRevision(0, 0.0, (), ()),), (DecisionLine(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0
-    )
+    record = FlightRecord((), (), (PlanRevision(0, 0.0, ()),), (DecisionLine(0.0, Level.INFO, f"<{text}>"),), 0.0, 0.0)
     assert f"<{text}>".split() == "".join(_read(render_report_page(record, short_report([]), {})).of("td")[2:]).split()
 
 

@@ -28,8 +28,8 @@ def test_a_flight_without_a_fault(autopilot: str) -> None:
     assert flight.given(Finish) == [Finish("all segments inspected")]
     assert flight.solves() == []
     assert flight.said(Level.WARNING) == []
-    assert flight.state.progress.separation is not None
-    assert flight.state.progress.separation.least_m >= 5.0
+    assert flight.state.progress.separation_m is not None
+    assert flight.state.progress.separation_m >= 5.0
 
 
 def test_nothing_flies_before_the_launch() -> None:

@@ -60,11 +60,8 @@ class Terminal:
     def show_checks(self, found: Sequence[Check]) -> None:
         self.found += found
 
-    def confirm(self, question: str) -> bool:
-        return bool(question)
-
     async def ask(self, question: str) -> bool:
-        return self.confirm(question)
+        return bool(question)
 
     def show(self, context: Context, state: FleetState, now_s: float) -> None: ...
 

@@ -11,8 +11,7 @@ import pytest
 from executor.core.context import FenceRules
 from executor.core.interface.commands import Upload
 from executor.core.interface.messages import MissionCount
-from executor.core.preflight.fence_changes import KeptList
-from executor.core.preflight.parameter_changes import ChangeStage
+from executor.core.preflight.parameter_changes import ChangeStage, KeptList
 from executor.core.state.onboard_fence import build_first_fences
 from executor.errors import LogError, PreflightFailed, VehicleRefused
 from executor.flight import preparation

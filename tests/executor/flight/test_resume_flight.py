@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+import tomli_w
 from pymavlink.dialects.v20 import common
 
 from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.eventlog import EventLog, read_decisions, read_events, to_plain
-from executor.adapters.run_directory import RunDirectory, lock_run_directory, write_site
+from executor.adapters.run_directory import RunDirectory, lock_run_directory
 from executor.cli.main import main
 from executor.core.battery.kalman import Prior
 from executor.core.context import Context
@@ -57,7 +58,10 @@ def prepared(folder: Path) -> Path:
         Plan((Route(0, (0, 2)), Route(1, (4, 6, 8))), ()),
         Cost.MINMAX, SolverRecord("search", 1, 0.1), inspection=ground.inspection,
     )  # fmt: skip
-    write_site(run, site.model_dump(exclude_none=True, mode="json"), {("network", "file"): folder / "line.yaml"})
+    content = site.model_dump(exclude_none=True, mode="json")
+    content["network"]["file"] = "network.yaml"
+    (run / "network.yaml").write_bytes((folder / "line.yaml").read_bytes())
+    (run / "site.toml").write_text(tomli_w.dumps(content))
     write_plan(run / "plan-000.json", plan)
     write_document(run / "vehicles.json", {"vehicles": []})
     return run
@@ -165,7 +169,7 @@ async def test_a_flight_that_is_taken_up_leaves_what_it_taught(tmp_path: Path) -
     build_learned_document({"uav1": known}, "2026-01-02").write(RunDirectory(run).learned_before)
     finished(run)
     assert not RunDirectory(run).learned.exists()
-    assert (await resume_flight.resume_flight(run, Watchful())).report.finished
+    assert (await resume_flight.resume_flight(run, Watchful())).finished
     kept = read_learned(RunDirectory(run).learned)
     before = left(run)
     assert kept.vehicles == learn_from_flight(before.begun.context, before.state, {"uav1": known}, kept.date).vehicles
@@ -293,9 +297,6 @@ class Watchful:
 
     def show_checks(self, found: Sequence[Check]) -> None:
         """Nothing is checked here."""
-
-    def confirm(self, question: str) -> bool:
-        return True
 
     async def ask(self, question: str) -> bool:
         return True

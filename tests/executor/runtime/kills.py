@@ -54,7 +54,7 @@ class Judge:
                         corridor_m=self.context.corridor_m, speed_m_s=self.context.inspection_speed_m_s,
                     )  # fmt: skip
                     self.runs[name, track] = step.run
-                    self.passed[name, track.segment] += step.done
+                    self.passed[name, track.segment] += step.flown is not None
             up = [flyer for flyer in self.flyers.values() if flyer.armed and flyer.up_m > FLYING_M]
             for one, other in itertools.combinations(up, 2):
                 apart = math.dist((*one.place_m, one.up_m), (*other.place_m, other.up_m))

@@ -128,8 +128,8 @@ async def test_a_silent_vehicle_is_replaced(autopilot: str, air: Air) -> None:
     assert sky.faults()[0].startswith("uav2: link lost for ")
     assert not sky.flyers["uav1"].armed
     assert not sky.flyers["uav3"].armed
-    assert sky.state.progress.separation is not None
-    assert sky.state.progress.separation.least_m >= 5.0
+    assert sky.state.progress.separation_m is not None
+    assert sky.state.progress.separation_m >= 5.0
 
 
 async def test_no_vehicle_is_told_what_the_disk_does_not_hold_yet_and_everybody_is_heard_meanwhile() -> None:

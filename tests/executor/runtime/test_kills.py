@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from executor.core.replanning import new_missions
+from executor.core.replanning import replan_cycle
 from tests.executor.runtime.kills import flown
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.looptime]
@@ -23,7 +23,7 @@ async def test_a_flight_that_was_killed_while_its_missions_were_made_ends_well(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every mission takes a turn of its own, and at one of them the ground station dies."""
-    monkeypatch.setattr(new_missions, "WAYS_AT_ONCE", 1)
+    monkeypatch.setattr(replan_cycle, "WAYS_AT_ONCE", 1)
     outcome = await flown(seed, at_unmade=True)
     assert outcome.moments[0] == "unmade"
     assert outcome.wrongs() == []

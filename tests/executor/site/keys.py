@@ -126,10 +126,8 @@ class Loaded:
         return replace(found, seconds=0.0)
 
     @cached_property
-    def first(self) -> PlanFile | None:
-        """What is flown first of the day; None of one that is planned and not flown."""
-        if self.site.day is not None and self.site.day.lands == "any":
-            return None
+    def first(self) -> PlanFile:
+        """What is flown first of the day."""
         return day_plans.build_first_sorties_plan(self.day, self.ground)
 
 
@@ -154,8 +152,6 @@ def fly(loaded: Loaded) -> object:
 
 def fly_day(loaded: Loaded) -> object:
     day = loaded.day
-    if loaded.first is None:
-        return document(day), loaded.beside, loaded.below
     ahead = day_plans.sorties_ahead_of(day)
     return document(day), begin(loaded, loaded.first, day)[1], as_text(ahead), loaded.beside, loaded.below
 
@@ -178,7 +174,7 @@ def replan(loaded: Loaded) -> object:
     found = site_planning.preview_loss(content, lost, at_s, cost=Cost.MINMAX, seconds=60.0, seed=1)
     answer = document(replace(found.plan, seconds=0.0))
     later = None
-    if loaded.sets_day and loaded.first is not None:
+    if loaded.sets_day:
         later = decide(begin(loaded, loaded.first, loaded.day)[0])
     return answer, decide(begin(loaded, content)[0]), later
 
@@ -186,7 +182,7 @@ def replan(loaded: Loaded) -> object:
 def resume(loaded: Loaded) -> object:
     """Return what a run directory gives back of a flight, and of a day, after the site's own folder is gone."""
     flights: list[tuple[PlanFile, DayPlanFile | None]] = [(loaded.plan, None)]
-    if loaded.sets_day and loaded.first is not None:
+    if loaded.sets_day:
         flights.append((loaded.first, loaded.day))
     return [_resume(loaded, content, day) for content, day in flights]
 
@@ -393,7 +389,12 @@ FIGURE = {"mean": 9.0, "sd": 1.0, "samples": 4}
 LEVEL = {"speed_m_s": 5.0, "current_a": FIGURE}
 RADIO = {"system": 51, "component": 68}
 QUIET = (("day.quiet", [{"begin": "08:00", "end": "08:30"}]),)
-ROAD = (*BASES, ("day.lands", "any"), ("day.road", [{"between": ["a", "b"], "minutes": 5}]))
+ROAD = (
+    *BASES,
+    ("fence", {"enabled": True}),
+    ("day.lands", "any"),
+    ("day.road", [{"between": ["a", "b"], "minutes": 5}]),
+)
 ELSEWHERE = at(60, -30)
 FAR = at(-90, -20)
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +18,9 @@ from executor.site.day_plans import (
     build_day_rules,
     build_first_sorties_plan,
     describe_later_sorties,
+    find_day_pads,
     find_later_segments,
+    select_day,
     solve_day,
     sorties_ahead_of,
 )
@@ -24,8 +28,9 @@ from executor.site.site_file import check_site
 from executor.site.site_model import SiteModel
 from executor.site.site_parts import find_base_pads
 from executor.site.site_planning import PlanRequest
-from missions import DayPlanFile, PlanFileError, check_plan
-from planner import segment_of
+from missions import DayPlanFile, PlanFileError, check_plan, read_day_plan, write_plan
+from planner import Plan, Route, segment_of
+from planner.sorties import LossWindow, Objective, evaluate_sorties
 from tests.executor.builders import ground_for, site_of
 from tests.missions.builders import FRAME, line_east
 
@@ -131,6 +136,12 @@ def test_a_day_of_other_speeds_is_planned_and_not_flown() -> None:
     assert "uav2: expected speed_m_s 3 of [inspection], at which everybody flies, got 4" in said
 
 
+def test_until_when_each_vehicle_must_not_be_lost_is_kept(day: DayPlanFile, tmp_path: Path) -> None:
+    kept = replace(day, windows=(LossWindow("uav1", 0.0, None), LossWindow("uav2", 31_000.0, 1)))
+    write_plan(tmp_path / "day.json", kept)
+    assert read_day_plan(tmp_path / "day.json") == kept
+
+
 def refused(day: DayPlanFile, ground: SiteModel) -> str:
     with pytest.raises(PlanFileError) as error:
         build_first_sorties_plan(day, ground)
@@ -162,3 +173,69 @@ def test_a_day_goes_on_with_what_another_one_left(ground: SiteModel) -> None:
     flown = {segment_of(visit) for own in sorties_ahead_of(found).values() for one in own for visit in one.visits}
     assert flown == set(left)
     assert {segment.id for segment in build_first_sorties_plan(found, ground).segments} == set(left)
+
+
+def between_bases(**tables: object) -> tuple[SiteModel, DayPlanFile]:
+    """Return a day on which uav1 flies to the other base and back, with uav2's segment beside it."""
+    bases = []
+    for name, east_m, own in (("west", 0.0, ["uav1", "uav2"]), ("east", 1300.0, [])):
+        lat_deg, lon_deg = FRAME.to_wgs84_deg(east_m, -60.0)
+        bases.append({"name": name, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_m": FRAME.alt_m, "vehicles": own})
+    known: dict[str, Any] = {"base": bases, "day": {**HOURS, "lands": "any"}, "energy": {"capacity_ah": 3.0}, **tables}
+    ground = ground_for(site_of(("uav1", "uav2"), **known), line_east(13))
+    problem = build_day_problem(ground)
+    first, second = tuple(2 * one for one in range(6)), tuple(2 * one + 1 for one in reversed(range(6, 12)))
+    plan = Plan((Route(0, first, 0, 1, 28_800.0), Route(0, second, 1, 0, 30_600.0)))
+    found = evaluate_sorties(problem.build_instance(), plan)
+    return ground, replace(problem.with_plan(plan, found, Objective.FINISH), source="day.json")
+
+
+FENCED = {"fence": {"enabled": True}}
+
+
+def test_a_day_between_bases_begins_and_ends_its_sorties_there() -> None:
+    ground, day = between_bases(**FENCED)
+    plan, ahead = build_first_sorties_plan(day, ground), sorties_ahead_of(day)
+    assert [(one.base, one.lands) for one in ahead["uav1"]] == [("west", "east"), ("east", "west")]
+    assert plan.pricing is not None
+    assert plan.pricing.starts["uav1"].place_m[:2] == ground.setup.base_of("uav1").place_m[:2]
+    east = ground.day_pads["uav1"]["east"]
+    assert plan.pricing.bases["uav1"].place_m[:2] == (east.east_m, east.north_m)
+    assert plan.routes[0].energy_pct == pytest.approx(day.routes[0].energy_pct)
+    # Everybody has a pad of its own at each base.
+    pads = [*ground.setup.pads, *(pad for own in ground.day_pads.values() for pad in own.values())]
+    places = [(pad.east_m, pad.north_m) for pad in pads]
+    assert len(places) == 4
+    assert min(math.dist(one, other) for one, other in itertools.combinations(places, 2)) >= 12.0
+    assert set(find_day_pads(day, ground, ground.setup)) == {"uav1"}
+
+
+def test_a_sortie_that_could_not_return_to_its_begin_needs_rally_points() -> None:
+    ground, day = between_bases(energy={"capacity_ah": 1.2})
+    said = refused(day, ground)
+    assert "sortie 1 of uav1 ends at base east: its own RTL ends where it took off" in said
+    assert 'expected [fence] with enabled = true and rally = "pad"' in said
+    build_first_sorties_plan(*between_bases(energy={"capacity_ah": 1.2}, **FENCED)[::-1])
+    build_first_sorties_plan(*between_bases()[::-1])  # with so much to spare it could
+    kept = between_bases(energy={"capacity_ah": 1.2}, fence={"enabled": True, "rally": "keep"})
+    assert "its own RTL ends where it took off" in refused(*kept[::-1])
+
+
+def test_a_sortie_to_another_base_is_refused_where_vehicles_come_down_to_the_line() -> None:
+    ground, day = between_bases(inspection={"same_distance": True}, **FENCED)
+    assert "sortie 1 of uav1 ends at base east: expected the base where it begins" in refused(day, ground)
+
+
+def test_the_next_day_begins_where_the_one_before_ended() -> None:
+    ground, day = between_bases(**FENCED)
+    stands = [replace(own, base="east") if own.name == "uav1" else own for own in day.vehicles]
+    moved = replace(day, vehicles=tuple(stands), routes=day.routes[1:], uncovered=tuple(range(6)))
+    found = evaluate_sorties(moved.build_instance(), moved.plan)
+    moved = replace(moved.with_plan(moved.plan, found, Objective.FINISH), source="day.json")
+    assert "uav1: expected at base east, where it begins the day: name it there in [[base]]" in refused(moved, ground)
+    days = replace(day, days=((28_800.0, 30_600.0), (30_600.0, 36_000.0)))
+    rest = select_day(days, 1, set(range(6)), ["uav1", "uav2"])
+    assert [own.base for own in rest.vehicles] == ["east", "west"]
+    assert [(one.base, one.lands) for one in rest.routes] == [("east", "west")]
+    again = select_day(replace(days, days=day.days), 0, set(range(6)), ["uav1", "uav2"])
+    assert again.routes == ()  # what led to the other base is inspected, and not flown

@@ -12,9 +12,8 @@ import pytest
 from executor.errors import SiteError
 from executor.site import site_model, site_planning
 from executor.site.site_model import SiteModel
-from missions import estimate, make_plan_file, read_plan, write_plan
+from missions import SolverRecord, estimate, make_plan_file, read_plan, write_plan
 from missions.inspection_height import find_low_segments, segment_distances_m
-from missions.plan_file import SolverRecord
 from planner import Cost, Plan, Route, route_duration_s, segment_of, solve
 from planner.stop_rules import Iterations
 from tests.executor.builders import ground_for, site_of

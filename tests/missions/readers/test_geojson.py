@@ -7,8 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from missions import NetworkError, read_network
-from missions.readers import MendingLimits, RemarkTopic, Selection, default_network_path, import_network
+from missions import (
+    MendingLimits,
+    NetworkError,
+    RemarkTopic,
+    Selection,
+    default_network_path,
+    import_network,
+    read_network,
+)
 
 
 def point(name: str | int, lon: float, lat: float | None, **properties: object) -> dict[str, object]:

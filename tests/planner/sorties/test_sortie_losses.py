@@ -50,7 +50,7 @@ def test_a_re_plan_and_what_was_kept_are_a_whole_plan_of_the_day() -> None:
     at_s = lands_s(instance, plan.routes_of(0)[0]) - 1.0
     left = build_sorties_after_loss(instance, plan.routes, {0: at_s}, at_s)
     rest = solve_sorties(left.instance, stop=Iterations(2_000), initial=left.tails).plan
-    whole = Plan(tuple(left.list_known_sorties(rest)), rest.uncovered)
+    whole = Plan(tuple(sorted([*left.kept, *rest.routes], key=lambda one: (one.vehicle, one.start_s))), rest.uncovered)
     assert evaluate_sorties(instance, whole).violations == ()
     assert all(one.start_s < at_s for one in whole.routes_of(0))
     assert all(one in whole.routes for one in left.kept)
@@ -63,12 +63,13 @@ def test_the_window_begins_after_the_last_sortie_whose_loss_nobody_makes_good() 
     assert broken, "a day so short does not survive every loss"
     for one in broken:
         assert one.breaks is not None
-        own = plan.routes_of(one.vehicle)
+        vehicle = [own.name for own in instance.vehicles].index(one.vehicle)
+        own = plan.routes_of(vehicle)
         assert one.from_s == lands_s(instance, own[one.breaks])
         for number, sortie in enumerate(own):
             at_s = lands_s(instance, sortie)
             if number >= one.breaks:
-                left = build_sorties_after_loss(instance, plan.routes, {one.vehicle: at_s}, at_s)
+                left = build_sorties_after_loss(instance, plan.routes, {vehicle: at_s}, at_s)
                 assert (not replan_sorties(left, 0, None).uncovered) == (number > one.breaks)
 
 

@@ -78,9 +78,12 @@ autopilot = "px4"
 """
 
 
+ADAPTERS = {model: TypeAdapter[object](model) for model in FILES.values()}
+
+
 def accepted(model: type[object], document: object) -> bool:
     try:
-        TypeAdapter(model).validate_json(json.dumps(document))
+        ADAPTERS[model].validate_json(json.dumps(document))
     except ValidationError:
         return False
     return True

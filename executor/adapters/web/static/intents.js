@@ -13,6 +13,7 @@ import { byId, find } from "./elements.js";
  * @property {boolean} confirmed
  * @property {string} [base]
  * @property {string} [pack]
+ * @property {number} [charged]
  * @property {number[]} [assets]
  */
 /** @typedef {{ heading: string, meaning: string, button: string, again?: boolean }} Asked */
@@ -30,6 +31,7 @@ const WORDS = {
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   close: ["Close base", "Nobody takes off from it until it is opened. Who is in the air lands there. Its later sorties are open for others."],
   open: ["Open base", "Its vehicles may be sent out again, each when its pack is confirmed."],
+  count: ["Count packs", "So many charged packs are there now, whatever the plan's count says. Those still charging come on top."],
   replan: ["Re-plan now", "All open segments are re-planned."],
   prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
   abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
@@ -121,18 +123,25 @@ export class Intents {
     const pack = byId("pack", HTMLInputElement);
     if (packed) pack.value = "";
     // Not when it is closed: that event comes later, and may find another question in the dialog.
+    const counted = wish.action === "count";
+    byId("counted").hidden = !counted;
+    const charged = byId("charged", HTMLInputElement);
+    charged.required = counted;
+    charged.disabled = !counted;
+    charged.value = "";
     find(dialog, "form", HTMLFormElement).onsubmit = (event) => {
-      if (event.submitter === yes) this.send(packed ? { ...wish, pack: pack.value.trim() } : wish);
+      if (event.submitter !== yes) return;
+      this.send(packed ? { ...wish, pack: pack.value.trim() } : counted ? { ...wish, charged: charged.valueAsNumber } : wish);
     };
     dialog.showModal();
     // A second question is read before it is answered: Enter alone means no.
-    (again ? byId("no") : yes).focus();
+    (again ? byId("no") : counted ? charged : yes).focus();
     return true;
   }
 
   /** @param {Wish} asked */
   async send(asked) {
-    const { action, vehicle, base, what, confirmed, pack, assets } = asked;
+    const { action, vehicle, base, what, confirmed, pack, charged, assets } = asked;
     const id = Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, "0")).join("");
     /** @type {Partial<Wish> & { id: string }} */
     const wish = { id, action };
@@ -140,6 +149,7 @@ export class Intents {
     if (base) wish.base = base;
     if (confirmed) wish.confirmed = true;
     if (pack) wish.pack = pack;
+    if (charged !== undefined) wish.charged = charged;
     if (assets) wish.assets = assets;
     const body = JSON.stringify(wish);
     this.tell(`${what}: asked`, "accepted");

@@ -22,7 +22,7 @@ const MAY = {
 /** @type {Record<string, string>} */
 const KEYS = { hold: "H", resume: "R", return: "B", land: "L", exclude: "X", include: "I", swap: "S", disarm: "D" };
 const ALL = ["swap", "include", "hold", "resume", "return", "land", "exclude", "disarm"];
-const OF_BASE = ["close", "open"];
+const OF_BASE = ["close", "open", "count"];
 // Nobody takes off from a closed base.
 const STARTS = ["swap", "include"];
 const INTENT_S = 90;
@@ -165,7 +165,8 @@ export class Strips {
     strip.dataset.at = base;
     for (const button of all(strip, "[data-base]")) {
       const action = button.dataset.base ?? "";
-      button.hidden = !base || over || (action === "open") !== vehicle.turn?.base_closed;
+      const fits = action === "count" ? vehicle.turn?.packs !== null : (action === "open") === vehicle.turn?.base_closed;
+      button.hidden = !base || over || !fits;
       write(button, `${label(action)} ${base}`);
     }
     const may = this.may(vehicle, state);

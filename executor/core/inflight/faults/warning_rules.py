@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from executor.core.inflight.faults import watch_view, watchpoints
 from executor.core.inflight.faults.watch_view import WatchView
-from executor.core.inflight.faults.watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight
+from executor.core.inflight.faults.watchpoints import BATTERY_SENSOR, LOW, assess_pack_in_flight, describe_jump
 from executor.core.lines import battery, height, link, position, speed
 from executor.core.state import legs
 from executor.core.state.fleet_state import ReportedWarnings
@@ -111,14 +111,6 @@ def gps_lost(view: WatchView) -> str:
     return position.GPS_LOST.format(why=known.why, last_fix=last_fix(view.context, view.state))
 
 
-def describe_position_jump(view: WatchView) -> str:
-    """Its position jumped a little."""
-    off_m, at_s = view.state.motion.jump
-    limits = view.context.limits
-    jumped = off_m >= limits.jump_warn_m and view.now_s - at_s <= limits.link_stale_s
-    return position.JUMPED.format(off_m=off_m) if jumped else ""
-
-
 def describe_stuck_return(view: WatchView) -> str:
     """It should be on its way home, and hangs in the air where it is."""
     state, limits, fix, stood_s = view.state, view.context.limits, view.fresh_fix, view.state.motion.stood_s
@@ -157,7 +149,7 @@ TABLE: tuple[WarningRule, ...] = (
     WarningRule("battery-besides", FaultKind.BATTERY, describe_second_battery_fault),
     WarningRule("reserve", FaultKind.BATTERY, describe_reserve_risk),
     WarningRule("gps", FaultKind.INTERRUPTION, gps_lost),
-    WarningRule("position", FaultKind.INTERRUPTION, describe_position_jump),
+    WarningRule("position", FaultKind.INTERRUPTION, lambda view: describe_jump(view, view.context.limits.jump_warn_m)),
     WarningRule("low", FaultKind.INTERRUPTION, low),
     WarningRule("stands", FaultKind.INTERRUPTION, describe_stuck_return),
 )

@@ -333,7 +333,7 @@ def check_unexpected_disarm(view: WatchView) -> Finding:  # noqa: C901, PLR0911 
         return OK
     if not view.setup.planned:
         return _check_disarm_in_flight(view)
-    away_m, says = math.dist(state.motion.fix.place_m, view.setup.pad_m), alarm_words(view)
+    away_m, says = view.setup.pad_distance_m(state.motion.fix.place_m), alarm_words(view)
     if not is_resting_place_known(state, view.now_s):
         return STALE  # its place is from before it was silent, or began anew
     if state.stage is Stage.PILOT:
@@ -477,12 +477,16 @@ FALLEN = 0.3
 
 def check_position_jump(view: WatchView) -> Finding:
     """Its position is suddenly elsewhere: where it is, and where it flies to, is not known any more."""
-    off_m, at_s = view.state.motion.jump
-    limits = view.context.limits
     if not view.setup.planned and (not is_in_mission_mode(view) or is_estimate_lost(view)):
         return OK  # it is not flown by its position; or knows itself that it is elsewhere
-    jumped = off_m >= limits.jump_m and view.now_s - at_s <= limits.link_stale_s
-    return position.JUMPED.format(off_m=off_m) if jumped else OK
+    return describe_jump(view, view.context.limits.jump_m)
+
+
+def describe_jump(view: WatchView, least_m: float) -> str:
+    """Return in words that its position has just jumped at least so far; nothing if it did not."""
+    off_m, at_s = view.state.motion.jump
+    jumped = off_m >= least_m and view.now_s - at_s <= view.context.limits.link_stale_s
+    return position.JUMPED.format(off_m=off_m) if jumped else ""
 
 
 def check_stall(view: WatchView) -> Finding:

@@ -41,7 +41,9 @@ def socket_on_loopback() -> socket.socket:
 
 @asynccontextmanager
 async def opened(connection: str, *, log: Frames | None = None) -> AsyncIterator[VehicleLink]:
-    async with open_mavlink_links({"uav1": LinkRequest(parse_connection(connection), 7, log)}) as links:
+    async with open_mavlink_links(
+        {"uav1": LinkRequest(parse_connection(connection), 7, (log or Frames()).write)}
+    ) as links:
         yield links["uav1"]
 
 

@@ -54,7 +54,7 @@ class Behind:
 
     def __init__(self, *sysids: int, log: Frames | None = None) -> None:
         self.codec = MavlinkCodec()
-        self.links = [VehicleLink(sysid, self.codec, log) for sysid in sysids]
+        self.links = [VehicleLink(sysid, self.codec, (log or Frames()).write) for sysid in sysids]
         self.router = Router(self.links, self.codec)
 
     def feed(self, data: bytes, sent: list[bytes] | None = None) -> None:

@@ -82,7 +82,7 @@ class Air:
 @asynccontextmanager
 async def found(log: Frames | None = None) -> AsyncIterator[Air]:
     port = free_port()
-    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{port}"), 7, log)
+    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{port}"), 7, (log or Frames()).write)
     with socket_on_loopback() as plug:
         async with open_mavsdk_links({"uav1": order}, MavlinkCodec()) as links:
             air = Air(links["uav1"], plug, port)
@@ -188,7 +188,7 @@ async def test_both_directions_are_logged() -> None:
 
 async def test_before_the_vehicle_is_found_there_is_nowhere_to_send_to() -> None:
     log = Frames()
-    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7, log)
+    order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{free_port()}"), 7, log.write)
     async with open_mavsdk_links({"uav1": order}, MavlinkCodec()) as links:
         links["uav1"].send(SendHeartbeat())
     assert log.frames == []

@@ -60,10 +60,21 @@ def test_assets_to_look_at_again() -> None:
 def test_a_base_is_closed_by_its_name() -> None:
     assert read(action="close", vehicle=..., base="north") == Intent("a-1", Action.CLOSE, None, "mqtt", base="north")
     assert read(action="open", vehicle=..., base="north") == Intent("a-1", Action.OPEN, None, "mqtt", base="north")
-    expected = "base: expected a name for close and open, and none for anything else"
+    expected = "base: expected a name for close, open and count, and none for anything else"
     assert reason(action="close", vehicle=...) == expected
     assert reason(base="north") == expected
     assert reason(action="close", base="north") == "vehicle: expected none, as close is for all of them"
+
+
+def test_packs_are_counted_at_a_base() -> None:
+    counted = Intent("a-1", Action.COUNT, None, "mqtt", base="north", charged=3)
+    assert read(action="count", vehicle=..., base="north", charged=3) == counted
+    expected = "charged: expected a number of packs for count, and none for anything else"
+    assert reason(action="count", vehicle=..., base="north") == expected
+    assert reason(charged=3) == expected
+    assert reason(action="count", vehicle=..., charged=3).startswith("base: expected a name")
+    for wrong in (-1, 1001, 2.5, "3", True):
+        assert reason(action="count", vehicle=..., base="north", charged=wrong).startswith("charged: ")
 
 
 def test_what_is_no_intent_is_refused_in_one_line() -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from executor.core.battery import account
 from executor.core.battery.account import LEAST_FACTOR, BatteryState
+from executor.core.battery.charge_counter import ChargeCounter
 from executor.core.battery.kalman import Prior
 from executor.core.fault_thresholds import Limits
 
@@ -61,9 +62,9 @@ def test_a_learned_capacity_stays_near_the_one_that_is_set() -> None:
     falling = [90.0 - n // 10 for n in range(80)]
     free = fed(BatteryState(), falling, from_s=0.0, ah_s=0.004)
     assert free.charge.capacity_ah == pytest.approx(4.0, rel=0.1)
-    bound = fed(account.apply_capacity_setting(BatteryState(), 10.0), falling, from_s=0.0, ah_s=0.004)
+    bound = fed(BatteryState(charge=ChargeCounter(set_ah=10.0)), falling, from_s=0.0, ah_s=0.004)
     assert bound.charge.capacity_ah is None  # its percentage is not this counter by this capacity
-    fits = fed(account.apply_capacity_setting(BatteryState(), 4.2), falling, from_s=0.0, ah_s=0.004)
+    fits = fed(BatteryState(charge=ChargeCounter(set_ah=4.2)), falling, from_s=0.0, ah_s=0.004)
     assert fits.charge.capacity_ah == pytest.approx(4.0, rel=0.1)
 
 

@@ -9,14 +9,17 @@ from dataclasses import replace
 import pytest
 
 from executor.core.context import Context, DayRules, PackRules
+from executor.core.fleet_step import step
 from executor.core.fleet_view import build_fleet_view
 from executor.core.ground import turnaround
 from executor.core.ground.pack_count import PackStock, count_packs, describe_packs
-from executor.core.interface.intents import Action, Outcome
+from executor.core.interface.events import IntentReceived
+from executor.core.interface.intents import Action, Intent, IntentReason, Outcome
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import FlownSortie, PlannedSortie
 from executor.core.state.vehicle_state import Stage
 from executor.flight.flight_recorder import round_trip_state
+from missions import Pad
 from planner.sorties import SortieBase
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import flight_of
@@ -98,6 +101,70 @@ def test_a_vehicle_that_is_turned_around_has_its_pack_once() -> None:
     assert count_packs(context, turned, "uav2", NOW_S) == PackStock("west", 1, None, exhausted=False)
     failed = flown(((0.0, 50.0), (60.0, None)), took_off=False, asked_s=NOW_S - 5.0)
     assert count_packs(context, failed, "uav2", NOW_S) == PackStock("west", 1, None, exhausted=False)
+
+
+@pytest.mark.parametrize(
+    ("packs", "sorties", "charged", "counted_s", "found"),
+    [
+        (PackRules(3), (((0.0, 50.0),),), 5, 90.0, (5, None, False)),
+        (PackRules(3), (((0.0, 50.0),),), 0, 90.0, (0, None, True)),
+        (PackRules(3), (((0.0, 50.0),), ((60.0, 80.0),)), 4, 55.0, (3, None, False)),
+        (PackRules(1, 100.0), (((0.0, 50.0),),), 0, 90.0, (0, 150.0, False)),
+        (PackRules(1, 30.0), (((0.0, 50.0),),), 2, 90.0, (2, None, False)),
+    ],
+    ids=["more", "none is left", "one flew since", "one still charges", "one was charged before"],
+)
+def test_what_the_crew_counts_is_charged_from_then_on(
+    packs: PackRules, sorties: Sequence[Sequence[Flown]], charged: int, counted_s: float,
+    found: tuple[int, float | None, bool],
+) -> None:  # fmt: skip
+    context, state = day_with(packs), flown(*sorties)
+    wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=charged)
+    state, _ = step(context, state, IntentReceived(wish), LAUNCHED_S + counted_s)
+    assert state.crew.intents["a-1"].outcome is Outcome.DONE
+    assert count_packs(context, state, "uav1", NOW_S) == PackStock("west", *found)
+    assert count_packs(context, round_trip_state(state), "uav1", NOW_S) == PackStock("west", *found)
+
+
+def test_a_pack_that_was_in_a_vehicle_as_the_crew_counted_is_not_taken_again() -> None:
+    context, state = day_with(PackRules(3)), flown(((0.0, 50.0),), asked_s=LAUNCHED_S + 60.0)
+    wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=2)
+    state, _ = step(context, state, IntentReceived(wish), LAUNCHED_S + 70.0)
+    assert count_packs(context, state, "uav1", NOW_S) == PackStock("west", 2, None, exhausted=False)
+    one = state.vehicles["uav1"]
+    gone = one.with_turn(asked_s=None, sorties=(*one.turn.sorties, FlownSortie(2, "", LAUNCHED_S + 80.0, 100.0, None)))
+    assert count_packs(context, state.put(gone), "uav1", NOW_S) == PackStock("west", 2, None, exhausted=False)
+    other = state.vehicles["uav2"].with_turn(asked_s=LAUNCHED_S + 75.0)
+    assert count_packs(context, state.put(gone).put(other), "uav1", NOW_S) == PackStock(
+        "west", 1, None, exhausted=False
+    )
+
+
+def test_a_count_is_refused_where_nobody_counts() -> None:
+    wish = Intent("a-1", Action.COUNT, None, "page", base="west", charged=2)
+    for context, asked, code in (
+        (day_with(None), wish, IntentReason.PACKS_UNCOUNTED),
+        (day_with(PackRules(3)), replace(wish, charged=None), IntentReason.PACKS_UNCOUNTED),
+        (day_with(PackRules(3)), replace(wish, base="east"), IntentReason.BASE_UNKNOWN),
+        (FLEET.context, wish, IntentReason.BASE_UNKNOWN),
+    ):
+        state, _ = step(context, flown(), IntentReceived(asked), NOW_S)
+        assert state.crew.intents["a-1"].code is code
+        assert not state.crew.counted_packs
+
+
+def test_packs_are_counted_at_the_bases_where_sorties_begin_and_land() -> None:
+    context, state = day_with(PackRules(2, 20.0)), flown(((0.0, 50.0),))
+    assert context.day is not None
+    pads = {"uav1": {"west": Pad("uav1", 0.0, 0.0, 450.0), "east": Pad("uav1", 900.0, 0.0, 450.0)}}
+    packs = {"west": PackRules(2, 20.0), "east": PackRules(1, 20.0)}
+    context = replace(context, day=replace(context.day, packs=packs, pads=pads))
+    one = state.vehicles["uav1"]
+    east = one.with_turn(base="east", sorties=(replace(one.turn.sorties[0], lands="east"),))
+    assert count_packs(context, state.put(east), "uav1", NOW_S) == PackStock("east", 2, None, exhausted=False)
+    assert count_packs(context, state.put(east), "uav2", NOW_S) == PackStock("west", 1, None, exhausted=False)
+    turned = state.put(east.with_turn(asked_s=NOW_S - 1.0))
+    assert count_packs(context, turned, "uav1", NOW_S) == PackStock("east", 1, None, exhausted=False)
 
 
 def test_it_counts_as_the_planner_does() -> None:

@@ -20,8 +20,8 @@ from executor.core.operator import intent_refusals
 from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.fleet_state import FleetState
 from missions import Segment
-from missions.areas import Unreachable
 from missions.cameras import Camera, CameraTasks, PylonCameraTask, SpanCameraTask, Trigger, Viewpoint
+from missions.no_fly_areas import Unreachable
 from tests.executor.core.steps import flight_of, plan_of
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 

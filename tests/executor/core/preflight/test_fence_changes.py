@@ -46,8 +46,8 @@ def test_nothing_is_read_or_set_without_the_sites_word() -> None:
     for context in (SHIPS["px4"].context, context_of("px4", enabled=False)):
         assert fence_changes.list_fence_parameters(context, "uav1") == ()
         assert fence_changes.plan_fence_changes(context, "uav1", present(**PIXHAWK)) == []
-        before = propose_return_changes(context, {"uav1": Answers({}), "uav2": Answers({})})
-        assert fence_changes.add_fence_changes(context, before) == before
+        answered = {"uav1": Answers({}), "uav2": Answers({})}
+        assert fence_changes.propose_changes(context, answered) == propose_return_changes(context, answered)
 
 
 def test_what_a_fence_needs() -> None:

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from executor.core.preflight.fence_changes import KeptList
 from executor.core.preflight.parameter_changes import (
     ChangeStage,
+    KeptList,
     KeptParameter,
     ValueOrigin,
     build_board_record,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from executor.core.context import Context
@@ -11,9 +13,11 @@ from executor.core.preflight.parameter_changes import (
     KEPT_HIGHER_M,
     Answers,
     ParameterProposal,
+    add_other_homes,
     check_return_height,
     propose_return_changes,
 )
+from missions import Pad
 from tests.executor.builders import fleet_of
 
 INT32, REAL32 = 6, 9
@@ -145,3 +149,33 @@ def test_what_became_of_it() -> None:
         Severity.WARNING,
         f"RTL altitude set to {height_m:g} m, but RTL_CONE_SLOPE stays 3",
     )
+
+
+def with_pad_at(context: Context, lower_m: float) -> Context:
+    """Return a flight in which uav1 lands at another base as well, on lower ground."""
+    home = context.setup.pad_of("uav1")
+    other = Pad("uav1", home.east_m + 500.0, home.north_m, home.alt_m - lower_m)
+    return replace(context, setup=replace(context.setup, day_pads=(home, other)))
+
+
+def test_what_is_set_later_for_a_lower_pad_is_on_record_from_the_beginning() -> None:
+    context, height_m = with_pad_at(COPTERS, 10.0), COPTERS.return_height_m("uav1")
+    found = add_other_homes(context, proposed(context, "uav1", INT32, RTL_ALT=1200.0, RTL_CONE_SLOPE=0.0))
+    [change] = found.changes
+    assert (change.old, change.new, change.earlier) == (1200.0, 100 * height_m, (100 * (height_m + 10.0),))
+    assert change.is_ours(100 * (height_m + 10.0))
+    assert change.words_set.endswith(f"; {100 * (height_m + 10.0):.0f} at another of its pads")
+
+
+def test_what_is_right_at_first_and_not_at_another_pad_is_on_record_too() -> None:
+    context, height_m = with_pad_at(COPTERS, 10.0), COPTERS.return_height_m("uav1")
+    found = add_other_homes(context, proposed(context, "uav1", RTL_ALT=100 * height_m, RTL_CONE_SLOPE=0.0))
+    [change] = found.changes
+    assert (change.old, change.new) == (100 * height_m, 100 * height_m)
+    assert change.is_ours(100 * (height_m + 10.0))
+
+
+def test_a_pad_on_the_same_ground_needs_nothing_else() -> None:
+    context = with_pad_at(PX4S, 0.0)
+    first = proposed(context, "uav1", RTL_RETURN_ALT=12.0)
+    assert add_other_homes(context, first) == first

@@ -9,7 +9,7 @@ import pytest
 from executor.core.interface.commands import CancelSolve, Compose, Finish, Level, Start
 from executor.core.interface.events import IntentReceived, MissionsWanted, ReturnAllOrdered, SolveEnded, UploadEnded
 from executor.core.interface.intents import Action, Intent
-from executor.core.replanning import new_missions
+from executor.core.replanning import replan_cycle
 from executor.core.state.vehicle_state import FaultKind, Stage
 from missions import Phase
 from tests.executor.builders import THREE, fleet_of, with_facts
@@ -116,7 +116,7 @@ def landing_when_mixed(mixed: bool) -> Story:
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.vehicle("uav3").assignment.pending is not None)
     flight.run(lambda: (leg := flight.vehicle("uav3").leg) is not None and leg.phase is Phase.LAND)
-    assert not new_missions.may_retry_upload(flight.context, flight.vehicle("uav3"), mixed=mixed)
+    assert not replan_cycle.may_retry_upload(flight.context, flight.vehicle("uav3"), mixed=mixed)
     flight.happen(UploadEnded("uav3", 1, accepted=False, mixed=mixed, reason="it has left its mission"))
     return flight
 
@@ -134,12 +134,12 @@ def test_an_upload_that_its_landing_ends_is_no_fault(mixed: bool) -> None:
 def test_an_upload_is_begun_again_while_its_vehicle_flies_its_mission(mixed: bool) -> None:
     flight = under_way()
     flying = flight.vehicle("uav2")
-    assert new_missions.may_retry_upload(flight.context, flying, mixed=mixed)
-    assert new_missions.may_retry_upload(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
-    assert not new_missions.may_retry_upload(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
-    assert not new_missions.may_retry_upload(flight.context, replace(flying, stage=Stage.DOWN), mixed=mixed)
+    assert replan_cycle.may_retry_upload(flight.context, flying, mixed=mixed)
+    assert replan_cycle.may_retry_upload(flight.context, replace(flying, stage=Stage.PILOT), mixed=mixed) is mixed
+    assert not replan_cycle.may_retry_upload(flight.context, replace(flying, stage=Stage.RETURNING), mixed=mixed)
+    assert not replan_cycle.may_retry_upload(flight.context, replace(flying, stage=Stage.DOWN), mixed=mixed)
     excluded = with_facts(flying, stage=Stage.GROUND, excluded=True)
-    assert new_missions.may_retry_upload(flight.context, excluded, mixed=False) is False
+    assert replan_cycle.may_retry_upload(flight.context, excluded, mixed=False) is False
 
 
 def test_what_another_flies_already_is_taken_from_who_carries_it_too() -> None:
@@ -280,7 +280,7 @@ def test_a_vehicle_landing_when_the_plan_was_made_may_fly_what_was_left() -> Non
 
 def composing(monkeypatch: pytest.MonkeyPatch) -> Story:
     """A flight of four in which uav2 is lost, and of the survivors' missions one has been made."""
-    monkeypatch.setattr(new_missions, "WAYS_AT_ONCE", 1)
+    monkeypatch.setattr(replan_cycle, "WAYS_AT_ONCE", 1)
     flight = under_way(fleet_of({**THREE, "uav4": (12, 14)}, pylons=9))
     flight.crafts["uav2"].mute = True
     flight.run(lambda: flight.state.replanning.replan is not None and bool(flight.state.replanning.replan.unmade))

@@ -67,7 +67,7 @@ class Beside:
 
     def __init__(self, story: Story, answer: tuple[int, ...] | None) -> None:
         self.story, self.answer = story, answer
-        self.context = story.context
+        self.context_now = story.context
         self.asked: list[Solve] = []
 
     @property
@@ -81,14 +81,14 @@ class Beside:
         self.story.happen(event)
 
     async def judge(self, problem: Solve, pricing: Pricing) -> tuple[int, ...] | None:
-        assert pricing is self.context.pricing
+        assert pricing is self.context_now.pricing
         self.asked.append(problem)
         await asyncio.sleep(0.5)
         return self.answer
 
 
 async def judged(beside: Beside, seconds: float) -> None:
-    task = asyncio.create_task(keep_judging(beside, beside))  # type: ignore[arg-type]
+    task = asyncio.create_task(keep_judging(beside, beside.judge))  # type: ignore[arg-type]
     await asyncio.sleep(seconds)
     task.cancel()
 
@@ -99,7 +99,7 @@ async def test_every_loss_is_judged_once_for_each_moment() -> None:
     beside = Beside(under_way(), (3,))
     await judged(beside, 100.0)
     assert len(beside.asked) == 3
-    view = build_fleet_view(beside.context, beside.story.state, beside.story.now_s)
+    view = build_fleet_view(beside.context_now, beside.story.state, beside.story.now_s)
     assert [vehicle.loss is not None and vehicle.loss.uncovered for vehicle in view.vehicles] == [(3,)] * 3
     assert not any(vehicle.loss.inside_window for vehicle in view.vehicles if vehicle.loss is not None)
     beside.story.state = with_facts(beside.story.state, inspected=MappingProxyType({9: "uav1"}))

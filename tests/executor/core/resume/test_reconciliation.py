@@ -348,7 +348,7 @@ def test_at_any_instant_of_a_flight_with_a_loss(dies_at_s: float, away_s: float)
         flight.crafts["uav2"].mute = True
     flight.finish()
     assert set(flight.state.coverage.inspected) == EVERYTHING
-    assert flight.state.progress.separation is None or flight.state.progress.separation.least_m >= 4.9
+    assert flight.state.progress.separation_m is None or flight.state.progress.separation_m >= 4.9
     assert all(
         vehicle.stage is Stage.LANDED or name in {"uav2", "uav4"} for name, vehicle in flight.state.vehicles.items()
     )

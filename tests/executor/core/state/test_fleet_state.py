@@ -58,6 +58,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "offer": None,
             "offer_wanted_s": None,
             "offers_over": False,
+            "closed_bases": frozenset(),
+            "counted_packs": {},
         },
     ),
     (

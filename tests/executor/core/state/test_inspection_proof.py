@@ -60,9 +60,9 @@ def judged(track: Track, samples: Iterable[PositionSample]) -> list[str]:
     for sample in samples:
         step: RunStep = advance_run(run, track, sample, corridor_m=CORRIDOR_M, speed_m_s=SPEED_M_S)
         run = step.run
-        if step.done or step.broken:
+        if step.flown or step.broken:
             assert run is None, "a run that has ended is over"
-            found.append("done" if step.done else step.broken)
+            found.append("done" if step.flown else step.broken)
     return found
 
 

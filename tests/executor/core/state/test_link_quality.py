@@ -101,17 +101,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "",
         ],
     ),
-    (
-        "a radio",
-        lambda: link_quality.apply_radio_report(linked((1.0, 30, 1)), radio(), 130.0),
-        LinkQuality(
-            window=((101.0, 30, 1),),
-            lost=0.0322581,
-            usual=0.0322581,
-            radio=Radio(rssi=80, remote_rssi=60, noise=20, remote_noise=20, free_buffer_pct=90),
-            radio_s=130.0,
-        ),
-    ),
 ]
 
 

@@ -15,7 +15,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Upload
 from executor.core.interface.events import Found, Heard, MissionsWanted, NewRoute, Resumed, UploadEnded
 from executor.core.interface.messages import OwnFailsafe, StatusText
-from executor.core.replanning import new_missions
+from executor.core.replanning import replan_cycle
 from executor.core.resume import reconciliation
 from executor.core.state import onboard_fence
 from executor.core.state.fleet_state import FleetState
@@ -85,7 +85,7 @@ def test_a_mission_that_leads_out_needs_one_that_covers_both() -> None:
 
 def uploads(one: VehicleState) -> list[Upload]:
     before = flight_of(one, SECOND, replan=UNMADE)
-    _, commands = new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
+    _, commands = replan_cycle.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
     return [command for command in commands if isinstance(command, Upload)]
 
 

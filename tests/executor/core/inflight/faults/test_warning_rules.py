@@ -35,7 +35,7 @@ ROWS: list[tuple[str, VehicleState]] = [
     ("positions", flying(fix=at(age_s=4.0))),
     ("items", flying(item_s=NOW_S - 6.0)),
     ("loss", flying(quality=lossy(*[0] * 60, *[10] * 12))),
-    ("radio", flying(quality=link_quality.apply_radio_report(LinkQuality(), Radio(45, 110, 40, 40, 90), NOW_S))),
+    ("radio", flying(quality=LinkQuality(radio=Radio(45, 110, 40, 40, 90), radio_s=NOW_S))),
     ("battery-silent", flying(battery=pack(90.0, 90.0, age_s=9.0))),
     ("battery-low", flying(battery=pack(20.0, charge_state=2))),
     ("pack", flying(battery=pack(62.0, 62.0), pack=nearly_empty())),
@@ -57,7 +57,7 @@ def test_every_warning_has_its_row() -> None:
 
 
 def test_nothing_is_wrong_with_a_healthy_vehicle() -> None:
-    assert names(flying(quality=link_quality.apply_radio_report(LinkQuality(), GOOD, NOW_S))) == []
+    assert names(flying(quality=LinkQuality(radio=GOOD, radio_s=NOW_S))) == []
 
 
 @pytest.mark.parametrize(("name", "state"), ROWS, ids=[name for name, _ in ROWS])
@@ -82,7 +82,7 @@ def test_a_full_buffer_is_the_radios_own_complaint() -> None:
 def radio(
     rssi: int | None = 120, noise: int | None = 40, far: int | None = 110, buffer: int | None = 90
 ) -> LinkQuality:
-    return link_quality.apply_radio_report(LinkQuality(), Radio(rssi, far, noise, 40, buffer), NOW_S)
+    return LinkQuality(radio=Radio(rssi, far, noise, 40, buffer), radio_s=NOW_S)
 
 
 HOMEWARD: dict[str, object] = {"stage": Stage.RETURNING, "anchor": replace(at(), boot_s=NOW_S - 20.0)}

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulator.config import FaultSpecError, Injection, InjectionKind, faults_of, is_due, parse_fault
+from simulator.errors import FaultSpecError
+from simulator.fault_kinds import Injection, InjectionKind, faults_of, is_due, parse_fault
 
 
 @pytest.mark.parametrize(

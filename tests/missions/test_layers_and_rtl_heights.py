@@ -12,7 +12,7 @@ from missions import (
     plan_layers,
     tracks_m,
 )
-from missions.layers import FLAT_M
+from missions.layers_and_rtl_heights import FLAT_M
 from tests.missions.builders import FLEET, line_east, network_of
 
 

@@ -146,7 +146,8 @@ def plan_layers(
     height_m, layer_m = inspection.height_m, inspection.layer_m
     tracks, known, relief = tracks_m(network, inspection.standoff_m), None, None
     tops = terrain is not None or network.has_heights
-    asked_m = pylon_m = _flight_heights_m(network, height_m) if tops else np.full(len(network.pylons), height_m)
+    tops_m = [(pylon.elevation_m or 0.0) + (pylon.height_m or 0.0) - network.frame.alt_m for pylon in network.pylons]
+    asked_m = pylon_m = (np.array(tops_m) if tops else np.zeros(len(tops_m))) + height_m
     indices = np.array([(segment.a, segment.b) for segment in network.segments], dtype=np.intp)
     if terrain is not None:
         places_m = np.concatenate((tracks.reshape(-1, 2), turns_m))
@@ -169,8 +170,3 @@ def plan_layers(
         known=known,
         raised_m=np.zeros(0) if known is None else pylon_m - asked_m,
     )
-
-
-def _flight_heights_m(network: Network, height_m: float) -> FloatArray:
-    tops_m = [(pylon.elevation_m or 0.0) + (pylon.height_m or 0.0) - network.frame.alt_m for pylon in network.pylons]
-    return np.array(tops_m, dtype=np.float64) + height_m

@@ -10,7 +10,7 @@ import pytest
 
 from executor.core.interface.commands import Compose, Level, Say, Solve, Survivor
 from executor.core.interface.events import MissionsWanted, NewRoute
-from executor.core.replanning import new_missions
+from executor.core.replanning import replan_cycle
 from executor.core.state.fleet_state import Replan, ReplanRecord
 from executor.core.state.vehicle_state import Stage, VehicleState
 from tests.executor.core.replanning.replans import without_paths
@@ -36,7 +36,7 @@ PASSED = flying(waypoint=5)
 def composed(plan: Replan, one: VehicleState = ON_ITS_WAY, revision: int = 4) -> tuple[object, ...]:
     before = flight_of(one, SECOND, replan=plan)
     return without_paths(
-        outcome(before, new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(revision), NOW_S))
+        outcome(before, replan_cycle.apply_missions_wanted(CONTEXT, before, MissionsWanted(revision), NOW_S))
     )
 
 
@@ -45,7 +45,7 @@ GIVEN = new_mission(2)
 
 def closed(**given: Any) -> Stepped:
     before = flight_of(replan=plan_of(**{"missions": {"uav1": GIVEN}} | given), orphans_since_s=5.0)
-    return outcome(before, new_missions.end_replan_if_done(before, NOW_S))
+    return outcome(before, replan_cycle.end_replan_if_done(before, NOW_S))
 
 
 ROWS: list[tuple[str, Callable[[], object], object]] = [
@@ -129,7 +129,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         "all missions at once",
         lambda: {
             name: (mission.visits, mission.fresh)
-            for name, mission in new_missions.build_all_missions(
+            for name, mission in replan_cycle.build_all_missions(
                 CONTEXT, flight_of(ON_ITS_WAY), replace(UNMADE, unmade=(*UNMADE.unmade, NewRoute("uav2", (6,))))
             ).missions.items()
         },
@@ -137,7 +137,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "all missions at once leave none to make",
-        lambda: new_missions.build_all_missions(CONTEXT, flight_of(ON_ITS_WAY), UNMADE).unmade,
+        lambda: replan_cycle.build_all_missions(CONTEXT, flight_of(ON_ITS_WAY), UNMADE).unmade,
         (),
     ),
     ("a re-plan that goes on", lambda: closed(pending=frozenset({"uav1"})), ([], {}, {})),
@@ -238,7 +238,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             },
         ),
     ),
-    ("no re-plan", lambda: new_missions.end_replan_if_done(flight_of(replan=None), NOW_S)[1], ()),
+    ("no re-plan", lambda: replan_cycle.end_replan_if_done(flight_of(replan=None), NOW_S)[1], ()),
 ]
 
 
@@ -249,14 +249,14 @@ def test_everything_that_comes_of_it(what: str, found: Callable[[], object], exp
 
 @pytest.mark.parametrize(("ways", "made"), [(6, 1), (7, 2), (12, 2), (13, 3)])
 def test_so_many_ways_are_made_in_one_turn(ways: int, made: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(new_missions, "WAYS_AT_ONCE", ways)
+    monkeypatch.setattr(replan_cycle, "WAYS_AT_ONCE", ways)
     names = ("uav1", "uav2", "uav3")
     plan = plan_of(
         *(offer_of(name, airborne=False) for name in names),
         unmade=tuple(NewRoute(name, (4,)) for name in names), pending=frozenset(names),
     )  # fmt: skip
     before = flight_of(replan=plan)
-    after, commands = new_missions.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
+    after, commands = replan_cycle.apply_missions_wanted(CONTEXT, before, MissionsWanted(4), NOW_S)
     assert after.replanning.replan is not None
     assert [route.vehicle for route in after.replanning.replan.unmade] == list(names[made:])
     assert [one for one in commands if isinstance(one, Compose)] == [Compose(4)] * (made < 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from executor.errors import SiteError
-from executor.flight import web_token
+from executor.flight.publication import check_web
 from executor.site.mqtt_and_web_keys import WebTable
 
 VARIABLE = "FIELD_TOKEN"
@@ -20,5 +20,5 @@ def test_a_token_that_is_missing_or_can_be_guessed(monkeypatch: pytest.MonkeyPat
         monkeypatch.setenv(VARIABLE, value)
     table = WebTable(host="0.0.0.0", token_env=VARIABLE)  # noqa: S104 - nothing listens
     with pytest.raises(SiteError, match=rf"^web\.token_env: expected a token of 16 or more .* variable {VARIABLE}$"):
-        web_token.check_web(table)
-    web_token.check_web(table.model_copy(update={"enabled": False}))
+        check_web(table)
+    check_web(table.model_copy(update={"enabled": False}))

@@ -1,0 +1,24 @@
+"""What the simulator raises.
+
+ValueError
+└── SimulatorError
+    ├── FaultSpecError     a fault that cannot be read, or that names a vehicle which does not fly
+    ├── EndpointError      a connection string that no simulated vehicle can serve
+    └── FleetError         vehicles that cannot fly together
+"""
+
+
+class SimulatorError(ValueError):
+    """Root of everything that the simulator raises on purpose."""
+
+
+class FaultSpecError(SimulatorError):
+    """The fault cannot be used."""
+
+
+class EndpointError(SimulatorError):
+    """The connection string cannot be served."""
+
+
+class FleetError(SimulatorError):
+    """The fleet cannot be simulated."""

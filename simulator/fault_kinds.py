@@ -1,0 +1,291 @@
+"""The faults that can be ordered of simulated vehicles: their kinds, how they are written, when they are due."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from simulator.errors import FaultSpecError
+
+ALL_VEHICLES = "all"
+DOWN = "-down"
+LANDED = "landed"
+
+
+class InjectionKind(Enum):
+    """What goes wrong."""
+
+    SILENT = "silent"
+    """The link is dead both ways, for good or for VALUE seconds; the vehicle flies on."""
+    BATTERY_STEP = "battery-step"
+    """VALUE points of charge are lost at once."""
+    DRAIN = "drain"
+    """The battery is used VALUE times as fast."""
+    CRASH = "crash"
+    """The motors stop."""
+    WEAK = "weak"
+    """Its motors lose a share VALUE of their thrust: from half of it on it sinks, in the mode that it is in."""
+    REBOOT = "reboot"
+    """The autopilot restarts: on the ground it is back after a few seconds, in the air it falls; with ``pad`` it is
+    back on its pad wherever it was, as a simulator that is restarted."""
+    REFUSE_UPLOAD = "refuse-upload"
+    """No mission is accepted any more."""
+    HALF_UPLOAD = "half-upload"
+    """The vehicle stops asking after half of the items."""
+    LOSS = "loss"
+    """A share VALUE of the datagrams is lost, each way."""
+    DELAY = "delay"
+    """Every datagram takes VALUE seconds, each way."""
+    DUPLICATE = "duplicate"
+    """A share VALUE of the datagrams comes twice."""
+    REORDER = "reorder"
+    """A share VALUE of the datagrams is overtaken by later ones."""
+    RATE = "rate"
+    """VALUE bytes a second pass each way, as over a radio: the rest waits, and is lost where the queue is full."""
+    PILOT = "pilot"
+    """A person switches to the mode VALUE by remote control, and holds the sticks from then on."""
+    STICKS = "sticks"
+    """A person moves the sticks: PX4 gives way, ArduPilot on its mission does not."""
+    STATION = "station"
+    """Another ground station, system 254, comes up beside ours and orders the mode VALUE."""
+    KILL = "kill"
+    """A person's kill switch: the motors stop at once, and it is disarmed wherever it is."""
+    DISARM = "disarm"
+    """A person disarms it, which no autopilot does in the air."""
+    WRECK = "wreck"
+    """It falls, and lies on its back with its motors on: armed, in the mode that it was in, and it goes on talking."""
+    FENCE = "fence"
+    """It is outside its fence, and returns."""
+    EMERGENCY = "emergency"
+    """Its battery falls to a few percent, and its own failsafe acts: LAND, or VALUE."""
+    EKF = "ekf"
+    """It does not know where it is any more, and lands."""
+    GPS = "gps"
+    """Its GPS has no fix, for good or for VALUE seconds; it reckons where it is, and its failsafe lands it."""
+    CAMERA_SILENT = "camera-silent"
+    """Its cameras take no pictures and say nothing any more."""
+    CAMERA_MUTE = "camera-mute"
+    """Its cameras take pictures and do not say so."""
+    CAMERA_LOSS = "camera-loss"
+    """A share VALUE of what its cameras say of pictures is lost."""
+    CARD_FULL = "card-full"
+    """Its cameras have no room for pictures any more."""
+    GIMBAL_STUCK = "gimbal-stuck"
+    """Its gimbal stays as it is."""
+    PACK = "pack"
+    """A person changes the pack of a vehicle whose motors stand still: it is without power for a while, and starts
+    anew with one that holds VALUE percent, or a full one."""
+
+
+PAYLOAD_FAULTS = frozenset({
+    InjectionKind.CAMERA_SILENT, InjectionKind.CAMERA_MUTE, InjectionKind.CAMERA_LOSS, InjectionKind.CARD_FULL,
+    InjectionKind.GIMBAL_STUCK,
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """What may stand behind the kind's equals sign."""
+
+    expected: str
+    """In words, for the error line."""
+    low: float = 0.0
+    high: float = math.inf
+    required: bool = True
+    seconds: bool = False
+    """Whether the number may carry an ``s``."""
+    words: frozenset[str] = frozenset()
+    """Where it is a word instead."""
+
+
+PILOT_MODES: Mapping[str, frozenset[str]] = {
+    "ardupilot": frozenset({"AUTO", "LOITER", "ALT_HOLD", "STABILIZE", "POSHOLD", "BRAKE", "RTL", "LAND"}),
+    "px4": frozenset({"MISSION", "POSCTL", "ALTCTL", "HOLD", "RTL", "LAND"}),
+}
+"""The modes that a person may choose, by the autopilot's name."""
+
+
+_WORDS = frozenset().union(*PILOT_MODES.values())
+_MODE = _Rule(f"a mode: one of {', '.join(sorted(_WORDS))}", words=_WORDS)
+_SHARE = _Rule("a share from 0 to 1", high=1.0)
+_RULES: dict[InjectionKind, _Rule] = {
+    InjectionKind.SILENT: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
+    InjectionKind.BATTERY_STEP: _Rule("points of charge from 0 to 100", high=100.0),
+    InjectionKind.DRAIN: _Rule("a factor of 0 or more"),
+    InjectionKind.REBOOT: _Rule("pad, or nothing", required=False, words=frozenset({"pad"})),
+    InjectionKind.WEAK: _SHARE,
+    InjectionKind.LOSS: _SHARE,
+    InjectionKind.DELAY: _Rule("seconds", seconds=True),
+    InjectionKind.DUPLICATE: _SHARE,
+    InjectionKind.REORDER: _SHARE,
+    InjectionKind.RATE: _Rule("bytes a second from 1", low=1.0),
+    InjectionKind.PILOT: _MODE,
+    InjectionKind.STATION: _MODE,
+    InjectionKind.EMERGENCY: _Rule("LAND or RTL, or nothing", required=False, words=frozenset({"LAND", "RTL"})),
+    InjectionKind.CAMERA_LOSS: _SHARE,
+    InjectionKind.GPS: _Rule("seconds, such as 20s, or nothing for good", required=False, seconds=True),
+    InjectionKind.PACK: _Rule("percent that it holds, above 0 to 100, or nothing", 1.0, 100.0, required=False),
+}
+"""Without one a kind takes no value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """One fault of one vehicle, or of all; exactly one of ``after_s``, ``share`` and ``height_m`` is given."""
+
+    vehicle: str
+    """A vehicle's name, or ``all``."""
+    kind: InjectionKind
+    value: float | None = None
+    after_s: float | None = None
+    """Simulated seconds after the vehicle began its mission; 0 is from the beginning, before any mission."""
+    share: float | None = None
+    """Of the length of the mission that the vehicle began with, 0 to 1."""
+    height_m: float | None = None
+    """Over its pad, on its way up or down."""
+    down: bool = False
+    """Whether the height counts on the way down."""
+    landings: int | None = None
+    """So many times it has landed."""
+    word: str = ""
+    """What stands behind the equals sign of a kind that takes a word."""
+
+    @property
+    def spec(self) -> str:
+        """The fault in the grammar that ``parse_fault`` reads."""
+        unit = "s" if self.kind in {InjectionKind.SILENT, InjectionKind.GPS} else ""
+        value = f"={self.word}" if self.word else "" if self.value is None else f"={self.value:g}{unit}"
+        return f"{self.vehicle}:{self.kind.value}{value}@{self._when}"
+
+    @property
+    def _when(self) -> str:
+        if self.after_s is not None:
+            return f"{self.after_s:g}s"
+        if self.height_m is not None:
+            return f"{self.height_m:g}m{DOWN if self.down else ''}"
+        if self.landings is not None:
+            return f"{LANDED}{self.landings if self.landings > 1 else ''}"
+        return f"{100 * (self.share or 0.0):g}%"
+
+
+def parse_fault(text: str) -> Injection:
+    """Read ``VEHICLE:KIND[=VALUE]@WHEN``.
+
+    WHEN is ``300s``, ``40%``, ``2.5m`` on its way up, ``20m-down``, or ``landed``, and ``landed2`` after its second
+    landing.
+
+    Raises:
+        FaultSpecError: one line that quotes the text and says what was expected.
+
+    >>> parse_fault("uav2:silent=20s@300s")
+    Injection(vehicle='uav2', kind=<InjectionKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, \
+height_m=None, down=False, landings=None, word='')
+    """
+    head, at, when = text.strip().rpartition("@")
+    vehicle, colon, what = head.partition(":")
+    if not (at and colon and vehicle.strip()):
+        raise FaultSpecError(f"fault {text!r}: expected VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40%")
+    name, equals, raw = what.partition("=")
+    try:
+        kind = InjectionKind(name.strip())
+    except ValueError:
+        kinds = ", ".join(kind.value for kind in InjectionKind)
+        raise FaultSpecError(f"fault {text!r}: unknown kind {name.strip()!r}, expected one of {kinds}") from None
+    value = _parse_value(text, kind, raw.strip() if equals else None)
+    number, word = (None, value) if isinstance(value, str) else (value, "")
+    return _parse_when(text, when.strip(), Injection(vehicle.strip(), kind, number, word=word))
+
+
+def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str | None:
+    rule = _RULES.get(kind)
+    if rule is None:
+        if raw is not None:
+            raise FaultSpecError(f"fault {text!r}: {kind.value} takes no value")
+        return None
+    if raw is None:
+        if rule.required:
+            raise FaultSpecError(f"fault {text!r}: {kind.value} needs a value, expected {rule.expected}")
+        return None
+    if raw in rule.words:
+        return raw
+    value = None if rule.words else _number(raw.removesuffix("s") if rule.seconds else raw)
+    if value is None or not rule.low <= value <= rule.high:
+        raise FaultSpecError(f"fault {text!r}: {kind.value} has {raw!r}, expected {rule.expected}")
+    return value
+
+
+def _parse_when(text: str, when: str, fault: Injection) -> Injection:
+    """Return the fault at seconds after the mission's start, a share of the route, or a height."""
+    count = when.removeprefix(LANDED) or "1"
+    if when.startswith(LANDED) and count.isdecimal() and int(count) > 0:
+        return replace(fault, landings=int(count))
+    value = _number(when.removesuffix(DOWN)[:-1])
+    if value is not None and value >= 0:
+        if when.endswith("s"):
+            return replace(fault, after_s=value)
+        if when.endswith("%") and value <= 100:
+            return replace(fault, share=value / 100)
+        if when.removesuffix(DOWN).endswith("m"):
+            return replace(fault, height_m=value, down=when.endswith(DOWN))
+    raise FaultSpecError(
+        f"fault {text!r}: WHEN is {when!r}, expected seconds such as 300s or a share such as 40%, a height on the way "
+        f"up such as 2.5m or on the way down such as 20m{DOWN}, or {LANDED}"
+    )
+
+
+def _number(raw: str) -> float | None:
+    try:
+        value = float(raw)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def check_modes(fault: Injection, vehicle: str, autopilot: str) -> None:
+    """Refuse a mode that a vehicle does not have.
+
+    Raises:
+        FaultSpecError: with the modes that it has.
+    """
+    if fault.kind not in {InjectionKind.PILOT, InjectionKind.STATION} or fault.vehicle not in {vehicle, ALL_VEHICLES}:
+        return
+    modes = PILOT_MODES[autopilot]
+    if fault.word not in modes:
+        known = ", ".join(sorted(modes))
+        raise FaultSpecError(f"fault {fault.spec!r}: {vehicle} has no mode {fault.word}, expected one of {known}")
+
+
+def faults_of(faults: Iterable[Injection], vehicle: str) -> tuple[Injection, ...]:
+    """Return the faults that befall ``vehicle``."""
+    return tuple(fault for fault in faults if fault.vehicle in {ALL_VEHICLES, vehicle})
+
+
+def is_due(
+    fault: Injection,
+    mission_s: float | None,
+    flown_share: float | None,
+    up_m: float = 0.0,
+    highest_m: float = 0.0,
+    landings: int = 0,
+) -> bool:
+    """Return whether the fault's time has come.
+
+    Args:
+        fault: the fault.
+        mission_s: simulated seconds since the vehicle began its mission; None before.
+        flown_share: distance flown since then over the length of that mission; None before.
+        up_m: how high it is over its pad.
+        highest_m: how high it has been.
+        landings: how often it has landed.
+    """
+    if fault.landings is not None:
+        return landings >= fault.landings
+    if fault.height_m is not None:
+        return highest_m >= fault.height_m and (up_m <= fault.height_m or not fault.down)
+    if fault.after_s == 0:
+        return True
+    if fault.after_s is not None:
+        return mission_s is not None and mission_s >= fault.after_s
+    return flown_share is not None and flown_share >= (fault.share or 0.0)
