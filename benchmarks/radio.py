@@ -294,7 +294,8 @@ def report_radio(content: Mapping[str, Any]) -> Report:
             row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
             str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
-            str(len(row["false_faults"])), str(len(row["broken"])), "yes" if row["finished"] else row["failure"] or "no",
+            str(len(row["false_faults"])), str(len(row["broken"])),
+            "yes" if row["finished"] else row["failure"] or "no",
         )
         for row in content["flights"]
     ]  # fmt: skip

@@ -398,7 +398,7 @@ def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
 
 def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
     """Ask again for what is late, and for as many more items as there is room for."""
-    have = {one.seq for one in (*state.under_way, *state.later)}
+    have = {one.seq for one in state.under_way} | {item.seq for item in state.later}
     fresh = (
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have
     )
