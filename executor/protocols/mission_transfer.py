@@ -137,7 +137,9 @@ class UploadDialogue(DialogueMachine):
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
             case messages.MissionAck(result, kind) if kind is self.kind and result in self.warnings and self.is_begun:
-                return _repeat_if_lost(self, now_s)
+                # Once for each item: the warning may be about a copy of one that it has, and would bring the next.
+                again = bool(self.under_way) and self.under_way[0].first_s is not None
+                return (self, ()) if again else _repeat_if_lost(self, now_s)
             case messages.MissionAck(result, kind, checksum) if kind is self.kind:
                 return self._handle_acknowledgement(result, checksum), ()
             case _:
@@ -161,7 +163,8 @@ class UploadDialogue(DialogueMachine):
         # Who has everything asks for nothing more: the last item brings its acknowledgement again. Who has not, and is
         # not heard, waits for what it asked for: the two by turns.
         last = self.is_all_sent and repeats % 2 == 1
-        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, 1)
+        # Its request for the next item may have got lost: that one goes out, too.
+        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, min(self.ahead, 2))
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
