@@ -240,15 +240,13 @@ def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, m
 def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip:
     """Return what is known of the link after an answer.
 
-    Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+    Of two copies nobody knows which was answered, unless the last cannot have come and gone since.
     """
     since_s = now_s - asked.at_s
     if asked.first_s is None:
         return trip.record_round_trip(since_s)
     vain = trip.mean_s is not None and since_s < trip.mean_s / 2
-    if isinf(asked.first_s):
-        return trip
-    return trip.record_round_trip(now_s - asked.first_s if vain else since_s)
+    return trip.record_round_trip(now_s - asked.first_s) if vain and not isinf(asked.first_s) else trip
 
 
 def _wait_for_answer(state: U, now_s: float) -> U:
