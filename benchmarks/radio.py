@@ -299,4 +299,4 @@ def report_radio(content: Mapping[str, Any]) -> Report:
         )
         for row in content["flights"]
     ]  # fmt: skip
-    return Report("radio", TITLE, content, (machine_line(dict(content)), said, Table(COLUMNS, rows, TITLE)))
+    return Report("radio", TITLE, content, (machine_line(dict(content["machine"])), said, Table(COLUMNS, rows, TITLE)))
