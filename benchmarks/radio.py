@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.errors import FlightNotFlown
 from benchmarks.machine import head, machine_line
-from benchmarks.markdown import figure
+from benchmarks.markdown import Rows, figure
 from benchmarks.parallel_flights import FlightCase
 from benchmarks.prediction import plan_with
 from benchmarks.report import Report, Table
@@ -263,12 +263,12 @@ def make_radio_cases(
 TITLE = "A fleet behind one telemetry radio"
 INTRODUCTION = (
     "`{command}`: flights in virtual time of {vehicles} vehicles over a straight line, {spans} spans of {span:g} m"
-    " each, behind an emulated radio (`faultline simulate --radio`; figures of each in `simulator/radio.py`). The"
-    " second vehicle crashes {lost:g} s into its mission. SiK, mLRS and LTE by their names; `sik-ecc` has the firmware"
-    " that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS are a channel of each vehicle's own."
-    " `Asked`: from the first heartbeat to the checklist; `loaded`: all first missions on board and proven; `re-plan`: from the"
-    " solver's answer until the last survivor's mission is on board and proven. `Late` counts the times that a vehicle"
-    " did not hear our heartbeat for more than {late:g} s, with the longest."
+    " each, behind an emulated radio (`faultline simulate --radio`). The second vehicle crashes {lost:g} s into its"
+    " mission. `sik-ecc` has the firmware that is sold, which destroys frames, `sik-ecc-mended` has not. LTE and mLRS"
+    " are a channel of each vehicle's own. `Asked`: from the first heartbeat to the checklist; `loaded`: all first"
+    " missions on board and proven; `re-plan`: from the solver's answer until the last survivor's mission is on board"
+    " and proven. `Late` counts the times that a vehicle did not hear our heartbeat for more than {late:g} s, with the"
+    " longest."
 )
 COLUMNS = (
     "radio", "autopilot", "asked (s)", "loaded (s)", "items", "each sent", "re-plan (s)", "each sent then", "late",
@@ -283,19 +283,20 @@ def radio_document(flights: Sequence[RadioFlight], command: str, seed: int) -> J
     return {**head("radio/1", command), "seed": seed, "flights": rows, "wrong": wrong}
 
 
-def report_radio(content: dict[str, Any]) -> Report:
+def report_radio(content: Mapping[str, Any]) -> Report:
     """Return the page."""
     said = INTRODUCTION.format(
         command=content["command"], vehicles=content["flights"][0]["vehicles"], spans=SPANS_EACH, span=SPAN_M,
         lost=LOST_S, late=LATE_S,
     )  # fmt: skip
-    rows: list[tuple[str, ...]] = [
+    rows: Rows = [
         (
             row["radio"], row["autopilot"], figure(row["asked_s"], 1), figure(row["loaded_s"], 1), str(row["items"]),
             figure(row["sent_times"], 2), figure(row["replan_upload_s"], 1), figure(row["replan_sent_times"], 2),
             str(row["late_heartbeats"]), figure(row["heartbeat_gap_s"], 1), figure(row["up_bytes_s"], 0),
-            str(len(row["false_faults"])), str(len(row["broken"])), "yes" if row["finished"] else row["failure"] or "no",
+            str(len(row["false_faults"])), str(len(row["broken"])),
+            "yes" if row["finished"] else row["failure"] or "no",
         )
         for row in content["flights"]
     ]  # fmt: skip
-    return Report("radio", TITLE, content, (machine_line(content), said, Table(COLUMNS, rows, TITLE)))
+    return Report("radio", TITLE, content, (machine_line(dict(content["machine"])), said, Table(COLUMNS, rows, TITLE)))

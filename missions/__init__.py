@@ -56,10 +56,10 @@ from missions.flight_model import (
 )
 from missions.geo import LocalFrame
 from missions.inspection_defaults import Inspection
-from missions.items import Command, Frame, MissionItem, MissionKind
+from missions.items import Command, Frame, MissionItem, MissionKind, compute_list_checksum
 from missions.layers_and_rtl_heights import HeightReference, plan_layers, tracks_m
 from missions.line_heights import check_line_heights, with_heights
-from missions.mission_comparison import compute_list_checksum, count_common_items, find_mission_differences
+from missions.mission_comparison import count_common_items, find_mission_differences
 from missions.network import Network, Pylon, Segment
 from missions.pads import Pad, column_radius_m, place_pads
 from missions.plan_check import check_plan

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import struct
-import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,21 +14,6 @@ _PLACE = frozenset((Command.NAV_WAYPOINT, Command.NAV_LAND, Command.NAV_TAKEOFF,
 
 E7_TOLERANCE = 1
 """PX4 keeps degrees as float64 and multiplies them back."""
-
-
-_CHECKED = struct.Struct("<BHB4fiif")
-
-
-def compute_list_checksum(items: Iterable[MissionItem]) -> int:
-    """Return the checksum that PX4 says of a list, a CRC32 of all of every item but `current`.
-
-    Nothing is inverted before and after it, as in other CRC32s (crc32.c of NuttX); measured on v1.17.0.
-    """
-    crc = 0
-    for item in items:
-        said = (item.frame, item.command, item.autocontinue, item.param1, item.param2, item.param3, item.param4)
-        crc = ~zlib.crc32(_CHECKED.pack(*said, item.x, item.y, item.z), ~crc & 0xFFFFFFFF) & 0xFFFFFFFF
-    return crc
 
 
 def find_mission_differences(

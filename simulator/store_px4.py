@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from missions import compute_list_checksum
-from missions.items import Command, Frame, MissionItem, PlaceCommand
+from missions.items import Command, Frame, MissionItem, PlaceCommand, compute_list_checksum
 from simulator import messages
 from simulator.mission_store import (
     StoreStep,

@@ -137,7 +137,9 @@ class UploadDialogue(DialogueMachine):
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
             case messages.MissionAck(result, kind) if kind is self.kind and result in self.warnings and self.is_begun:
-                return _repeat_if_lost(self, now_s)
+                # Once for each item: the warning may be about a copy of one that it has, and would bring the next.
+                again = bool(self.under_way) and self.under_way[0].first_s is not None
+                return (self, ()) if again else _repeat_if_lost(self, now_s)
             case messages.MissionAck(result, kind, checksum) if kind is self.kind:
                 return self._handle_acknowledgement(result, checksum), ()
             case _:
@@ -161,7 +163,8 @@ class UploadDialogue(DialogueMachine):
         # Who has everything asks for nothing more: the last item brings its acknowledgement again. Who has not, and is
         # not heard, waits for what it asked for: the two by turns.
         last = self.is_all_sent and repeats % 2 == 1
-        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, 1)
+        # Its request for the next item may have got lost: that one goes out, too.
+        return _send_items(state, (), len(self.items) - 1 if last else self.furthest, now_s, min(self.ahead, 2))
 
     def _build_farewell(self) -> Sent:
         """PX4 takes the cancellation, ArduPilot notices the silence."""
@@ -237,15 +240,13 @@ def _send_items(state: U, kept: tuple[_UnderWay, ...], seq: int, now_s: float, m
 def _record_answer(trip: RoundTrip, asked: _UnderWay, now_s: float) -> RoundTrip:
     """Return what is known of the link after an answer.
 
-    Which of two copies arrived tells the time since the last: one that cannot have come and gone since was in vain.
+    Of two copies nobody knows which was answered, unless the last cannot have come and gone since.
     """
     since_s = now_s - asked.at_s
     if asked.first_s is None:
         return trip.record_round_trip(since_s)
     vain = trip.mean_s is not None and since_s < trip.mean_s / 2
-    if isinf(asked.first_s):
-        return trip
-    return trip.record_round_trip(now_s - asked.first_s if vain else since_s)
+    return trip.record_round_trip(now_s - asked.first_s) if vain and not isinf(asked.first_s) else trip
 
 
 def _wait_for_answer(state: U, now_s: float) -> U:
@@ -398,12 +399,12 @@ def _ask_count(state: D, now_s: float) -> tuple[D, Sent]:
 
 def _ask_items(state: D, now_s: float, again: tuple[_UnderWay, ...] = ()) -> tuple[D, Sent]:
     """Ask again for what is late, and for as many more items as there is room for."""
-    have = {one.seq for one in state.under_way} | {one.seq for one in state.later}
+    have = {one.seq for one in state.under_way} | {item.seq for item in state.later}
     fresh = (
         _UnderWay(seq, now_s) for seq in range(state.first + len(state.items), state.count or 0) if seq not in have
     )
     room = max(0, min(state.room, state.ahead) - len(state.under_way))
-    asks = (*again, *islice(fresh, room))
+    asks: tuple[_UnderWay, ...] = (*again, *islice(fresh, room))
     under_way = (*state.under_way, *asks[len(again) :])
     asked_s = min(one.at_s for one in under_way)
     if len(under_way) > 1:  # they come one after the other: none is late as long as any comes

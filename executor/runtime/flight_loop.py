@@ -442,10 +442,10 @@ class Flight:
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
 
-    It is for everybody who hears it, so that it goes out once to all vehicles behind one radio. There it comes twice
-    as often, and a little sooner or later every time: radios with stock firmware put reports of their own inside
-    frames, as often as a vehicle speaks, and destroy one of our heartbeats in four (emulated). Two senders that kept
-    one rhythm would do so for a whole flight, and five in a row are a GCS failsafe of ArduPilot's.
+    Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put
+    reports of their own inside frames as often as a vehicle speaks, and destroy one of our heartbeats in four
+    (emulated); five in a row are a GCS failsafe of ArduPilot's. So there come as many as there are vehicles, at even
+    distances, and a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
     """
     for beats in itertools.count():
         once = {link.peer or name: (name, link) for name, link in links.items()}
@@ -453,7 +453,7 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         after_s = HEARTBEAT_S
         if len(once) < len(links):
-            after_s *= 0.5 * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
+            after_s *= len(once) / len(links) * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
         await asyncio.sleep(after_s / clock.speedup)
 
 

@@ -91,7 +91,7 @@ async def test_nothing_is_said_to_a_vehicle_that_a_person_has(dialect: Dialect) 
 async def test_a_fence_that_was_broken_off_is_the_old_one(dialect: Dialect) -> None:
     board = Board(dialect, Air(delay_s=(0.2, 0.2)))
     putting = asyncio.ensure_future(board.put())
-    await asyncio.sleep(1.5)
+    await asyncio.sleep(0.5)
     putting.cancel()
     await asyncio.gather(putting, return_exceptions=True)
     await asyncio.sleep(30.0)
