@@ -99,7 +99,7 @@ async def test_every_loss_is_judged_once_for_each_moment() -> None:
     beside = Beside(under_way(), (3,))
     await judged(beside, 100.0)
     assert len(beside.asked) == 3
-    view = build_fleet_view(beside.context, beside.story.state, beside.story.now_s)
+    view = build_fleet_view(beside.context_now, beside.story.state, beside.story.now_s)
     assert [vehicle.loss is not None and vehicle.loss.uncovered for vehicle in view.vehicles] == [(3,)] * 3
     assert not any(vehicle.loss.inside_window for vehicle in view.vehicles if vehicle.loss is not None)
     beside.story.state = with_facts(beside.story.state, inspected=MappingProxyType({9: "uav1"}))
