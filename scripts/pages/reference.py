@@ -42,8 +42,8 @@ DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
 """Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
 UNITS = (
-    ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"), ("_m2", "m²"),
-    ("_m", "m"), ("_s", "s"),
+    ("bytes_s", "B/s"), ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"),
+    ("_m2", "m²"), ("_m", "m"), ("_s", "s"),
 )  # fmt: skip
 """What the end of a key's name says of its unit; the longest first."""
 
