@@ -443,6 +443,7 @@ KEYS: dict[str, tuple[Changes, object]] = {
     **_of_table("fence", FENCE, enabled=False, margin_m=40.0, height_margin_m=20.0, action="return", rally="keep"),
     "signing.key_file": ((("signing", {"key_env": "KEY"}),), "key.txt"),
     "signing.key_env": ((("signing", {"key_file": "key.txt"}),), "KEY"),
+    **_of_table("link", (), bytes_s=900.0, one_radio=True),
     "link.radios": ((), [RADIO]),
     **_of_table("link.radios[0]", (("link", {"radios": [RADIO]}),), system=52, component=69),
     **_of_table("mqtt", MQTT, host="localhost", port=1884, prefix="line", telemetry_rate_hz=2.0, tls=True,
