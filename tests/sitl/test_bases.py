@@ -30,7 +30,7 @@ BASES = {"north": (0.0, 90.0, [NORTH, SPARE]), "south": (0.0, -90.0, [SOUTH])}
 """Where they are, in metres east and north of the depot, and who stands there."""
 
 
-WORDS = ("no take-off from it until it is opened", "vehicles may be sent out from it again")
+WORDS = ("no take-off from it until it is opened", "take-offs from it are allowed again")
 """Said when a base is closed, and opened."""
 
 
