@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 from executor.core.ground import turnaround
 from executor.core.interface.intents import Action, Intent, IntentRecord
+from executor.core.state.bases import is_at_closed_base
 from executor.runtime.flight_loop import Flight
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle
@@ -53,7 +54,7 @@ class PadCrew:
     def _attend(self, flight: Flight, name: str, now_s: float) -> None:
         vehicle = flight.state.vehicles[name]
         waits = turnaround.is_in_service(vehicle) and vehicle.turn.asked_s is None and bool(vehicle.turn.sorties)
-        waits = waits and not vehicle.orders.base_closed
+        waits = waits and not is_at_closed_base(flight.context, flight.state, vehicle)
         since_s = self._rests_s.setdefault(name, now_s) if waits else self._rests_s.pop(name, now_s)
         if name in self._changed:
             changed_s, pack = self._changed[name]

@@ -19,7 +19,7 @@ from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
-from executor.core.state.bases import landing_base_of, place_vehicles
+from executor.core.state.bases import is_at_closed_base, landing_base_of, place_vehicles
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
 from executor.core.state.vehicle_parts import PositionFix
@@ -342,7 +342,7 @@ def _build_turn_view(context: Context, state: FleetState, vehicle: VehicleState,
     if context.day is None and not turn.swaps and turn.asked_s is None:
         return None
     on_base = vehicle.stage in {Stage.GROUND, Stage.LANDED}
-    base, closed = landing_base_of(context, vehicle), vehicle.orders.base_closed
+    base, closed = landing_base_of(context, vehicle), is_at_closed_base(context, state, vehicle)
     under_way = bool(turn.sorties) and turn.sorties[-1].ended_s is None and not on_base
     sortie = len(turn.sorties) + (not under_way)
     stock = pack_count.count_packs(context, state, vehicle.name, now_s)

@@ -346,7 +346,7 @@ def retry_declined_missions(context: Context, state: FleetState, now_s: float) -
         if refused is None or refused.tries >= OFFERS or not _is_answering_again(vehicle, refused, now_s):
             continue
         ready = vehicle.with_assignment(stubborn=False)
-        if survivors.build_survivor(context, ready, now_s) is None:
+        if survivors.build_survivor(context, state, ready, now_s) is None:
             if vehicle.stage is not Stage.FLYING:
                 state = state.put(ready)  # it waits for the crew's word, as others do
             continue

@@ -1,7 +1,9 @@
 """What vehicles are asked to send, and which streams are thinned where a telemetry radio cannot carry all of it.
 
-Given up first is what only people look at, then how often something comes that changes slowly, and last how often a
-vehicle says where it is: a segment is proven by positions, and any two that are some seconds apart prove it as well.
+Given up first is how often something comes that changes slowly, and last how often a vehicle says where it is: a
+segment is proven by positions, and any two that are some seconds apart prove it as well. What a fault or a pilot's hand
+is known by comes every two seconds at least: one report of a tilt, of a lost fix or of a switch is to be followed by
+another before it decides anything.
 """
 
 from __future__ import annotations
@@ -14,7 +16,8 @@ from executor.core.interface.messages import Radio
 from executor.core.lines import checklist
 from missions import Dialect
 
-SYS_STATUS, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, MISSION_CURRENT, RC_CHANNELS = 1, 24, 30, 33, 42, 65
+HEARTBEAT, SYS_STATUS, GPS_RAW_INT, ATTITUDE = 0, 1, 24, 30
+GLOBAL_POSITION_INT, MISSION_CURRENT, RC_CHANNELS = 33, 42, 65
 BATTERY_STATUS, EXTENDED_SYS_STATE = 147, 245
 STREAMS_HZ: Mapping[int, float] = {
     GLOBAL_POSITION_INT: 5.0,
@@ -31,22 +34,22 @@ THINNED_HZ: tuple[Mapping[int, float], ...] = (
     {ATTITUDE: 0.5, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5, MISSION_CURRENT: 1.0},
     {
         GLOBAL_POSITION_INT: 2.0, SYS_STATUS: 0.5, BATTERY_STATUS: 0.5, MISSION_CURRENT: 1.0, EXTENDED_SYS_STATE: 0.5,
-        ATTITUDE: 0.2, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5,
+        ATTITUDE: 0.5, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5,
     },
     {
         GLOBAL_POSITION_INT: 1.0, SYS_STATUS: 0.5, BATTERY_STATUS: 0.5, MISSION_CURRENT: 1.0, EXTENDED_SYS_STATE: 0.5,
-        ATTITUDE: 0.1, GPS_RAW_INT: 0.2, RC_CHANNELS: 0.2,
+        ATTITUDE: 0.5, GPS_RAW_INT: 0.5, RC_CHANNELS: 0.5,
     },
 )  # fmt: skip
-"""What is asked for instead, step by step; ATTITUDE is looked at by people alone."""
+"""What is asked for instead, step by step."""
 OWN_FACTORS = (1.0, 1.0, 0.5, 0.3)
 """Of the rates of what only one of the autopilots sends, by the same steps."""
 FRAME_BYTES: Mapping[int, int] = {
-    SYS_STATUS: 43, GPS_RAW_INT: 64, ATTITUDE: 40, GLOBAL_POSITION_INT: 40, MISSION_CURRENT: 30, RC_CHANNELS: 54,
-    BATTERY_STATUS: 66, EXTENDED_SYS_STATE: 14, 162: 21, 168: 24, 193: 34, 230: 54, 231: 52,
+    HEARTBEAT: 21, SYS_STATUS: 43, GPS_RAW_INT: 64, ATTITUDE: 40, GLOBAL_POSITION_INT: 40, MISSION_CURRENT: 30,
+    RC_CHANNELS: 54, BATTERY_STATUS: 66, EXTENDED_SYS_STATE: 14, 162: 21, 168: 24, 193: 34, 230: 54, 231: 52,
 }  # fmt: skip
 """Of each message at most, with the 12 bytes around it (common.xml, ardupilotmega.xml)."""
-HEARTBEAT_BYTES, SIGNATURE_BYTES = 21, 13
+SIGNATURE_BYTES = 13
 USUAL_BYTES_S = 1200.0
 """What the slowest telemetry radio that is in use carries without losing any of it: SiK at 64 kbit/s with error
 correction and the firmware that it is sold with (SiK issue 97)."""
@@ -83,11 +86,12 @@ class RadioShare:
         return list_streams_hz(dialect, self.choose_step(dialect, on_radio=on_radio))
 
     def sum_bytes_s(self, dialect: Dialect, step: int) -> float:
-        """Return what all vehicles send together, and our heartbeat."""
+        """Return what all vehicles send together, with our heartbeats, of which there are as many as of theirs."""
         more = SIGNATURE_BYTES if self.signed else 0
         streams = list_streams_hz(dialect, step).items()
-        one = sum(hz * (FRAME_BYTES[message] + more) for message, hz in streams) + HEARTBEAT_BYTES + more
-        return self.vehicles * one + HEARTBEAT_BYTES + more
+        return self.vehicles * sum(
+            hz * (FRAME_BYTES[message] + more) for message, hz in (*streams, *2 * ((HEARTBEAT, 1.0),))
+        )
 
 
 ALONE = RadioShare()
@@ -128,7 +132,6 @@ def check_radio(share: RadioShare, dialect: Dialect, found: tuple[LinkMeasures, 
         return []
     step = share.choose_step(dialect, on_radio=on_radio)
     asked_bytes_s, room_bytes_s = share.sum_bytes_s(dialect, step), STREAMS_SHARE * capacity_bytes_s
-    each_bytes_s = (asked_bytes_s - HEARTBEAT_BYTES) / share.vehicles
     line = checklist.RADIO_THINNED if step else checklist.RADIO
     if asked_bytes_s > room_bytes_s:
         line = checklist.RADIO_FULL
@@ -140,6 +143,6 @@ def check_radio(share: RadioShare, dialect: Dialect, found: tuple[LinkMeasures, 
         lost_pct=100 * max(one.lost or 0.0 for one in found),
         positions_hz=list_streams_hz(dialect, step)[GLOBAL_POSITION_INT],
         vehicles=share.vehicles,
-        fits=max(0, int((room_bytes_s - HEARTBEAT_BYTES) / each_bytes_s)),
+        fits=int(share.vehicles * room_bytes_s / asked_bytes_s),
     )
     return [check]

@@ -14,6 +14,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
+from executor.core.radio_budget import HEARTBEAT
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
@@ -500,7 +501,7 @@ async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, flo
         streams_hz: What, and how often.
         again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
     """
-    beat_hz = {vehicle_commands.HEARTBEAT: HEARTBEAT_HZ} if again else {}
+    beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
     for message, rate_hz in (beat_hz | dict(streams_hz)).items():
         await send_order(
             link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")

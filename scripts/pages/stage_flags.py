@@ -68,12 +68,6 @@ FLAGS: tuple[FlagRule, ...] = (
         lambda one: one.orders.excluded,
     ),
     FlagRule(
-        "base_closed", "Its base is closed: it does not take off.", EVERYWHERE,
-        "The crew closes its base.",
-        "The crew opens its base.",
-        lambda one: one.orders.base_closed,
-    ),
-    FlagRule(
         "cleared", "The crew said that it may take off.", EVERYWHERE - {Stage.PILOT, Stage.LOST},
         "It is included on the ground.",
         "It flies, has landed, leaves its mission, is excluded, or others have it.",

@@ -41,20 +41,12 @@ def find_vehicles_at_base(context: Context, state: FleetState, base: str) -> tup
     return tuple(vehicle for vehicle in state.vehicles.values() if is_at_base(vehicle))
 
 
-def is_base_closed(context: Context, state: FleetState, base: str) -> bool:
-    """Return whether nobody may take off from a base."""
-    if base in state.crew.closed_bases:
-        return True
-    vehicles = find_vehicles_at_base(context, state, base)
-    return bool(vehicles) and all(vehicle.orders.base_closed for vehicle in vehicles)
-
-
 def close_base(context: Context, state: FleetState, base: str, now_s: float) -> Stepped:
     """Return the state in which nobody takes off from a base, and what keeps those there that were about to."""
     commands: list[Command] = []
     state = state.with_crew(closed_bases=state.crew.closed_bases | {base})
     for vehicle in find_vehicles_at_base(context, state, base):
-        shut = vehicle.with_orders(base_closed=True, cleared_s=None)
+        shut = vehicle.with_orders(cleared_s=None)
         state, more = _keep_on_ground(context, state.put(shut), shut, sorties.BASE_IS_CLOSED.format(base=base), now_s)
         commands.extend(more)
     return state, tuple(commands)
@@ -75,10 +67,8 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
     return replan_cycle.release_vehicle(state, plan, vehicle.name, why, now_s)
 
 
-def open_base(context: Context, state: FleetState, base: str) -> FleetState:
+def open_base(state: FleetState, base: str) -> FleetState:
     """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
-    for vehicle in find_vehicles_at_base(context, state, base):
-        state = state.put(vehicle.with_orders(base_closed=False))
     return state.with_crew(closed_bases=state.crew.closed_bases - {base})
 
 

@@ -19,7 +19,7 @@ LANDING_S = 180.0
 """For so long at most an offer waits for those that are about to land, so that the work is shared."""
 
 
-def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
+def is_idle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
     """Return whether a vehicle stands ready on its pad with nothing to do."""
     never = vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
     well = vehicle.fault is None or (vehicle.stage is Stage.LANDED and vehicle.fault.kind in MAY_FLY_AGAIN)
@@ -27,7 +27,9 @@ def is_idle(context: Context, vehicle: VehicleState, now_s: float) -> bool:
     busy = vehicle.turn.asked_s is not None or vehicle.assignment.pending is not None
     if out or busy or never or vehicle.stage not in survivors.ON_GROUND:
         return False
-    return survivors.is_heard(context, vehicle, now_s) and not survivors.find_takeoff_obstacles(context, vehicle)
+    if not survivors.is_heard(context, vehicle, now_s):
+        return False
+    return not survivors.find_takeoff_obstacles(context, state, vehicle)
 
 
 MAY_FLY_AGAIN = frozenset({FaultKind.LINK, FaultKind.INTERRUPTION, FaultKind.FENCE})
@@ -64,7 +66,9 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
         return _withdraw_offer(state), ()
     if crew.offers_over or known.is_changing or now_s < known.wait_until_s:
         return state, ()
-    ready = [one for one in state.vehicles.values() if is_idle(context, one, now_s) and one.orders.cleared_s is None]
+    ready = [
+        one for one in state.vehicles.values() if is_idle(context, state, one, now_s) and one.orders.cleared_s is None
+    ]
     wanted = find_open_segments(context, state)
     again = not wanted and lower_to_inspection_height.is_fleet_down(state)
     able = {one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, one, wanted))}
@@ -131,7 +135,7 @@ def _withdraw_offer(state: FleetState) -> FleetState:
 def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> bool:
     """Return whether somebody in the air, or cleared, is about to be given what is open."""
     return bool(replan_cycle.find_orphan_segments(context, state)) and any(
-        survivors.build_survivor(context, vehicle, now_s) is not None for vehicle in state.vehicles.values()
+        survivors.build_survivor(context, state, vehicle, now_s) is not None for vehicle in state.vehicles.values()
     )
 
 

@@ -22,7 +22,6 @@ from executor.core.ground import pack_count
 from executor.core.ground.out_of_service import (
     clear_for_takeoff,
     find_vehicles_at_base,
-    is_base_closed,
     return_to_service,
 )
 from executor.core.inflight.custody.mode_causes import is_under_foreign_control
@@ -34,7 +33,7 @@ from executor.core.preflight import vehicle_checks
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import find_remaining_hours, min_draw_pct
-from executor.core.state.bases import base_of, find_planned_landing, place_vehicles, settle_at_base
+from executor.core.state.bases import base_of, find_planned_landing, is_at_closed_base, place_vehicles, settle_at_base
 from executor.core.state.fleet_state import FleetState, Replan, Stepped
 from executor.core.state.vehicle_parts import CLEARED_S, PlannedSortie, PowerState
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
@@ -69,7 +68,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
         line = sorties.PARAMETERS_SET if rebooted else sorties.PARAMETERS_MOVED
         said = line.say(vehicle=vehicle.name, changes="; ".join(event.changed))
         return state, (said, Examine(vehicle.name, sets=True))
-    if why := _describe_unreadiness(context, vehicle, event):
+    if why := _describe_unreadiness(context, state, vehicle, event):
         return end_turnaround(state, vehicle, IntentReason.NOT_READY, why, now_s)
     heard = vehicle_checks.PackReading(event.remaining_pct or 0.0, event.voltage_v, event.cells, dict(event.parameters))
     setup = context.vehicles[vehicle.name].with_pack(vehicle.turn.label)
@@ -219,7 +218,7 @@ def describe_awaited_sortie(context: Context, state: FleetState, vehicle: Vehicl
     """Return what a vehicle on its base waits for; empty where a day has nothing for it."""
     if context.day is None or state.progress.launched_s is None or not is_in_service(vehicle):
         return ""
-    if vehicle.orders.base_closed:
+    if is_at_closed_base(context, state, vehicle):
         return sorties.BASE_CLOSED[1]
     if _is_done_for_day(context, state, vehicle, now_s):
         return ""
@@ -250,9 +249,9 @@ def describe_hours_conflict(context: Context, state: FleetState, vehicle: Vehicl
     return sorties.NOT_IN_NEXT_HOURS.format(lasts=lasts, later=format_duration(later_s))
 
 
-def _describe_unreadiness(context: Context, vehicle: VehicleState, event: Examined) -> str:
+def _describe_unreadiness(context: Context, state: FleetState, vehicle: VehicleState, event: Examined) -> str:
     """Return why a vehicle may not go, whatever its pack is; empty if it may."""
-    setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, vehicle)
+    setup, obstacles = context.vehicles[vehicle.name], survivors.find_takeoff_obstacles(context, state, vehicle)
     if not event.ready or event.remaining_pct is None:
         return event.reason or sorties.NO_BATTERY_STATE
     for code in (IntentReason.OFF_PAD, IntentReason.TILTED):
@@ -296,7 +295,7 @@ def _describe_pack(
 
 def _release_later_sorties(context: Context, state: FleetState, vehicle: VehicleState) -> Stepped:
     """Open to the others what a vehicle had ahead of it that is out of the plan."""
-    stays = vehicle.fault is not None or vehicle.orders.excluded or vehicle.orders.base_closed
+    stays = vehicle.fault is not None or vehicle.orders.excluded or is_at_closed_base(context, state, vehicle)
     if not vehicle.turn.ahead or not stays:
         return state, ()
     state, left = _open_later_sorties(context, state, (vehicle,))
@@ -338,7 +337,7 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     turn, plan = vehicle.turn, state.replanning.replan
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
-    if over := _find_end_reason(state, vehicle, now_s):
+    if over := _find_end_reason(context, state, vehicle, now_s):
         return end_turnaround(state, vehicle, *over, now_s)
     # The first reports after the launch come in a moment.
     placed = _last_position_s(vehicle) >= now_s - context.limits.link_stale_s
@@ -349,12 +348,12 @@ def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleSta
     return _assign_next_sortie(context, state, vehicle, turn.ready_s, now_s)
 
 
-def _find_end_reason(state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
+def _find_end_reason(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Reason | None:
     """Return why the crew's word for a vehicle does not hold any more; None where it does."""
     turn = vehicle.turn
     if state.progress.recalled:
         return operator.ABORTED
-    if vehicle.orders.base_closed:
+    if is_at_closed_base(context, state, vehicle):
         return sorties.BASE_CLOSED
     elsewhere = vehicle.stage not in survivors.ON_GROUND or vehicle.armed
     if elsewhere or is_under_foreign_control(vehicle) or vehicle.orders.excluded:
@@ -412,7 +411,7 @@ def _assign_next_sortie(
         ahead = ahead[1:]
     vehicle = vehicle.with_turn(ahead=ahead or (PlannedSortie((), 0.0),)).with_orders(cleared_s=ready_s)
     planned, stands = vehicle.turn.ahead[0], base_of(context, vehicle)
-    in_place = planned.base in {"", stands} and not (planned.lands and is_base_closed(context, state, planned.lands))
+    in_place = planned.base in {"", stands} and planned.lands not in state.crew.closed_bases
     lands = planned.lands if visits and in_place and planned.lands != stands else ""
     vehicle = vehicle.with_turn(lands_at=lands)
     whole = bool(visits) and visits == planned.visits and not pool and in_place

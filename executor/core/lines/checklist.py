@@ -124,10 +124,10 @@ RADIO = ChecklistLine(
     "{asked_kb_s:.1f} of {carries_kb_s:.1f} kB/s, round trip {trip_s:.1f} s, {lost_pct:.0f} % lost",
 )  # fmt: skip
 RADIO_THINNED = ChecklistLine(
-    OK, CheckCode.RADIO, RADIO.words + "; streams are thinned, positions come {positions_hz:g} times a second"
+    OK, CheckCode.RADIO, RADIO.words + "; streams are thinned, positions at {positions_hz:g} Hz"
 )
 RADIO_FULL = ChecklistLine(
-    WARNING, CheckCode.RADIO, RADIO.words + ": it is too slow for {vehicles} vehicles, and carries {fits}"
+    WARNING, CheckCode.RADIO, RADIO.words + ": too slow for {vehicles} vehicles, it carries {fits}"
 )
 DISK = ChecklistLine(
     OK, CheckCode.DISK, "{free_gb:.1f} GB free, the record of a flight like this takes about {needed_mb:.0f} MB"

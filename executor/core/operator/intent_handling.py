@@ -223,7 +223,7 @@ def _close(pending: PendingIntent) -> _IntentResult:
 
 
 def _open(pending: PendingIntent) -> _IntentResult:
-    state = out_of_service.open_base(pending.context, pending.state, pending.intent.base)
+    state = out_of_service.open_base(pending.state, pending.intent.base)
     return _IntentResult(state, operator.BASE_IS_OPENED)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from executor.core.context import Context
 from executor.core.ground import turnaround
-from executor.core.ground.out_of_service import is_base_closed, list_bases
+from executor.core.ground.out_of_service import list_bases
 from executor.core.ground.takeoff_offers import find_open_segments, is_offered_reinspection
 from executor.core.imaging import asset_status
 from executor.core.inflight import homing
@@ -20,6 +20,7 @@ from executor.core.interface.intents import BEFORE, FOR_ALL, FOR_BASE, Action, I
 from executor.core.lines import operator
 from executor.core.replanning import replan_cycle, survivors
 from executor.core.replanning.survivors import ON_GROUND, find_takeoff_obstacles
+from executor.core.state.bases import is_at_closed_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_position import describe_position
 from executor.core.state.vehicle_state import IN_THE_AIR, Stage, VehicleState
@@ -111,7 +112,7 @@ def _object_to_base(pending: PendingIntent) -> Reasons:
     bases, closes = list_bases(pending.context), pending.intent.action is Action.CLOSE
     if pending.intent.base not in bases:
         yield pending.refuse(operator.BASE_UNKNOWN if bases else operator.NO_BASES, bases=", ".join(bases))
-    shut = is_base_closed(pending.context, pending.state, pending.intent.base)
+    shut = pending.intent.base in pending.state.crew.closed_bases
     yield closes and shut and operator.BASE_SHUT
     yield not closes and not shut and operator.BASE_OPEN
 
@@ -193,7 +194,7 @@ def _object_to_inclusion(pending: PendingIntent) -> Reasons:
     yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
     yield state.progress.recalled and operator.ABORTED
     yield from _object_to_silence(pending)
-    obstacles = find_takeoff_obstacles(context, vehicle)
+    obstacles = find_takeoff_obstacles(context, state, vehicle)
     yield from (obstacles.get(code) for code in (operator.TILTED[0], operator.BASE_CLOSED[0]))
     yield (vehicle.orders.cleared_s is not None or vehicle.turn.asked_s is not None) and operator.CLEARED
     in_plan = vehicle.fault is None and not vehicle.orders.excluded and not vehicle.assignment.stubborn
@@ -215,7 +216,7 @@ def _object_to_swap(pending: PendingIntent) -> Reasons:
     yield (vehicle.stage not in _DOWN_OR_AT_REST or vehicle.armed) and pending.refuse(operator.NOT_AT_REST)
     yield vehicle.link.heard_s is None and operator.NEVER_HEARD
     yield state.progress.recalled and operator.ABORTED
-    yield vehicle.orders.base_closed and operator.BASE_CLOSED
+    yield is_at_closed_base(context, state, vehicle) and operator.BASE_CLOSED
     yield vehicle.turn.asked_s is not None and operator.SWAPPING
     yield (vehicle.assignment.pending is not None or vehicle.orders.cleared_s is not None) and operator.CLEARED
     open_ = turnaround.find_next_visits(context, state, vehicle) or (

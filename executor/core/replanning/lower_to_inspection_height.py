@@ -68,7 +68,7 @@ def is_clearance_awaited(context: Context, state: FleetState, now_s: float) -> b
     return any(
         vehicle.orders.cleared_s is not None and find_distant_segments(context, state, vehicle)
         for vehicle in state.vehicles.values()
-        if survivors.build_survivor(context, vehicle, now_s) is not None
+        if survivors.build_survivor(context, state, vehicle, now_s) is not None
     )
 
 
@@ -85,7 +85,7 @@ def _find_candidates(context: Context, state: FleetState, now_s: float) -> Itera
         lower = any(must_leave_layer(context.setup, name, segment) for segment in ahead)
         if not lower and not find_distant_segments(context, state, vehicle):
             continue
-        offer = survivors.build_survivor(context, vehicle, now_s)
+        offer = survivors.build_survivor(context, state, vehicle, now_s)
         if offer is None or not (offer.airborne or (context.day is None and is_fleet_down(state))):
             continue
         not_low = {segment_of(visit) for visit in offer.tail} - replan_separation.find_low_tail_segments(vehicle, offer)

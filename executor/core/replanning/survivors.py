@@ -13,6 +13,7 @@ from executor.core.interface.commands import Survivor
 from executor.core.interface.intents import IntentReason, Reason, fill_in
 from executor.core.lines import operator
 from executor.core.state import legs
+from executor.core.state.bases import is_at_closed_base
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import CLEARED_S, PLANNED_WITHIN_S, ModeCause
 from executor.core.state.vehicle_position import has_fresh_heartbeat
@@ -34,13 +35,13 @@ def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[i
     return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
 
 
-def find_takeoff_obstacles(context: Context, vehicle: VehicleState) -> dict[IntentReason, Reason]:
+def find_takeoff_obstacles(context: Context, fleet: FleetState, vehicle: VehicleState) -> dict[IntentReason, Reason]:
     """Return by code what keeps a vehicle on the ground from any take-off, the most important first."""
     setup, fix, left_pct = current_setup_of(context, vehicle), vehicle.motion.fix, vehicle.power.battery.remaining_pct
     found: list[Reason] = []
     if vehicle.sensors.tilted_since_s is not None:
         found.append(operator.TILTED)
-    if vehicle.orders.base_closed:
+    if is_at_closed_base(context, fleet, vehicle):
         found.append(operator.BASE_CLOSED)
     if fix is None or setup.pad_distance_m(fix.place_m) > context.limits.off_pad_m:
         found.append(operator.OFF_PAD)
@@ -64,18 +65,18 @@ def is_out_of_plan(vehicle: VehicleState) -> bool:
 
 def build_survivors(context: Context, state: FleetState, now_s: float) -> tuple[Survivor, ...]:
     """Return what all vehicles can offer to a re-plan, each within its hours."""
-    offers = (build_survivor(context, vehicle, now_s) for vehicle in state.vehicles.values())
+    offers = (build_survivor(context, state, vehicle, now_s) for vehicle in state.vehicles.values())
     return tuple(limit_to_hours(context, state, offer, now_s) for offer in offers if offer)
 
 
-def build_survivor(context: Context, state: VehicleState, now_s: float) -> Survivor | None:
+def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now_s: float) -> Survivor | None:
     """Return what a vehicle can offer to a re-plan; None if it cannot be given anything now."""
     # Who is silent now may be lost in a moment: a part of the plan that is given to it would be planned twice.
     heard = is_heard(context, state, now_s) and not state.link.stale
     if is_out_of_plan(state) or not heard or state.power.battery.remaining_pct is None:
         return None
     if state.stage in ON_GROUND:
-        stays = find_takeoff_obstacles(context, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
+        stays = find_takeoff_obstacles(context, fleet, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
         if stays or not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
             return None
         return build_pad_survivor(context, state)

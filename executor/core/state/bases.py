@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from executor.core.context import Context
+from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import FlightSetup, Pad, Pricing
 
@@ -25,6 +26,12 @@ def landing_base_of(context: Context, vehicle: VehicleState) -> str:
     """Return the base where a vehicle's mission ends; who has none to fly stays where it stands."""
     idle = vehicle.stage in {Stage.GROUND, Stage.LANDED} and vehicle.turn.asked_s is None
     return (not idle and vehicle.turn.lands_at) or base_of(context, vehicle)
+
+
+def is_at_closed_base(context: Context, state: FleetState, vehicle: VehicleState) -> bool:
+    """Return whether the base is closed from which a vehicle takes off next: where it stands, or lands."""
+    stands = vehicle.stage in {Stage.GROUND, Stage.LANDED, Stage.STARTING}
+    return (base_of if stands else landing_base_of)(context, vehicle) in state.crew.closed_bases
 
 
 def find_planned_landing(context: Context, vehicle: VehicleState, visits: tuple[int, ...]) -> str:

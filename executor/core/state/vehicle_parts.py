@@ -434,8 +434,6 @@ class Orders:
     """When it last gave way to anybody: what its legs take says nothing of its pace then."""
     excluded: bool = False
     """Whether the operator took it out of the plan: it is given nothing until it is included."""
-    base_closed: bool = False
-    """Whether its base of the day is closed: it is sent out from there only when that is opened again."""
     lands: bool = False
     """Whether the operator ordered it to land where it was."""
     errand: HomingOrder | None = None

@@ -257,27 +257,31 @@ OUT: list[tuple[dict[str, object], bool]] = [
 
 @pytest.mark.parametrize(("changes", "can"), OUT, ids=[str(number) for number in range(len(OUT))])
 def test_who_can_be_given_something(changes: dict[str, object], *, can: bool) -> None:
-    assert (build_survivor(CONTEXT, flying(**changes), NOW_S) is not None) is can
+    assert (build_survivor(CONTEXT, FleetState(MappingProxyType({})), flying(**changes), NOW_S) is not None) is can
 
 
 def test_what_it_can_still_spend_leaves_the_reserve() -> None:
     """From 60 % with 15 % in reserve, less a percent for the rounding; landings are in the model's ways home."""
-    ground = build_survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(60.0)), NOW_S)
+    ground = build_survivor(
+        CONTEXT, FleetState(MappingProxyType({})), flying(stage=Stage.LANDED, battery=pack(60.0)), NOW_S
+    )
     assert ground is not None
     assert ground.budget_pct == pytest.approx(60.0 - 15.0 - 1.0)
     assert (ground.airborne, ground.tail, ground.kept, ground.start_m) == (False, (), 0, (0.0, 0.0))
-    air = build_survivor(CONTEXT, flying(battery=pack(60.0)), NOW_S)
+    air = build_survivor(CONTEXT, FleetState(MappingProxyType({})), flying(battery=pack(60.0)), NOW_S)
     assert air is not None
     on_its_way_pct = (
         legs.energy_to_reach_pct(flying(), air.kept - 1) if air.kept > flying().assignment.waypoint else 0.0
     )
     assert air.budget_pct == pytest.approx(60.0 - 15.0 - on_its_way_pct - 1.0)
     assert air.airborne
-    empty = build_survivor(CONTEXT, flying(battery=pack(10.0)), NOW_S)
+    empty = build_survivor(CONTEXT, FleetState(MappingProxyType({})), flying(battery=pack(10.0)), NOW_S)
     assert empty is not None
     assert empty.budget_pct == 0.0
     # A full battery is not the budget: the site allows a route 75 %.
-    full = build_survivor(CONTEXT, flying(stage=Stage.LANDED, battery=pack(100.0)), NOW_S)
+    full = build_survivor(
+        CONTEXT, FleetState(MappingProxyType({})), flying(stage=Stage.LANDED, battery=pack(100.0)), NOW_S
+    )
     assert full is not None
     assert full.budget_pct == pytest.approx(min(85.0 - 1.0, SETUP.budget_pct))
 

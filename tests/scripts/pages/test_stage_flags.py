@@ -32,7 +32,6 @@ SET: dict[str, dict[str, object]] = {
     "held": {"held_s": NOW_S},
     "lands": {"lands": True},
     "excluded": {"excluded": True},
-    "base_closed": {"base_closed": True},
     "cleared": {"cleared_s": NOW_S},
     "pending": {"pending": 1},
     "stubborn": {"stubborn": True},

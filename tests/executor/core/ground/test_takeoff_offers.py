@@ -112,5 +112,5 @@ def test_who_lies_on_its_side_is_not_offered() -> None:
 def test_who_lies_on_its_side_is_given_nothing_where_nobody_is_asked() -> None:
     flight = one_left(fly_again="auto")
     flight.happen(Heard("uav1", Attitude(0.0, 90.0)))
-    assert build_survivor(flight.context, flight.vehicle("uav1"), flight.now_s) is None
-    assert build_survivor(flight.context, flight.vehicle("uav3"), flight.now_s) is not None
+    assert build_survivor(flight.context, flight.state, flight.vehicle("uav1"), flight.now_s) is None
+    assert build_survivor(flight.context, flight.state, flight.vehicle("uav3"), flight.now_s) is not None

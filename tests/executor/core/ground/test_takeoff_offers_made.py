@@ -43,7 +43,7 @@ LANDS = with_facts(SECOND, waypoint=4)
 
 
 def idle(one: VehicleState, context: Context = CREW) -> bool:
-    return takeoff_offers.is_idle(context, one, NOW_S)
+    return takeoff_offers.is_idle(context, flight_of(one), one, NOW_S)
 
 
 def greedy(factor: float) -> BatteryState:

@@ -41,7 +41,7 @@ ON_ITS_WAY = flying(waypoint=1, fix=at(east_m=60.0))
 
 
 def offered(one: VehicleState, context: Context = CONTEXT) -> Survivor | None:
-    return survivors.build_survivor(context, one, NOW_S)
+    return survivors.build_survivor(context, flight_of(one), one, NOW_S)
 
 
 def far(seconds: float) -> PositionFix:
@@ -375,6 +375,6 @@ def test_everything_that_comes_of_it(what: str, found: Callable[[], object], exp
 
 def test_what_a_days_camera_is_not_good_for_is_not_offered() -> None:
     day = DayRules(30.0, {}, {}, barred={"uav1": frozenset({2, 5})})
-    offer = survivors.build_survivor(replace(CONTEXT, day=day), flying(), NOW_S)
+    offer = survivors.build_survivor(replace(CONTEXT, day=day), flight_of(flying()), flying(), NOW_S)
     assert offer is not None
     assert offer.barred == (2, 5)

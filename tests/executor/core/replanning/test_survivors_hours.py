@@ -34,7 +34,7 @@ def until(*windows_s: tuple[float, float]) -> Context:
 
 def offered(context: Context, state: FleetState = STATE) -> tuple[Survivor, Survivor]:
     """Return what uav1 offers by its battery, and what it does within its hours."""
-    offer = build_survivor(context, state.vehicles["uav1"], NOW_S)
+    offer = build_survivor(context, state, state.vehicles["uav1"], NOW_S)
     assert offer is not None
     return offer, limit_to_hours(context, state, offer, NOW_S)
 

@@ -10,6 +10,7 @@ from executor.core.context import Context, DayRules
 from executor.core.state.bases import (
     base_of,
     find_planned_landing,
+    is_at_closed_base,
     landing_base_of,
     place_vehicles,
     settle_at_base,
@@ -17,6 +18,7 @@ from executor.core.state.bases import (
 from executor.core.state.vehicle_parts import PlannedSortie
 from executor.core.state.vehicle_state import Stage, VehicleState
 from missions import Pad, build_flight_path
+from tests.executor.core.steps import flight_of
 from tests.executor.core.vehicles import FLEET, flying
 
 LOWER_M = 10.0
@@ -51,6 +53,26 @@ def test_without_other_bases_nothing_is_another() -> None:
     assert place_vehicles(FLEET.context, [flying()]) is FLEET.context
     assert place_vehicles(DAY, [flying()]) is DAY
     assert settle_at_base(FLEET.context, flying()) == flying()
+
+
+@pytest.mark.parametrize(
+    ("stage", "lands_at", "closed", "waits"),
+    [
+        (Stage.LANDED, "", "west", True),
+        (Stage.LANDED, "", "east", False),
+        # It was to land at a base that was closed then: where it stands it is sent out.
+        (Stage.LANDED, "east", "east", False),
+        (Stage.STARTING, "east", "east", False),
+        (Stage.FLYING, "east", "east", True),
+        (Stage.FLYING, "east", "west", False),
+    ],
+)
+def test_a_vehicle_waits_for_the_base_that_it_takes_off_from_next(
+    stage: Stage, lands_at: str, closed: str, waits: bool
+) -> None:
+    vehicle = flying(stage=stage).with_turn(lands_at=lands_at)
+    state = flight_of(vehicle).with_crew(closed_bases=frozenset({closed}))
+    assert is_at_closed_base(DAY, state, vehicle) is waits
 
 
 def test_a_mission_begins_at_one_pad_and_ends_at_another() -> None:

@@ -101,7 +101,6 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "held_s": None,
             "hold_asked_s": -math.inf,
             "excluded": False,
-            "base_closed": False,
             "base": "",
             "lands_at": "",
             "moved": False,

@@ -10,6 +10,7 @@ from executor.core.replanning.survivors import build_survivor
 from executor.core.state import legs
 from executor.core.state.vehicle_parts import Turnaround
 from executor.core.state.vehicle_state import VehicleState, current_setup_of
+from tests.executor.core.steps import flight_of
 from tests.executor.core.vehicles import FLEET, NOW_S, flying
 
 CONTEXT = FLEET.context
@@ -43,7 +44,7 @@ def test_the_pack_that_is_in_it_counts(
 
 def test_what_a_percentage_says_too_much_is_offered_to_nobody_and_doubted_in_flight() -> None:
     honest, overstated = flown_with("B1"), flown_with("B1", overstated_pct=70.0)
-    offers = [build_survivor(SCENE, one, NOW_S) for one in (honest, overstated)]
+    offers = [build_survivor(SCENE, flight_of(one), one, NOW_S) for one in (honest, overstated)]
     budgets_pct = [None if offer is None else offer.most_pct for offer in offers]
     assert budgets_pct[0] is not None
     assert budgets_pct[1] is not None
