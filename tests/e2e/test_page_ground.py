@@ -169,9 +169,9 @@ async def test_the_charged_packs_of_a_base_are_counted_on_the_page() -> None:
     with shown.serving() as address:
         async with browsing(address) as page:
             count, charged = page.locator(".strip").nth(0).locator("[data-base=count]"), page.locator("#charged")
-            await expect(count).to_have_text("Count packs north")
+            await expect(count).to_have_text("Count packs at north")
             await count.click()
-            await expect(page.locator("#question")).to_have_text("Count packs north?")
+            await expect(page.locator("#question")).to_have_text("Count packs at north?")
             await expect(charged).to_be_focused()
             for wrong in ("", "-1", "1.5", "1001"):  # the browser keeps what is no number of packs
                 await charged.fill(wrong)
@@ -181,7 +181,7 @@ async def test_the_charged_packs_of_a_base_are_counted_on_the_page() -> None:
             await count.click()
             await charged.fill("7")
             await page.keyboard.press("Enter")
-            await expect(page.locator("#answer")).to_contain_text("Count packs north: accepted")
+            await expect(page.locator("#answer")).to_contain_text("Count packs at north: accepted")
             await page.locator(".strip").nth(0).locator("[data-base=close]").click()
             await expect(charged).to_be_hidden()
             await page.keyboard.press("Enter")

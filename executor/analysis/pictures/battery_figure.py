@@ -39,7 +39,7 @@ CHARACTER = 0.0085
 TIME_STEPS_S = (5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 """Between two times that are written below the picture."""
 MOST_TIMES = 12
-LEGEND_COLUMNS = 5
+LEGEND_COLUMNS = 6
 LEGEND_ROW_IN = 0.21
 
 

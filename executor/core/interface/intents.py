@@ -46,7 +46,7 @@ class Action(Enum):
     OPEN = "open"
     """Vehicles may be sent out from a base again."""
     COUNT = "count"
-    """So many charged packs are at a base of the day, whatever the plan's count says."""
+    """Set the number of charged packs at a base of the day; it replaces the plan's count."""
     ABORT = "abort"
     """Everybody returns."""
 
@@ -127,7 +127,7 @@ class IntentReason(ReasonCode):
     BASE_UNKNOWN = "base_unknown", "It names no base of the day, or the flight is no day of sorties."
     BASE_CLOSED = "base_closed", "The base is closed."
     BASE_OPEN = "base_open", "The base is not closed."
-    PACKS_UNCOUNTED = "packs_uncounted", "Nobody counts the packs of that base, or it says no number."
+    PACKS_UNCOUNTED = "packs_uncounted", "The plan does not count the packs of that base, or no number was given."
     OUT_OF_HOURS = "out_of_hours", "Its next sortie would not end within its hours."
     REPLANNING = "replanning", "A re-plan is under way."
     NO_VEHICLE = "no_vehicle", "No vehicle is on a mission, or can take a new route."

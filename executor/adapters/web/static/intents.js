@@ -31,7 +31,7 @@ const WORDS = {
   disarm: ["Disarm", "Its motors are stopped. Only for one that lies on the ground: in the air it would fall."],
   close: ["Close base", "Nobody takes off from it until it is opened. Who is in the air lands there. Its later sorties are open for others."],
   open: ["Open base", "Its vehicles may be sent out again, each when its pack is confirmed."],
-  count: ["Count packs", "So many charged packs are there now, whatever the plan's count says. Those still charging come on top."],
+  count: ["Count packs at", "How many charged packs are at the base now? Packs that are still charging are added when they are ready."],
   replan: ["Re-plan now", "All open segments are re-planned."],
   prove: ["Fly inferred again", "What counts by evidence alone is flown again, for proof by positions."],
   abort: ["Abort all", "All vehicles return now. What is not inspected stays so."],
