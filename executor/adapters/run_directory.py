@@ -92,9 +92,9 @@ class RunDirectory:
         """Return a plan: the first is 0, every re-plan one more."""
         return self.path / f"plan-{revision:03d}.json"
 
-    def telemetry_path(self, vehicle: str) -> Path:
-        """Return a vehicle's telemetry log; a long one has further parts beside it."""
-        return self.path / f"{vehicle}.tlog"
+    def telemetry_path(self, vehicle: str, link: int = 1) -> Path:
+        """Return the telemetry log of a vehicle's first, second ... link; a long one has further parts beside it."""
+        return self.path / (f"{vehicle}.tlog" if link == 1 else f"{vehicle}.link{link}.tlog")
 
 
 def create_run_directory(wanted: Path | None) -> Path:

@@ -67,6 +67,12 @@ class RadioShare:
     signed: bool = False
     is_radio: bool = False
     """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
+    others: tuple[tuple[str, RadioShare], ...] = ()
+    """Of a vehicle with several links: what it has of each of the others, by its connection."""
+
+    def of_link(self, connection: str) -> RadioShare:
+        """Return what it has of one of its links."""
+        return dict(self.others).get(connection, self)
 
     def find_capacity_bytes_s(self, *, on_radio: bool) -> float | None:
         """Return what may be sent; None where nothing says that there is a radio."""

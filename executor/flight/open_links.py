@@ -14,8 +14,8 @@ from typing import TypeVar
 
 from executor.adapters.clock import FairEventLoop, FleetTime, SystemClock, steady_s
 from executor.adapters.extras import Extra, require_extra
-from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.joined_link import open_joined_links
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import mavsdk_link as mavsdk
 from executor.adapters.mavsdk.mavsdk_link import WANTED_BY
@@ -24,9 +24,13 @@ from executor.core.interface.commands import Level
 from executor.core.interface.connection import Scheme
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
 from executor.flight.run_start import FlightRequest, MessageSink
+from executor.runtime.dialogue import awake
 from executor.runtime.flight_loop import send_heartbeats
+from executor.runtime.procedures import keep_asking_links
 from executor.site.site_file import Site, read_signing_key
+from executor.site.site_model import radio_share_of
 from executor.supervised import run_beside
+from missions import dialect_for
 
 CALL_AGAIN_S = 0.2
 """Real seconds between two attempts to find the fleet: it may begin later, and again."""
@@ -106,23 +110,33 @@ async def open_links(
     async with AsyncExitStack() as stack:
         wanted: dict[str, dict[str, LinkRequest]] = {"native": {}, "mavsdk": {}}
         for table in request.site.vehicle:
-            order = LinkRequest(table.link, table.sysid)
-            if recorded:
-                log = TelemetryLog(RunDirectory(request.run).telemetry_path(table.name), clock.label_usec)
-                stack.callback(log.close)
-                order = replace(order, log=log.write)
-            wanted[table.backend][table.name] = order
+            orders = []
+            for number, order in enumerate(table.requests, start=1):
+                if recorded:
+                    log = TelemetryLog(RunDirectory(request.run).telemetry_path(table.name, number), clock.label_usec)
+                    stack.callback(log.close)
+                    order = replace(order, log=log.write)
+                orders.append(order)
+            wanted[table.backend][table.name] = replace(orders[0], more=tuple(orders[1:]))
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
         radios = request.site.link.senders
+        now_s = stack.enter_context(awake(clock)).now_s
         native = await stack.enter_async_context(
-            endpoints.open_mavlink_links(wanted["native"], keyring, radios, one_radio=request.site.link.one_radio)
+            open_joined_links(wanted["native"], now_s, keyring, radios, one_radio=request.site.link.one_radio)
         )
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
         )
         links = {table.name: native.get(table.name) or others[table.name] for table in request.site.vehicle}
-        async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
+        setups = {
+            table.name: (dialect_for(table.autopilot), radio_share_of(request.site, table.name))
+            for table in request.site.vehicle
+        }
+        async with (
+            run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True),
+            run_beside("the streams of further links", partial(keep_asking_links, links, clock, setups)),
+        ):
             yield links
 
 

@@ -77,7 +77,8 @@ async def connect_and_interview(
         PreflightFailed: it does not become ready.
     """
     name, timeout_s = table.name, site.flight.connect_timeout_s
-    await asking.wait_for_vehicle(name, table.connection, table.sysid, link, timeout_s, clock)
+    where = " or ".join(map(str, table.links))
+    await asking.wait_for_vehicle(name, where, table.sysid, link, timeout_s, clock)
 
     def waits(missing: str) -> None:
         console.say(Level.INFO, f"{name}: not ready yet: {missing}")
@@ -115,10 +116,10 @@ def build_context_and_checklist(
     visits = {name: board.visits for name, board in boards.items() if board is not None}
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     found += _list_day_pads(context)
-    links = {table.name: table.link for table in site.vehicle}
+    links = {table.name: table.links for table in site.vehicle}
     found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
-    for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
-        behind = [name for name in facts if channel is None or links[name] == channel]
+    for channel in dict.fromkeys(None if site.link.one_radio else str(one[0]) for one in links.values()):
+        behind = [name for name in facts if channel is None or str(links[name][0]) == channel]
         setup, measured = context.vehicles[behind[0]], tuple(facts[name].link for name in behind)
         found += check_radio(setup.radio, setup.dialect, measured)
     found.append(vehicle_checks.check_disk_space(shutil.disk_usage(request.run).free, paths, context))

@@ -13,13 +13,13 @@ from typing import Annotated, Any, Generic, Literal
 from pydantic import Field
 
 from executor.adapters.clock import SystemClock
-from executor.adapters.mavlink import endpoints
+from executor.adapters.mavlink.joined_link import open_joined_links
 from executor.adapters.run_directory import Document, Number, RunDirectory, Whole, YesNo, lock_run_directory
 from executor.analysis.documents import ParameterRow
 from executor.core.formatting import command_line
 from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
-from executor.core.interface.ports import Clock, Keyring, Link, LinkRequest, OpenLink
+from executor.core.interface.ports import Clock, Keyring, Link, OpenLink
 from executor.core.preflight.parameter_changes import (
     Change,
     ChangeStage,
@@ -461,8 +461,12 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
             key = read_signing_key(site, run)
             keyring = None if key is None else Keyring(key, clock.steady_unix_s)
             # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
-            wanted = {table.name: LinkRequest(table.link, table.sysid) for table in site.vehicle if table.name in names}
-            async with endpoints.open_mavlink_links(wanted, keyring) as links:
+            wanted = {
+                table.name: replace(table.requests[0], more=table.requests[1:])
+                for table in site.vehicle
+                if table.name in names
+            }
+            async with open_joined_links(wanted, clock.now_s, keyring) as links:
                 return await restore_board(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)
 
 

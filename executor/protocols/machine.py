@@ -143,6 +143,10 @@ class DialogueMachine(ABC):
         """`deadline_s` has passed: repeat what may be repeated, or give up."""
         return self._expire(now_s) if self.outcome is None else (self, ())
 
+    def move(self, now_s: float) -> tuple[Self, tuple[Outgoing, ...]]:
+        """Go on over another link: what was asked over the one that is left is asked again."""
+        return self.on_deadline(now_s)
+
     def cancel(self) -> tuple[Self, tuple[Outgoing, ...]]:
         """Give up; what is sent tells the vehicle so where it can be told."""
         return (self._finish(Aborted()), self._build_farewell()) if self.outcome is None else (self, ())

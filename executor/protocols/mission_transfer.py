@@ -35,6 +35,7 @@ from missions.items import MissionItem, MissionKind
 COUNT_PERIOD_S = 1.5
 COUNT_TRIES = 5
 """QGroundControl's figures (PlanManager.h), recommended by the mission protocol page of mavlink.io."""
+MOVED_PERIOD_S = 0.5
 REPEAT_S = 0.1
 """A request repeated sooner than this, or than a round trip, crossed our answer on the way and is not answered twice
 (PX4 issue 11078)."""
@@ -117,15 +118,37 @@ class UploadDialogue(DialogueMachine):
     checksum: int | None = None
     """Of the list, as the vehicle says it when it accepts it; None from one that has none."""
 
+    moved: bool = False
+    """Whether it was announced over another link before."""
+    is_touched: bool = False
+    """Whether the vehicle had asked for an item there."""
+
     @property
     def is_begun(self) -> bool:
         """Whether the vehicle has asked for an item: from then on ArduPilot's old mission is no longer whole."""
+        return self._is_asked or self.is_touched
+
+    @property
+    def _is_asked(self) -> bool:
+        """Whether it has asked for one over this link."""
         return self.furthest >= 0
 
     @property
     def is_all_sent(self) -> bool:
         """Whether every item was sent: perhaps the acknowledgement alone got lost."""
-        return self.is_begun and self.highest == len(self.items) - 1
+        return self._is_asked and self.highest == len(self.items) - 1
+
+    def move(self, now_s: float) -> tuple[Self, Sent]:
+        """Announce the list anew over another link.
+
+        ArduPilot takes items from any link and asks for them where they were announced, so there it goes on at once.
+        PX4 lets nobody begin elsewhere until it has given up the transfer over the link that was left.
+        """
+        fresh = replace(
+            self, moved=True, is_touched=self.is_begun, counts_sent=0, counted_s=now_s, heard_s=now_s, furthest=-1,
+            under_way=(), room=FIRST_AHEAD, highest=-1, repeats=0, refusal=None, early=False,
+        )  # fmt: skip
+        return _announce_items(fresh, now_s)
 
     def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Announce the number of items."""
@@ -136,7 +159,7 @@ class UploadDialogue(DialogueMachine):
         match message:
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)
-            case messages.MissionAck(result, kind) if kind is self.kind and result in self.warnings and self.is_begun:
+            case messages.MissionAck(result, kind) if kind is self.kind and result in self.warnings and self._is_asked:
                 # Once for each item: the warning may be about a copy of one that it has, and would bring the next.
                 again = bool(self.under_way) and self.under_way[0].first_s is not None
                 return (self, ()) if again else _repeat_if_lost(self, now_s)
@@ -147,8 +170,9 @@ class UploadDialogue(DialogueMachine):
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
         """Repeat what may be repeated, or give up."""
-        if not self.is_begun:
-            if self.counts_sent >= COUNT_TRIES:
+        if not self._is_asked:
+            left = self.moved and now_s - self.heard_s < self.silence_s - SAME_S
+            if self.counts_sent >= COUNT_TRIES and not left:
                 return self._finish(TimedOut("the vehicle did not ask for the first item")), ()
             return _announce_items(self, now_s)
         if self.early:
@@ -183,7 +207,7 @@ class UploadDialogue(DialogueMachine):
         trip = self.round_trip
         if come:
             trip = _record_answer(trip, come[-1], now_s)
-        elif not self.is_begun and self.counts_sent == 1:
+        elif not self._is_asked and self.counts_sent == 1:
             trip = trip.record_round_trip(now_s - self.counted_s)
         room = min(self.ahead, self.room + len(come))
         state = replace(state, furthest=seq, round_trip=trip, room=room)
@@ -202,16 +226,16 @@ class UploadDialogue(DialogueMachine):
                 return replace(self._finish(Accepted()), checksum=checksum)
             # Before the last item was asked for it may be a late duplicate of an earlier transfer's.
             return replace(self, early=True, checksum=checksum) if self.is_all_sent else self
-        if result in self.warnings or (result == RESULT_CANCELLED and not self.is_begun):
+        if result in self.warnings or (result == RESULT_CANCELLED and not self._is_asked):
             return self  # what has not begun cannot be given up: that was an earlier transfer
-        if result == RESULT_ERROR and self.is_begun and not all_asked:
-            # PX4 says so of a doubled COUNT and goes on. Whether it does, its next request shows.
+        if result == RESULT_ERROR and (self.moved if not self._is_asked else not all_asked):
+            # PX4 says so of a doubled COUNT and goes on, and while it waits over the link that was left.
             return replace(self, refusal=result)
         return self._finish(build_rejection(list_name_of(self.kind), result))
 
 
 def _announce_items(state: U, now_s: float) -> tuple[U, Sent]:
-    period_s = max(COUNT_PERIOD_S, state.round_trip.waits_s)
+    period_s = max(MOVED_PERIOD_S if state.moved else COUNT_PERIOD_S, state.round_trip.waits_s)
     state = replace(state, counts_sent=state.counts_sent + 1, deadline_s=now_s + period_s)
     return state, (messages.MissionCount(len(state.items), state.kind),)
 
@@ -320,6 +344,11 @@ class DownloadDialogue(DialogueMachine):
     def begin(self, now_s: float) -> tuple[Self, Sent]:
         """Ask how many items there are."""
         return _ask_count(replace(self, heard_s=now_s), now_s)
+
+    def move(self, now_s: float) -> tuple[Self, Sent]:
+        """Ask for the list anew over another link: PX4 reads it out to each by itself."""
+        fresh = replace(self, count=None, items=(), later=(), under_way=(), tries=0, refusal=None, heard_s=now_s)
+        return _ask_count(fresh, now_s)
 
     def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
         """Take the count, then the items."""

@@ -63,6 +63,8 @@ class Channel:
         if _TURN.get() in self.under_way:  # it is a part of one
             yield False
             return
+        if (outer := _TURN.get()) is not None:  # it holds another channel, which was left in the middle
+            rank, needed_s = outer.rank, outer.needed_s
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
@@ -98,7 +100,8 @@ _CHANNELS: WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Channel]]
 
 
 def channel_of(link: Link) -> Channel:
-    """Return the channel of a link: that of all links to the same peer."""
+    """Return the channel of a link: that of all links to the same peer, of several the one that orders go over."""
+    link = link.ways[0]
     known = _CHANNELS.setdefault(asyncio.get_running_loop(), {})
     if len(known) > MOST_CHANNELS:
         for peer in [peer for peer, one in known.items() if not one.under_way and not one.waiting]:

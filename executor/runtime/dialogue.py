@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 from collections.abc import Callable, Coroutine, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from typing import Any, ParamSpec, TypeVar
@@ -268,39 +268,42 @@ async def run_dialogue(machine: M, link: Link, clock: Clock) -> M:
 
     When the task is cancelled the vehicle is told so where the protocol allows it.
     """
-    channel, paced = channel_of(link), _DialogueClock(underlying(clock))
-    if not machine.is_transfer:
-        return await _run_to_end(machine, link, channel, clock, paced)
-    async with channel.take_turn(Rank.BEFORE_FLIGHT):
-        return await _run_to_end(machine, link, channel, clock, paced)
+    opens, unmeasured = type(machine).begin, machine.round_trip
+    while True:
+        way, channel = link.ways[0], channel_of(link)
+        async with channel.take_turn(Rank.BEFORE_FLIGHT) if machine.is_transfer else nullcontext():
+            if link.ways[0] is way:
+                machine = replace(machine, round_trip=unmeasured.adopt(channel.round_trip))
+                machine = await _run_on_one_link(machine, opens, link, channel, clock)
+                opens = type(machine).move
+        if machine.outcome is not None:
+            return machine
 
 
-async def _run_to_end(machine: M, link: Link, channel: Channel, clock: Clock, paced: _DialogueClock) -> M:
+async def _run_on_one_link(
+    machine: M, opens: Callable[[M, float], tuple[M, tuple[Outgoing, ...]]], link: Link, channel: Channel, clock: Clock
+) -> M:
+    """Run a dialogue to its end, or until orders go over another link of the vehicle."""
+    way, paced = link.ways[0], _DialogueClock(underlying(clock))
     inbox: asyncio.Queue[Message] = asyncio.Queue(INBOX)
-
-    def take(message: Message) -> None:
-        if isinstance(message, Radio):
-            channel.hear(message, paced.now_s())
-        elif not inbox.full():
-            inbox.put_nowait(message)
-
     patience = _Patience(clock, paced)
-    machine = replace(machine, round_trip=machine.round_trip.adopt(channel.round_trip))
-    with listen_to(link, take):
+    with listen_to(link, partial(_put_into, inbox, channel, paced)):
         try:
-            machine, send = machine.begin(paced.now_s())
+            machine, send = opens(machine, paced.now_s())
             patience.begin()
             while True:
                 _send_all(link, send)
                 if machine.outcome is not None:
                     return machine
                 heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)
+                before = machine
+                if heard is not None:
+                    machine, send = machine.on_message(heard, paced.now_s())
+                if machine.outcome is None and link.ways[0] is not way:
+                    return machine
                 if heard is None:
                     machine, send = patience.pass_deadline(machine, full=channel.is_full(paced.now_s()))
-                    continue
-                before = machine
-                machine, send = machine.on_message(heard, paced.now_s())
-                if machine is not before:
+                elif machine is not before:
                     patience.begin()
                     channel.note_progress()
         except asyncio.CancelledError:
@@ -308,6 +311,13 @@ async def _run_to_end(machine: M, link: Link, channel: Channel, clock: Clock, pa
             raise
         finally:
             channel.learn(machine.round_trip)
+
+
+def _put_into(inbox: asyncio.Queue[Message], channel: Channel, paced: _DialogueClock, message: Message) -> None:
+    if isinstance(message, Radio):
+        channel.hear(message, paced.now_s())
+    elif not inbox.full():
+        inbox.put_nowait(message)
 
 
 def _send_all(link: Link, messages: Iterable[Outgoing]) -> None:

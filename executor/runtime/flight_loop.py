@@ -433,8 +433,9 @@ class Flight:
     async def _ask_streams(self, vehicle: str) -> None:
         try:
             setup, heard = self.context.vehicles[vehicle], self.state.vehicles[vehicle].link.quality.radio
-            streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=heard is not None)
-            await procedures.request_streams(self._links[vehicle], self._clock, streams_hz, again=True)
+            await procedures.request_streams(
+                self._links[vehicle], self._clock, setup.dialect, setup.radio, on_radio=heard is not None, again=True
+            )
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_internal_error(f"an order to {vehicle}", error)
 
@@ -448,12 +449,13 @@ async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     distances, and a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
     """
     for beats in itertools.count():
-        once = {link.peer or name: (name, link) for name, link in links.items()}
+        ways = [(name, way) for name, link in links.items() for way in link.ways]
+        once = {way.peer or number: (name, way) for number, (name, way) in enumerate(ways)}
         for name, link in once.values():
             supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
         after_s = HEARTBEAT_S
-        if len(once) < len(links):
-            after_s *= len(once) / len(links) * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
+        if len(once) < len(ways):
+            after_s *= len(once) / len(ways) * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
         await asyncio.sleep(after_s / clock.speedup)
 
 

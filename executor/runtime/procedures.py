@@ -14,7 +14,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.core.radio_budget import HEARTBEAT
+from executor.core.radio_budget import HEARTBEAT, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
@@ -492,15 +492,56 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
 HEARTBEAT_HZ = 1.0
 
 
-async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:
+async def request_streams(
+    link: Link, clock: Clock, dialect: Dialect, share: RadioShare, *, on_radio: bool = False, again: bool = False
+) -> None:
     """Ask a vehicle for everything that we follow.
 
     Args:
         link: To it.
         clock: The flight's.
-        streams_hz: What, and how often.
-        again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
+        dialect: What it speaks.
+        share: What it has of its radio.
+        on_radio: Whether a radio has reported itself on the link that orders go over.
+        again: Whether something does not come any more, over none of its links: HEARTBEAT comes unasked, until then.
     """
+    async with asyncio.TaskGroup() as tasks:
+        for way in link.ways if again else link.ways[:1]:
+            if way is link.ways[0] or way.is_alive:
+                reports = on_radio if way is link.ways[0] else channel_of(way).radio is not None
+                tasks.create_task(request_link_streams(way, clock, dialect, share, on_radio=reports, again=again))
+
+
+LOOK_S = 1.0
+
+
+async def keep_asking_links(
+    links: Mapping[str, Link], clock: Clock, setups: Mapping[str, tuple[Dialect, RadioShare]]
+) -> None:
+    """Ask vehicles with several links for their streams over each, when it is first heard and after every silence.
+
+    Both autopilots keep apart what they are asked for over each. The first one is asked by whoever asks the vehicle.
+    """
+    asked: set[Link] = set()
+    while True:
+        for name, link in links.items():
+            for way in link.ways if len(link.ways) > 1 else ():
+                if not way.is_alive:
+                    asked.discard(way)
+                elif way not in asked:
+                    first = way is link.ways[0] and asked.isdisjoint(link.ways)
+                    asked.add(way)
+                    if not first:
+                        reports = channel_of(way).radio is not None
+                        await request_link_streams(way, clock, *setups[name], on_radio=reports)
+        await asyncio.sleep(LOOK_S / clock.speedup)
+
+
+async def request_link_streams(
+    link: Link, clock: Clock, dialect: Dialect, share: RadioShare, *, on_radio: bool, again: bool = False
+) -> None:
+    """Ask for everything that we follow over one of a vehicle's links, as much as that carries."""
+    streams_hz = share.of_link(link.connection).choose_streams_hz(dialect, on_radio=on_radio)
     beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
     for message, rate_hz in (beat_hz | dict(streams_hz)).items():
         await send_order(

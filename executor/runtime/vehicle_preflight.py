@@ -6,9 +6,10 @@ After the ground station was away: who answers, what everybody carries, and whic
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 
 from executor.core.context import Context
 from executor.core.interface import messages
@@ -26,7 +27,7 @@ from executor.core.preflight.parameter_changes import (
     list_return_parameters,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_streams_hz
+from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
@@ -201,15 +202,15 @@ async def interview_vehicle(
     """
     heard = _VehicleAnswers(clock)
     with listen_to(link, heard.update):
-        step = share.choose_step(dialect, on_radio=False)
-        await procedures.request_streams(link, clock, list_streams_hz(dialect, step))
+        await procedures.request_streams(link, clock, dialect, share)
         await procedures.send_order(
             link,
             clock,
             CommandDialogue(vehicle_commands.request_message(vehicle_commands.AUTOPILOT_VERSION), "version"),
         )
-        if (thinned := share.choose_step(dialect, on_radio=heard.radio is not None)) != step:
-            await procedures.request_streams(link, clock, list_streams_hz(dialect, thinned))
+        on_radio = heard.radio is not None
+        if share.choose_step(dialect, on_radio=on_radio) != share.choose_step(dialect, on_radio=False):
+            await procedures.request_streams(link, clock, dialect, share, on_radio=on_radio)
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
                 await _wait_until_ready(heard, link, clock, waits)
@@ -512,8 +513,11 @@ async def reconnect_vehicles(
                 if answer.heard.is_set():
                     patience_s = _patience_real_s(state(), state().vehicles[name])
                     setup, radio = context.vehicles[name], state().vehicles[name].link.quality.radio
-                    streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=radio is not None)
-                    asks = _query_vehicle(links[name], clock, streams_hz, answer, patience_s)
+                    asks_streams = partial(
+                        procedures.request_streams, links[name], clock, setup.dialect, setup.radio,
+                        on_radio=radio is not None,
+                    )  # fmt: skip
+                    asks = _query_vehicle(links[name], clock, asks_streams, answer, patience_s)
                     tasks.create_task(asks, name=name)
     found = [
         compare_onboard_mission(context, state(), name, answer.items, answer.seq)
@@ -541,7 +545,7 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
 
 
 async def _query_vehicle(
-    link: Link, clock: Clock, streams_hz: Mapping[int, float], answer: _Answer, patience_s: float | None
+    link: Link, clock: Clock, asks_streams: Callable[[], Awaitable[None]], answer: _Answer, patience_s: float | None
 ) -> None:
     if patience_s != 0.0:
         with suppress(TimeoutError):
@@ -552,4 +556,4 @@ async def _query_vehicle(
                         break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            await procedures.request_streams(link, clock, streams_hz)
+            await asks_streams()

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from executor.core.interface.connection import Connection
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import SiteError
 from executor.site import flight_keys, mqtt_and_web_keys, site_keys
@@ -157,13 +158,14 @@ class Site(site_keys.SiteTable):
                 )
 
     def _check_connections(self) -> Iterator[str]:
-        first: dict[str, site_keys.VehicleTable] = {}
-        for index, vehicle in enumerate(self.vehicle):
-            other = first.setdefault(vehicle.link.exclusive_resource, vehicle)
-            if other.link != vehicle.link:
+        first: dict[str, tuple[site_keys.VehicleTable, Connection]] = {}
+        every = [(index, vehicle, link) for index, vehicle in enumerate(self.vehicle) for link in vehicle.links]
+        for index, vehicle, link in every:
+            other, as_theirs = first.setdefault(link.exclusive_resource, (vehicle, link))
+            if as_theirs != link:
                 yield (
-                    f"vehicle[{index}].connection: expected a port of its own, or '{other.link}' as vehicle "
-                    f"'{other.name}' has it, got '{vehicle.connection}'"
+                    f"vehicle[{index}].connection: expected a port of its own, or '{as_theirs}' as vehicle "
+                    f"'{other.name}' has it, got '{link}'"
                 )
             if other.backend != vehicle.backend:
                 yield (

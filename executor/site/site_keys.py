@@ -9,6 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from executor.core.battery.voltage import Chemistry
 from executor.core.interface.connection import Connection, parse_connection
+from executor.core.interface.ports import LinkRequest
 from missions import AUTOPILOTS, SNAP_M, parse_where
 from missions.cameras import AIM_DEG, LEAST_INTERVAL_S
 from missions.inspection_defaults import Inspection
@@ -28,6 +29,8 @@ HostName = Annotated[
 LayerName = Annotated[str, Field(min_length=1, max_length=200)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
+MOST_LINKS = 4
+"""To one vehicle."""
 
 
 class SiteTable(BaseModel):
@@ -274,9 +277,10 @@ class VehicleTable(SiteTable):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
     """Name of the vehicle everywhere: a letter, then letters, digits, - and _."""
-    connection: str
+    connection: str | tuple[str, ...]
     """`udpin://HOST:PORT` and `tcpin://HOST:PORT` listen, `udpout://HOST:PORT` and `tcpout://HOST:PORT` call,
-    `serial:///dev/ttyUSB0:57600` opens a port. Vehicles with different system ids may share a connection."""
+    `serial:///dev/ttyUSB0:57600` opens a port. Vehicles with different system ids may share a connection.
+    A list holds up to four links to the one vehicle, such as a radio and LTE, the preferred one first."""
     sysid: Annotated[int, Field(ge=1, le=254)]
     """MAVLink system id; each vehicle needs its own."""
     autopilot: AutopilotKey
@@ -301,15 +305,33 @@ class VehicleTable(SiteTable):
                 f"{self.reserve_pct:g}, got {self.budget_pct:g}"
             )
         try:
-            parse_connection(self.connection)
+            links = self.links
         except ValueError as error:
             raise ValueError(f"connection: {error}") from None
+        if not 0 < len(links) <= MOST_LINKS:
+            raise ValueError(f"connection: expected 1 to {MOST_LINKS}, got {len(links)}")
+        ports = [link.exclusive_resource for link in links]
+        if twice := [port for port in ports if ports.count(port) > 1]:
+            raise ValueError(f"connection: expected each link over a port of its own, got {twice[0]} twice")
+        if len(links) > 1 and self.backend == "mavsdk":
+            raise ValueError("connection: expected one beside backend 'mavsdk', got a list")
         return self
 
     @property
+    def links(self) -> tuple[Connection, ...]:
+        """Its connections, read, the preferred one first."""
+        several = (self.connection,) if isinstance(self.connection, str) else self.connection
+        return tuple(map(parse_connection, several))
+
+    @property
     def link(self) -> Connection:
-        """The connection, read."""
-        return parse_connection(self.connection)
+        """The preferred one."""
+        return self.links[0]
+
+    @property
+    def requests(self) -> tuple[LinkRequest, ...]:
+        """Its links to be opened."""
+        return tuple(LinkRequest(link, self.sysid) for link in self.links)
 
 
 CameraName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]

@@ -14,7 +14,7 @@ from executor.core.battery.pack_condition import PackHistory
 from executor.core.battery.voltage import PackFacts
 from executor.core.context import Context, FenceRules, RelaunchPolicy, VehicleSetup, power_draw_table_pct_s
 from executor.core.fault_thresholds import Limits
-from executor.core.interface.connection import Scheme
+from executor.core.interface.connection import Connection, Scheme
 from executor.core.preflight.link_timeout import effective_link_timeout_s
 from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from executor.core.radio_budget import RadioShare
@@ -376,11 +376,21 @@ def link_timeout_s(site: Site, dialect: missions.Dialect, own: LinkFailsafe | No
 
 
 def radio_share_of(site: Site, name: str) -> RadioShare:
-    """Return what a vehicle has of the radio that it is behind: those with the same connection share one."""
-    links = {table.name: table.link for table in site.vehicle}
-    beside = sum(site.link.one_radio or link == links[name] for link in links.values())
-    is_radio = site.link.one_radio or links[name].scheme is Scheme.SERIAL
-    return RadioShare(beside, site.link.bytes_s, site.signing is not None, is_radio)
+    """Return what a vehicle has of the radio that it is behind, and of that of each of its links.
+
+    Those with the same connection share one; of several links of one vehicle the serial ports are radios.
+    """
+    links = next(table.links for table in site.vehicle if table.name == name)
+    has_serial = any(link.scheme is Scheme.SERIAL for link in links)
+
+    def share_of(link: Connection, *, first: bool) -> RadioShare:
+        one_radio, is_serial = first and site.link.one_radio, link.scheme is Scheme.SERIAL
+        beside = len(site.vehicle) if one_radio else sum(link in table.links for table in site.vehicle)
+        carries_bytes_s = site.link.bytes_s if one_radio or is_serial or not has_serial else None
+        return RadioShare(beside, carries_bytes_s, site.signing is not None, one_radio or is_serial)
+
+    others = tuple((str(link), share_of(link, first=False)) for link in links[1:])
+    return replace(share_of(links[0], first=True), others=others)
 
 
 def build_limits(site: Site) -> Limits:

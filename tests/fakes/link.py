@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from executor.core.interface.messages import Message, Outgoing
-from executor.core.interface.ports import Clock, LinkCounts
+from executor.core.interface.ports import Clock, LinkCounts, LinkView
 
 
 class Responder(Protocol):
@@ -65,6 +65,17 @@ class FakeLink:
         self._listeners: list[Callable[[Message], None]] = []
         self._timer: asyncio.TimerHandle | None = None
         self._set_timer()
+
+    connection, is_alive = "memory", True
+
+    @property
+    def ways(self) -> Sequence[FakeLink]:
+        """It is one link."""
+        return (self,)
+
+    def describe_links(self) -> tuple[LinkView, ...]:
+        """It is one link."""
+        return ()
 
     @property
     def peer(self) -> object | None:

@@ -19,7 +19,7 @@ from executor.adapters.mavlink.codec import DecodedFrame, FrameParser, MavlinkCo
 from executor.adapters.mavlink.frame_layout import FrameRejection, LinkSigning
 from executor.core.interface import messages
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest
+from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest, LinkView
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 from executor.supervised import call_safely, run_beside
@@ -56,6 +56,11 @@ class VehicleLink:
         """The radio behind several connections, where the site says that there is one."""
         self.beside: Sequence[VehicleLink] = (self,)
         """The links of its endpoint, this one among them."""
+        self.connection = ""
+        """As the site file has it."""
+        self.ways, self.is_alive = (self,), True
+        self.take_frame: Callable[[bytes], bool] = lambda _: True
+        """Called with every frame of the vehicle; whether it is news: the same may have come over another link."""
         self._codec = codec
         self._log = log
         self._listeners: list[Callable[[messages.Message], None]] = []
@@ -100,6 +105,10 @@ class VehicleLink:
         """Record a frame that this vehicle is sent, maybe with others."""
         self._log(frame)
 
+    def describe_links(self) -> tuple[LinkView, ...]:
+        """It is one link: nothing is to be told apart."""
+        return ()
+
     def receive(self, received: DecodedFrame, source: str = "", write: Write | None = None) -> None:
         """Take a frame of this vehicle.
 
@@ -116,19 +125,22 @@ class VehicleLink:
         told = None if self._is_outdated(received) else received.message
         self._count(received)
         if isinstance(told, messages.Heartbeat):
+            self.component = received.compid
             if received.own:
                 self._beat_source = source
-            self._report_traffic(received.compid)
+            self._report_traffic()
+        if not self.take_frame(received.frame):
+            return
         for message in (told, *received.more):
             if message is not None:
-                self._dispatch(message, received.compid)
+                self._dispatch(message)
 
-    def _report_traffic(self, component: int) -> None:
+    def _report_traffic(self) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
         received, missing = self._arrived - self._told[0], self._missing - self._told[1]
         if received + missing >= ENOUGH_FRAMES:
             self._told = (self._arrived, self._missing)
-            self._dispatch(messages.Traffic(received, max(0, missing)), component)
+            self._dispatch(messages.Traffic(received, max(0, missing)))
 
     def count_refused(self, refusal: FrameRejection) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""
@@ -140,7 +152,7 @@ class VehicleLink:
             places = tuple(sorted(self._sources))
             if places != self._told_places:
                 self._told_places = places
-                self._dispatch(messages.DoubleHeard(self.sysid, places), self.component)
+                self._dispatch(messages.DoubleHeard(self.sysid, places))
         elif len(self._sources) < MOST_SOURCES:
             self._sources.add(source)
         self._source = source
@@ -156,11 +168,9 @@ class VehicleLink:
         told = received.message
         ordered = isinstance(told, messages.OrderSeen) and told.to in {0, self.sysid}
         if told is not None and (ordered or isinstance(told, messages.StationHeard | messages.Radio)):
-            self._dispatch(told, received.compid)
+            self._dispatch(told)
 
-    def _dispatch(self, message: messages.Message, component: int) -> None:
-        if isinstance(message, messages.Heartbeat):
-            self.component = component
+    def _dispatch(self, message: messages.Message) -> None:
         for listener in tuple(self._listeners):
             listener(message)
 
@@ -419,6 +429,7 @@ async def open_mavlink_links(
             }
             links |= behind
             for link in behind.values():
+                link.connection = str(connection)
                 link.radio = "the one radio" if one_radio else None
             try:
                 await _open(connection, Router(behind.values(), codec), stack)

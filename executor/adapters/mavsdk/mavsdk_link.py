@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Protocol
 from executor.adapters.extras import Extra, require_extra
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
-from executor.core.interface.ports import LinkCounts, LinkRequest
+from executor.core.interface.ports import LinkCounts, LinkRequest, LinkView
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
 
@@ -111,6 +111,8 @@ class MavsdkLink:
     def __init__(self, order: LinkRequest, translator: Translator) -> None:
         """Make a link that leads nowhere until MAVSDK has found the system."""
         self.sysid = order.sysid
+        self.connection = str(order.connection)
+        self.ways, self.is_alive = (self,), True
         self.component = AUTOPILOT
         self.counts = LinkCounts(missing=None)
         self._log = order.log
@@ -127,6 +129,10 @@ class MavsdkLink:
     def peer(self) -> None:
         """Nobody knows here: MAVSDK has the sockets, and sends the heartbeats."""
         return
+
+    def describe_links(self) -> tuple[LinkView, ...]:
+        """It is one link: nothing is to be told apart."""
+        return ()
 
     def listen(self, listener: Callable[[Message], None]) -> Callable[[], None]:
         """Call `listener` with every message of the vehicle from now on; returns how to stop that."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Hashable
+from collections.abc import Callable, Coroutine, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -34,6 +34,18 @@ class Link(Protocol):
         None as long as nobody knows.
         """
 
+    @property
+    def connection(self) -> str:
+        """Its connection, as the site file has it."""
+
+    @property
+    def ways(self) -> Sequence[Link]:
+        """The links that it is made of, the one that orders go over first; one of one connection is its own."""
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether something came over it just now, as far as anybody looks: where a vehicle has several links."""
+
     def send(self, message: Outgoing) -> None:
         """Send without waiting; what cannot be sent is lost, as on the air."""
 
@@ -54,6 +66,21 @@ class LinkCounts:
     """Frames that were not believed, by the reason: unsigned, forged or replayed."""
     strangers: dict[int, str] = field(default_factory=dict)
     """Those systems, and where each was heard."""
+    by_connection: dict[str, LinkCounts] = field(default_factory=dict)
+    """Of a vehicle with several links: of each."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkView:
+    """One of a vehicle's links, as far as it is worth showing."""
+
+    connection: str
+    heard_age_s: float | None
+    """How long ago something came over it; None if nothing ever did."""
+    loss: float | None
+    """Share of its frames that were lost in the last seconds."""
+    used: bool
+    """Whether orders and missions go over it."""
 
 
 class OpenLink(Link, Protocol):
@@ -62,6 +89,9 @@ class OpenLink(Link, Protocol):
     @property
     def counts(self) -> LinkCounts:
         """What came so far."""
+
+    def describe_links(self) -> tuple[LinkView, ...]:
+        """Return the state of each of its links; nothing where it has but one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +102,8 @@ class LinkRequest:
     sysid: int
     log: Callable[[bytes], None] = lambda _: None
     """Takes every frame of both directions, to record it."""
+    more: tuple[LinkRequest, ...] = ()
+    """Further links to the same vehicle, each with its own record."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -336,18 +336,18 @@ def check_energy(context: Context, name: str, path: FlightPath | None, remaining
     )  # fmt: skip
 
 
-def check_signing(connections: Mapping[str, Connection], *, signed: bool) -> Check:
+def check_signing(connections: Mapping[str, Sequence[Connection]], *, signed: bool) -> Check:
     """Say who may speak for the vehicles, and to them.
 
     Args:
-        connections: Of each vehicle.
+        connections: Of each vehicle, all of them.
         signed: Whether frames must be signed.
     """
     if signed:
         return checklist.SIGNED.say("signing")
-    open_ = [name for name, connection in connections.items() if connection.is_on_a_network]
+    open_ = [name for name, several in connections.items() if any(one.is_on_a_network for one in several)]
     if not open_:
-        radios = any(connection.scheme is Scheme.SERIAL for connection in connections.values())
+        radios = any(one.scheme is Scheme.SERIAL for several in connections.values() for one in several)
         return checklist.UNSIGNED.say("signing", beyond=checklist.RADIOS if radios else checklist.NO_RADIOS)
     are = "is" if len(open_) == 1 else "are"
     return checklist.UNSIGNED_ON_NETWORK.say("signing", vehicles=", ".join(open_), are=are)

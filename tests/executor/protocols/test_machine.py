@@ -51,6 +51,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "highest": -1,
                 "repeats": 0,
                 "early": False,
+                "moved": False,
+                "is_touched": False,
                 "checksum": None,
                 "round_trip": mission_transfer.FIRST_TRIP,
                 "heard_s": 0.0,

@@ -286,7 +286,7 @@ def test_pre_arm_checks_in_words() -> None:
     ],
 )  # fmt: skip
 def test_who_may_talk_is_said(connection: str, warned: bool) -> None:
-    links = {"uav1": parse_connection(connection), "uav2": parse_connection("udpin://127.0.0.1:14551")}
+    links = {"uav1": [parse_connection(connection)], "uav2": [parse_connection("udpin://127.0.0.1:14551")]}
     check = checks.check_signing(links, signed=False)
     assert check.severity is (Severity.WARNING if warned else Severity.OK)
     if warned:

@@ -306,7 +306,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who may speak",
         lambda: [
-            lines(checks.check_signing({name: parse_connection(text) for name, text in connections}, signed=signed))
+            lines(checks.check_signing({name: [parse_connection(text)] for name, text in connections}, signed=signed))
             for connections, signed in (
                 ((("uav1", "udpin://0.0.0.0:14550"),), True),
                 ((("uav1", "udpin://0.0.0.0:14550"),), False),
