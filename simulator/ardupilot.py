@@ -74,6 +74,7 @@ class ArduPilot(Autopilot):
     REFUSED: ClassVar = messages.Result.FAILED
     INVALID: ClassVar = messages.Result.FAILED
     ACKNOWLEDGES_FIRST: ClassVar = True
+    ACKNOWLEDGES_EVERYWHERE: ClassVar = False
     ON_ITS_BACK: ClassVar = "Arm: Leaning"
     KILLED: ClassVar = "Arm: Motors Emergency Stopped"
     KILL_SAYS: ClassVar = "RC: Motors Emergency Stopped"
@@ -86,7 +87,7 @@ class ArduPilot(Autopilot):
     def __init__(self, vehicle: SimVehicle) -> None:
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
         store = ArduPilotStore(_build_home_item(home), vehicle.transfer_patience_s)
-        super().__init__(vehicle, MANNERS, store, home)
+        super().__init__(vehicle, MANNERS, (store,), home)
         self.mission = ArduPilotMission(self.frame, store, home, self.params, self.voice, self.execute_payload_command)
         self._gcs_failsafe = self._ekf_failsafe = False
         self._breached, self._breaches = False, 0
@@ -94,8 +95,6 @@ class ArduPilot(Autopilot):
         self._outside = False
         """Whether it is outside its fence by its own place; a breach may also be injected."""
         self._battery_level = 0
-        self._radio_slow_s = 0.0
-        """By how much every interval is longer for its radio's buffer."""
         self._low_since_s: dict[int, float] = {}
         self._gauge_offset_pct = 0.0
         """The coulomb counter begins at 100 % with every boot, whatever the pack holds."""
@@ -128,7 +127,7 @@ class ArduPilot(Autopilot):
             self.mission.leave()
         self.mode = Mode(mode)
         self.frame.record_event(f"mode {Mode(mode).name}")
-        self.streams.schedule_now("HEARTBEAT", self.now_s)
+        self.schedule_now("HEARTBEAT")
         if self.frame.wrecked:
             if mode == Mode.LAND:
                 self.frame.disarm()
@@ -232,7 +231,7 @@ class ArduPilot(Autopilot):
     def _on_breach(self) -> None:
         self._breached, self._breaches = True, self._breaches + 1
         self.voice.send_text(messages.Severity.NOTICE, "Circle fence breached")
-        self.streams.schedule_now("FENCE_STATUS", self.now_s)
+        self.schedule_now("FENCE_STATUS")
         self.set_mode(Mode.RTL)
 
     def _on_emergency(self, mode: int) -> None:
@@ -249,7 +248,7 @@ class ArduPilot(Autopilot):
         self.mode = Mode.STABILIZE
         self.hands = self._breached = False
         self._gcs_failsafe = self._ekf_failsafe = False
-        self._radio_slow_s = self.store.slow_s = 0.0
+        self.store.slow_s = 0.0
         self._battery_level = 0
         self._low_since_s.clear()
         self._gauge_offset_pct = 100.0 - self.frame.battery.charge_pct
@@ -264,10 +263,12 @@ class ArduPilot(Autopilot):
             change_s = 0.02
         else:
             change_s = -0.04 if txbuf_pct > 95 else -0.02 if txbuf_pct > 90 else 0.0
-        self._radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, self._radio_slow_s + change_s))
+        streams = self.streams
+        streams.radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, streams.radio_slow_s + change_s))
 
-    def _slow_down(self, interval_s: float) -> float:
-        return (interval_s + self._radio_slow_s) * (4.0 if self.store.is_receiving else 1.0)
+    def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
+        receives = self.store.is_receiving and streams is self._schedules[self.store.upload_link]
+        return (interval_s + streams.radio_slow_s) * (4.0 if receives else 1.0)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO
@@ -326,8 +327,8 @@ class ArduPilot(Autopilot):
         self.frame.record_event("failsafe fence")
         self._breached, self._breaches = True, self._breaches + 1
         self.voice.send_text(messages.Severity.NOTICE, f"{' and '.join(found)} fence breached")
-        self.streams.schedule_now("FENCE_STATUS", self.now_s)
-        self.streams.schedule_now("SYS_STATUS", self.now_s)
+        self.schedule_now("FENCE_STATUS")
+        self.schedule_now("SYS_STATUS")
         action = int(self.params["FENCE_ACTION"])
         if action == 0:
             return

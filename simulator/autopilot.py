@@ -58,6 +58,8 @@ class Autopilot(ABC):
     """The result of a request for a message that it does not have, or for a speed of nothing."""
     ACKNOWLEDGES_FIRST: ClassVar[bool]
     """Whether a message that was requested comes behind the acknowledgement."""
+    ACKNOWLEDGES_EVERYWHERE: ClassVar[bool]
+    """Whether a command is acknowledged over all its links, and not only where it came from."""
     ON_ITS_BACK: ClassVar[str]
     """Why a wreck is not armed again."""
     KILLED: ClassVar[str]
@@ -75,14 +77,14 @@ class Autopilot(ABC):
     mission: ArduPilotMission | Px4Mission
 
     def __init__(
-        self, vehicle: SimVehicle, manners: AirframeSettings, store: ArduPilotStore | Px4Store, home: Home
+        self, vehicle: SimVehicle, manners: AirframeSettings, stores: Sequence[ArduPilotStore | Px4Store], home: Home
     ) -> None:
         self.vehicle = vehicle
         self.home = home
         self.frame = Airframe(vehicle, manners)
         px4 = vehicle.autopilot is AutopilotKind.PX4
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
-        self.store = store
+        self.store, self.stores = stores[0], stores  # PX4 has one for each link, and ArduPilot one for all
         self.voice = VehicleOutbox(tab=px4)
         self.now_s = 0.0
         self.boot_s = 0.0
@@ -92,7 +94,9 @@ class Autopilot(ABC):
         self.hands = False
         """Whether a person holds the sticks: a mode that follows them keeps its height then."""
         self.positioning = Positioning()
-        self.streams = self._start_streams()
+        self._asking = 0
+        """Over which of its links came what it does now."""
+        self._schedules = self._start_streams()
         self.gcs_heard_s: float | None = None
         """When the ground station that counts was last heard; None before it ever was."""
         self._mission_began_s: float | None = None
@@ -171,8 +175,19 @@ class Autopilot(ABC):
             self.now_s += STEP_S
             self._step()
 
+    @property
+    def streams(self) -> Streams:
+        """The telemetry on the link over which it was spoken to last, at first the first."""
+        return self._schedules[self._asking]
+
+    def schedule_now(self, name: str) -> None:
+        """Send a streamed message now, over all links, because what it says has changed."""
+        for streams in self._schedules:
+            streams.schedule_now(name, self.now_s)
+
     def receive(self, received: messages.Received) -> None:
         """React to a message at once."""
+        self._asking = received.sender.link
         if self.frame.crashed_s is None and self._rebooting_until_s is None:
             self._dispatch(received.sender, received.body)
 
@@ -315,7 +330,8 @@ class Autopilot(ABC):
 
     def acknowledge(self, command: messages.Command, result: messages.Result) -> None:
         """Acknowledge a command to who gave it."""
-        self.voice.send([messages.build_command_ack(command.number, result, self._partner)])
+        link = None if self.ACKNOWLEDGES_EVERYWHERE else self._asking
+        self.voice.send([messages.build_command_ack(command.number, result, self._partner)], link)
 
     # What the dialects do differently.
 
@@ -400,7 +416,7 @@ class Autopilot(ABC):
         """React to how much of its radio's buffer is free."""
 
     @abstractmethod
-    def _slow_down(self, interval_s: float) -> float:
+    def _slow_down(self, streams: Streams, interval_s: float) -> float:
         """Return the interval that a stream keeps for the one that was asked for."""
 
     def _on_stick_input(self) -> None:  # noqa: B027 - as ArduPilot does on its mission
@@ -435,27 +451,29 @@ class Autopilot(ABC):
                 self.frame.record_event("failsafe gps")
                 self._on_lost_estimate()
             self._decide()
-            self._apply_store_step(self.store.tick(self.now_s))
+            for store in self.stores:
+                link = store.upload_link
+                self._apply_store_step(store.tick(self.now_s), link)
             self._report(only_heartbeat=False)
 
     def _boot(self) -> None:
         self._rebooting_until_s = None
         self.boot_s = self.now_s
         self.gcs_heard_s = None
-        self.streams = self._start_streams()
-        self.store.forget_transfers()
+        self._schedules = self._start_streams()
+        for store in self.stores:
+            store.forget_transfers()
         self._on_boot()
 
-    def _start_streams(self) -> Streams:
-        streams = Streams(self.STREAMS_S, self.now_s)
-        streams.slow_down = self._slow_down
-        return streams
+    def _start_streams(self) -> list[Streams]:
+        return [Streams(self.STREAMS_S, self.now_s, self._slow_down) for _ in self.vehicle.connections]
 
     def _report(self, *, only_heartbeat: bool) -> None:
-        for name in self.streams.take_due(self.now_s):
-            message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
-            if message is not None:
-                self.voice.send([message])
+        for link, streams in enumerate(self._schedules):
+            for name in streams.take_due(self.now_s):
+                message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
+                if message is not None:
+                    self.voice.send([message], link)
 
     def _build(self, name: str) -> messages.Outbound | None:
         """Return a telemetry message by its name; None where there is nothing to say."""
@@ -481,14 +499,17 @@ class Autopilot(ABC):
             case messages.MissionSetCurrent():
                 self.select_item(body.seq)
             case messages.ParamRequestList() | messages.ParamRequestRead() | messages.ParamSet():
-                self.voice.send(self.params.answer(body))
+                self.voice.send(self.params.answer(body), self._asking)
             case messages.RequestDataStream() | messages.RadioStatus():
                 self._adjust_streams(body)
             case messages.Timesync() | messages.Ping():
                 self._answer(sender, body)
             case _:
-                step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
-                self._apply_store_step(step)
+                store = self.stores[self._asking % len(self.stores)]
+                announced = isinstance(body, messages.ItemReceived) and store.is_receiving
+                link = store.upload_link if announced else self._asking  # items may come from any
+                step = store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
+                self._apply_store_step(step, link)
 
     def _adjust_streams(self, body: messages.RequestDataStream | messages.RadioStatus) -> None:
         if isinstance(body, messages.RadioStatus):
@@ -499,15 +520,12 @@ class Autopilot(ABC):
     def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
         """Answer questions; what is an answer itself gets none."""
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
-            self.voice.send([messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
+            self.voice.send([messages.build_timesync(self.boot_ms, body.ts1)], self._asking)
         if isinstance(body, messages.Ping) and body.target_sysid == 0:
-            self.voice.send([
-                messages.build_message("PING", time_usec=body.time_usec, seq=body.seq, target_system=sender.sysid,
-                    target_component=sender.compid)
-            ])  # fmt: skip
+            self.voice.send([messages.build_ping_answer(body, sender)], self._asking)
 
-    def _apply_store_step(self, step: StoreStep) -> None:
-        self.voice.send(step.send)
+    def _apply_store_step(self, step: StoreStep, link: int) -> None:
+        self.voice.send(step.send, link)
         for severity, text in step.texts:
             self.voice.send_text(severity, text)
         self._on_mission_change(step)
@@ -519,7 +537,7 @@ class Autopilot(ABC):
         if handler is None and self.execute_payload_command(command.number, command.params):
             result = messages.Result.ACCEPTED
         self.acknowledge(command, result)
-        self.voice.send(self._after_ack)
+        self.voice.send(self._after_ack, self._asking)
         self._after_ack.clear()
 
     def _handle_arm_command(self, command: messages.Command) -> messages.Result:
@@ -551,16 +569,10 @@ class Autopilot(ABC):
 
     def _handle_get_interval_command(self, command: messages.Command) -> messages.Result:
         number = command.integer_param(0)
-        name = MESSAGE_NAMES.get(number)
-        interval_s = None if name is None else self.streams.interval_s(name)
-        interval_us = -1 if interval_s is None else round(interval_s * 1e6)
-        self.voice.send(
-            [
-                messages.build_message(
-                    "MESSAGE_INTERVAL", message_id=number, interval_us=0 if name is None else interval_us
-                )
-            ]
-        )
+        interval_s = self.streams.interval_s(MESSAGE_NAMES.get(number, ""))
+        interval_us = 0 if number not in MESSAGE_NAMES else -1 if interval_s is None else round(interval_s * 1e6)
+        answer = messages.build_message("MESSAGE_INTERVAL", message_id=number, interval_us=interval_us)
+        self.voice.send([answer], self._asking)
         return messages.Result.ACCEPTED
 
     def _send_named(self, number: int) -> messages.Result:
@@ -573,7 +585,7 @@ class Autopilot(ABC):
         if self.ACKNOWLEDGES_FIRST:
             self._after_ack.append(message)
         else:
-            self.voice.send([message])
+            self.voice.send([message], self._asking)
         return messages.Result.ACCEPTED
 
     def _handle_gimbal_command(self, command: messages.Command) -> messages.Result:

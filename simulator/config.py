@@ -85,8 +85,8 @@ class SimVehicle:
     name: str
     sysid: int
     autopilot: AutopilotKind
-    connection: str
-    """As in the site file, seen from the ground station: ``udpin://`` or ``udpout://``."""
+    connection: str | tuple[str, ...]
+    """As in the site file, seen from the ground station: ``udpin://`` or ``udpout://``, or several of them."""
     home_lat_deg: float
     home_lon_deg: float
     home_alt_m: float
@@ -123,7 +123,13 @@ class SimVehicle:
         Raises:
             EndpointError: it cannot be served.
         """
-        parse_vehicle_endpoint(self.connection)
+        for connection in self.connections:
+            parse_vehicle_endpoint(connection)
+
+    @property
+    def connections(self) -> tuple[str, ...]:
+        """Of each of its links."""
+        return (self.connection,) if isinstance(self.connection, str) else self.connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +140,8 @@ class SimFleet:
     speedup: float = 1.0
     faults: tuple[Injection, ...] = ()
     radio: str = ""
-    """The radio that they share, as ``parse_radio`` reads it; without one they are on a network."""
+    """The radio that they share, as ``parse_radio`` reads it; without one they are on a network. Of vehicles with
+    several links those of each, with a comma between them, and nothing for a link that is on a network."""
 
     def __post_init__(self) -> None:
         """Check that the connections can be told apart, and the faults find their vehicles.
@@ -144,7 +151,8 @@ class SimFleet:
             FaultSpecError: a fault names a vehicle that is not there.
         """
         names = [vehicle.name for vehicle in self.vehicles]
-        listen = [one.connection for one in self.vehicles if parse_vehicle_endpoint(one.connection).target is None]
+        every = [connection for one in self.vehicles for connection in one.connections]
+        listen = [connection for connection in every if parse_vehicle_endpoint(connection).target is None]
         for connection in listen:
             if listen.count(connection) > 1:
                 raise FleetError(f"connection {connection} belongs to more than one vehicle")
@@ -154,3 +162,5 @@ class SimFleet:
                 raise FaultSpecError(f"fault {fault.spec!r}: no vehicle {fault.vehicle!r}, expected one of {known}")
             for vehicle in self.vehicles:
                 check_modes(fault, vehicle.name, vehicle.autopilot.value)
+                if fault.vehicle in {ALL_VEHICLES, vehicle.name} and fault.link > len(vehicle.connections):
+                    raise FaultSpecError(f"fault {fault.spec!r}: {vehicle.name} has {len(vehicle.connections)} link")

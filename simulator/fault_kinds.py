@@ -84,6 +84,13 @@ PAYLOAD_FAULTS = frozenset({
     InjectionKind.GIMBAL_STUCK,
 })  # fmt: skip
 
+LINK_FIELDS: Mapping[InjectionKind, str] = {
+    InjectionKind.LOSS: "loss", InjectionKind.DELAY: "delay_s", InjectionKind.DUPLICATE: "duplicate",
+    InjectionKind.REORDER: "reorder", InjectionKind.RATE: "rate_bytes_s",
+}  # fmt: skip
+"""What faults of a link change of its condition."""
+LINK_FAULTS = frozenset({InjectionKind.SILENT, *LINK_FIELDS})
+
 
 @dataclass(frozen=True, slots=True)
 class _Rule:
@@ -151,13 +158,16 @@ class Injection:
     """So many times it has landed."""
     word: str = ""
     """What stands behind the equals sign of a kind that takes a word."""
+    link: int = 0
+    """Of a fault of a link: which one of several, from 1; 0 is all of them."""
 
     @property
     def spec(self) -> str:
         """The fault in the grammar that ``parse_fault`` reads."""
         unit = "s" if self.kind in {InjectionKind.SILENT, InjectionKind.GPS} else ""
         value = f"={self.word}" if self.word else "" if self.value is None else f"={self.value:g}{unit}"
-        return f"{self.vehicle}:{self.kind.value}{value}@{self._when}"
+        vehicle = f"{self.vehicle}.{self.link}" if self.link else self.vehicle
+        return f"{vehicle}:{self.kind.value}{value}@{self._when}"
 
     @property
     def _when(self) -> str:
@@ -171,7 +181,9 @@ class Injection:
 
 
 def parse_fault(text: str) -> Injection:
-    """Read ``VEHICLE:KIND[=VALUE]@WHEN``.
+    """Read ``VEHICLE[.LINK]:KIND[=VALUE]@WHEN``.
+
+    LINK is that of a fault of one of several links, from 1.
 
     WHEN is ``300s``, ``40%``, ``2.5m`` on its way up, ``20m-down``, or ``landed``, and ``landed2`` after its second
     landing.
@@ -181,7 +193,7 @@ def parse_fault(text: str) -> Injection:
 
     >>> parse_fault("uav2:silent=20s@300s")
     Injection(vehicle='uav2', kind=<InjectionKind.SILENT: 'silent'>, value=20.0, after_s=300.0, share=None, \
-height_m=None, down=False, landings=None, word='')
+height_m=None, down=False, landings=None, word='', link=0)
     """
     head, at, when = text.strip().rpartition("@")
     vehicle, colon, what = head.partition(":")
@@ -195,7 +207,10 @@ height_m=None, down=False, landings=None, word='')
         raise FaultSpecError(f"fault {text!r}: unknown kind {name.strip()!r}, expected one of {kinds}") from None
     value = _parse_value(text, kind, raw.strip() if equals else None)
     number, word = (None, value) if isinstance(value, str) else (value, "")
-    return _parse_when(text, when.strip(), Injection(vehicle.strip(), kind, number, word=word))
+    name, dot, link = vehicle.strip().partition(".")
+    if dot and (kind not in LINK_FAULTS or not link.isdecimal() or int(link) < 1):
+        raise FaultSpecError(f"fault {text!r}: expected VEHICLE.LINK, a number from 1, for faults of links only")
+    return _parse_when(text, when.strip(), Injection(name, kind, number, word=word, link=int(link or 0)))
 
 
 def _parse_value(text: str, kind: InjectionKind, raw: str | None) -> float | str | None:

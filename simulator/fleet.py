@@ -9,7 +9,8 @@ import random
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import cast
 
 from simulator.ardupilot import ArduPilot
@@ -17,7 +18,7 @@ from simulator.autopilot import STEP_S, Autopilot
 from simulator.camera import GIMBAL, CapturedImage
 from simulator.common_time import LOOK_REAL_S, Stations
 from simulator.config import AutopilotKind, SimFleet, SimVehicle, parse_vehicle_endpoint
-from simulator.fault_kinds import Injection, InjectionKind, faults_of, is_due
+from simulator.fault_kinds import LINK_FAULTS, LINK_FIELDS, Injection, InjectionKind, faults_of, is_due
 from simulator.messages import Command, Heartbeat, Peer, Received, build_message
 from simulator.mission_store import UploadFault
 from simulator.px4 import Px4
@@ -88,13 +89,6 @@ class Channel:
 
 STATION = Peer(254, 190)
 """Another ground station."""
-LINK_FIELDS = {
-    InjectionKind.LOSS: "loss",
-    InjectionKind.DELAY: "delay_s",
-    InjectionKind.DUPLICATE: "duplicate",
-    InjectionKind.REORDER: "reorder",
-    InjectionKind.RATE: "rate_bytes_s",
-}
 
 
 def make_autopilot(vehicle: SimVehicle) -> Autopilot:
@@ -102,36 +96,53 @@ def make_autopilot(vehicle: SimVehicle) -> Autopilot:
     return ArduPilot(vehicle) if vehicle.autopilot is AutopilotKind.ARDUPILOT else Px4(vehicle)
 
 
+class _Line:
+    """One of a vehicle's links: what is sent over it is numbered anew, and it may be bad by itself."""
+
+    def __init__(self, vehicle: SimVehicle, number: int, components: frozenset[int], radio: Radio | None) -> None:
+        self.radio, self.codec = radio, _make_codec(vehicle, components)
+        self.components = {
+            one: Codec(vehicle.sysid, component=one, signing=vehicle.signing) for one in (*components, GIMBAL)
+        }
+        """Of cameras and the gimbal, which number their frames for themselves."""
+        self.condition = LinkCondition()
+        rng = random.Random(f"{vehicle.seed}:{vehicle.name}" + (f":{number}" if number else ""))
+        self.up, self.down = Channel(self.condition, rng), Channel(self.condition, rng)
+
+
+def _make_codec(vehicle: SimVehicle, components: frozenset[int]) -> Codec:
+    return Codec(
+        vehicle.sysid,
+        every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
+        signing=vehicle.signing,
+        others=components,
+    )
+
+
 class SimulatedVehicle:
-    """An autopilot behind a link that may be bad; all times are simulated seconds."""
+    """An autopilot behind one or several links that may be bad; all times are simulated seconds."""
 
     def __init__(
-        self, vehicle: SimVehicle, faults: Iterable[Injection] = (), radio: Radio | None = None, place: int = 0
+        self,
+        vehicle: SimVehicle,
+        faults: Iterable[Injection] = (),
+        radios: Sequence[Radio | None] = (),
+        place: int = 0,
     ) -> None:
-        """Switch it on; `place` is its number on the radio."""
-        self.radio, self._place = radio, place
+        """Switch it on; `radios` are those of its links, and `place` its number on them."""
+        self._place = place
         self.name = vehicle.name
         self.autopilot = make_autopilot(vehicle)
         payload = self.autopilot.payload
         speaking = frozenset(one.config.id for one in ([] if payload is None else payload.units) if one.speaks)
-        self._codec = Codec(
-            vehicle.sysid,
-            every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
-            signing=vehicle.signing,
-            others=speaking,
-        )
-        self._components = {
-            number: Codec(vehicle.sysid, component=number, signing=vehicle.signing) for number in (*speaking, GIMBAL)
-        }
-        """Of cameras and the gimbal, which number their frames for themselves."""
+        self._lines = [
+            _Line(vehicle, number, speaking, radio)
+            for number, (_, radio) in enumerate(zip_longest(vehicle.connections, radios[: len(vehicle.connections)]))
+        ]
         self._pending = list(faults_of(faults, vehicle.name))
-        self._condition = LinkCondition()
-        rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
         self._station: Codec | None = None
         """Another ground station's transmitter, once it is there."""
         self._station_beat_s = 0.0
-        self._up = Channel(self._condition, rng)
-        self._down = Channel(self._condition, rng)
         self._now_s = 0.0
         self._inject()
 
@@ -140,36 +151,49 @@ class SimulatedVehicle:
         """How far it has lived."""
         return self._now_s
 
-    def receive(self, datagram: bytes) -> None:
-        """Take a datagram from a ground station; an answer may be ready at once."""
-        if self.radio is not None:
-            self.radio.send(self._place, datagram, self._now_s, up=True)
+    @property
+    def links(self) -> int:
+        """How many it has."""
+        return len(self._lines)
+
+    @property
+    def radio(self) -> Radio | None:
+        """Of its first link."""
+        return self._lines[0].radio
+
+    def receive(self, datagram: bytes, link: int = 0) -> None:
+        """Take a datagram from a ground station over one of its links; an answer may be ready at once."""
+        line = self._lines[link]
+        if line.radio is not None:
+            line.radio.send(self._place, datagram, self._now_s, up=True)
             return
-        self._up.offer(datagram, self._now_s)
+        line.up.offer(datagram, self._now_s)
         self._deliver()
 
     def advance(self, until_s: float) -> None:
         """Live until ``until_s``, in whole steps."""
         while self._now_s + STEP_S <= until_s + 1e-9:
             self._now_s += STEP_S
-            if self.radio is not None:
-                for datagram in self.radio.take(self._place, self._now_s, up=True):
-                    self._up.offer(datagram, self._now_s)
+            for line in self._lines:
+                if line.radio is not None:
+                    for datagram in line.radio.take(self._place, self._now_s, up=True):
+                        line.up.offer(datagram, self._now_s)
             self._deliver()
             self.autopilot.advance(self._now_s)
             self._inject()
             self._send_station_heartbeat()
             self._collect()
 
-    def drain(self) -> list[bytes]:
-        """Take away the datagrams that have reached the ground stations."""
+    def drain(self, link: int = 0) -> list[bytes]:
+        """Take away the datagrams that have reached the ground stations over one of its links."""
         self._collect()
-        sent = self._down.take_due(self._now_s)
-        if self.radio is None:
+        line = self._lines[link]
+        sent = line.down.take_due(self._now_s)
+        if line.radio is None:
             return sent
         for datagram in sent:
-            self.radio.send(self._place, datagram, self._now_s, up=False)
-        return self.radio.take(self._place, self._now_s, up=False)
+            line.radio.send(self._place, datagram, self._now_s, up=False)
+        return line.radio.take(self._place, self._now_s, up=False)
 
     def drain_truths(self, unix_s: Callable[[float], float]) -> list[Truth]:
         """Take away what really happened, where on the globe, and when by a machine's clock."""
@@ -189,24 +213,27 @@ class SimulatedVehicle:
         return [] if self.autopilot.payload is None else self.autopilot.payload.drain_shots()
 
     def _deliver(self) -> None:
-        for datagram in self._up.take_due(self._now_s):
-            for received in self._codec.decode(datagram):
-                payload = self.autopilot.payload
-                if payload is not None and received.component in self._components:
-                    if isinstance(received.body, Command):
-                        payload.answer_component_command(received.body, received.component)
-                else:
-                    self.autopilot.receive(received)
+        for number, line in enumerate(self._lines):
+            for datagram in line.up.take_due(self._now_s):
+                for received in line.codec.decode(datagram):
+                    payload = self.autopilot.payload
+                    if payload is not None and received.component in line.components:
+                        if isinstance(received.body, Command):
+                            payload.answer_component_command(received.body, received.component)
+                    else:
+                        self.autopilot.receive(replace(received, sender=replace(received.sender, link=number)))
 
     def _collect(self) -> None:
-        messages = self.autopilot.voice.drain()
+        messages = self.autopilot.voice.drain_by_link()
         if not self.autopilot.is_mute:
-            for message in messages:
-                self._down.offer(self._codec.encode(message, self._now_s), self._now_s)
+            for link, message in messages:
+                for line in self._lines if link is None else (self._lines[link],):
+                    line.down.offer(line.codec.encode(message, self._now_s), self._now_s)
         if self.autopilot.payload is not None and self.autopilot.frame.crashed_s is None:
             for said in self.autopilot.payload.drain():
-                codec = self._codec if said.component is None else self._components[said.component]
-                self._down.offer(codec.encode(said.message, self._now_s), self._now_s)
+                for line in self._lines:
+                    codec = line.codec if said.component is None else line.components[said.component]
+                    line.down.offer(codec.encode(said.message, self._now_s), self._now_s)
 
     def _inject(self) -> None:
         if not self._pending:
@@ -227,13 +254,22 @@ class SimulatedVehicle:
     def apply_injection(self, fault: Injection) -> None:
         """Suffer a fault now, whenever it was ordered for."""
         self.autopilot.frame.record_event(f"fault {fault.spec}")
+        if fault.kind in LINK_FAULTS:
+            lines = self._lines if fault.link == 0 else [self._lines[fault.link - 1]]
+            for line in lines:
+                self._apply_link_fault(line.condition, fault.kind, fault.value or 0.0)
+            return
         self._apply(fault.kind, fault.value or 0.0, fault.word)
 
+    def _apply_link_fault(self, condition: LinkCondition, kind: InjectionKind, value: float) -> None:
+        if kind is InjectionKind.SILENT:
+            condition.silent_until_s = self._now_s + (value or math.inf)
+        else:
+            setattr(condition, LINK_FIELDS[kind], value)
+
     def _apply(self, kind: InjectionKind, value: float, word: str) -> None:
-        condition, frame = self._condition, self.autopilot.frame
+        frame = self.autopilot.frame
         match kind:
-            case InjectionKind.SILENT:
-                condition.silent_until_s = self._now_s + (value or math.inf)
             case InjectionKind.BATTERY_STEP:
                 frame.battery.remove_charge(value)
             case InjectionKind.DRAIN:
@@ -249,8 +285,6 @@ class SimulatedVehicle:
             case InjectionKind.REFUSE_UPLOAD | InjectionKind.HALF_UPLOAD:
                 refuses = kind is InjectionKind.REFUSE_UPLOAD
                 self.autopilot.store.fault = UploadFault.REFUSE if refuses else UploadFault.HALF
-            case _ if kind in LINK_FIELDS:
-                setattr(condition, LINK_FIELDS[kind], value)
             case _:
                 self.autopilot.apply_injection(kind, word, value)
 
@@ -270,7 +304,8 @@ class SimulatedVehicle:
         beat = build_message(
             "HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
         )
-        self._down.offer(self._station.encode(beat, self._now_s), self._now_s)
+        for line in self._lines:
+            line.down.offer(self._station.encode(beat, self._now_s), self._now_s)
 
 
 def build_vehicles(
@@ -282,12 +317,17 @@ def build_vehicles(
         SimulatorError: there is no such radio.
     """
     crafts = [craft(one) for one in fleet.vehicles]
-    if not fleet.radio:
-        return [SimulatedVehicle(one, fleet.faults) for one in crafts]
-    radios = build_radios(parse_radio(fleet.radio), len(crafts), crafts[0].seed)
+    if not crafts:
+        return []
+    radios: list[Sequence[Radio | None]] = [
+        build_radios(parse_radio(one), len(crafts), f"{crafts[0].seed}:{number}" if number else crafts[0].seed)
+        if one.strip()
+        else [None] * len(crafts)
+        for number, one in enumerate(fleet.radio.split(","))
+    ]
     return [
-        SimulatedVehicle(one, fleet.faults, radio, place)
-        for place, (one, radio) in enumerate(zip(crafts, radios, strict=True))
+        SimulatedVehicle(one, fleet.faults, [of_all[place] for of_all in radios], place)
+        for place, one in enumerate(crafts)
     ]
 
 
@@ -305,10 +345,10 @@ MAX_LAG_S = 2.0
 
 
 class _Link(asyncio.DatagramProtocol):
-    """One vehicle's socket."""
+    """The socket of one of a vehicle's links."""
 
-    def __init__(self, vehicle: SimulatedVehicle, target: Address | None) -> None:
-        self.vehicle = vehicle
+    def __init__(self, vehicle: SimulatedVehicle, number: int, target: Address | None) -> None:
+        self.vehicle, self._number = vehicle, number
         self._target = target
         self._heard_s: dict[Address, float] = {}
         self._transport: asyncio.DatagramTransport | None = None
@@ -322,7 +362,7 @@ class _Link(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: Address) -> None:
         """Hear a ground station, and answer at once."""
         self._heard_s[addr] = time.monotonic()
-        self.vehicle.receive(data)
+        self.vehicle.receive(data, self._number)
         self.flush()
 
     def error_received(self, exc: Exception) -> None:
@@ -330,7 +370,7 @@ class _Link(asyncio.DatagramProtocol):
 
     def flush(self) -> None:
         """Send what the vehicle has to say to everybody who was heard lately, and to the configured target."""
-        datagrams = self.vehicle.drain()
+        datagrams = self.vehicle.drain(self._number)
         if not datagrams or self._transport is None:
             return
         oldest_s = time.monotonic() - PEER_S
@@ -403,17 +443,18 @@ async def run_fleet(
     """
     loop = asyncio.get_running_loop()
     links: list[_Link] = []
+    vehicles = build_vehicles(fleet)
     try:
-        for config, vehicle in zip(fleet.vehicles, build_vehicles(fleet), strict=True):
-            endpoint = parse_vehicle_endpoint(config.connection)
-            link = _Link(vehicle, endpoint.target)
-            await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
-            links.append(link)
+        for config, vehicle in zip(fleet.vehicles, vehicles, strict=True):
+            for number, endpoint in enumerate(map(parse_vehicle_endpoint, config.connections)):
+                link = _Link(vehicle, number, endpoint.target)
+                await loop.create_datagram_endpoint(lambda link=link: link, local_addr=endpoint.bind)  # type: ignore[misc]
+                links.append(link)
         clock = SimClock(fleet.speedup, monotonic_s=time.monotonic(), unix_s=time.time())
         async with _keep_common_time(fleet, clock) as stations:
             if ready is not None:
                 ready.set()
-            await _fly(links, clock, stations, stop, on_truth, watched)
+            await _fly(vehicles, links, clock, stations, stop, on_truth, watched)
     finally:
         for link in links:
             await link.close()
@@ -425,7 +466,7 @@ async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[S
     stations = Stations(fleet.speedup, clock.unix_s)
     server: asyncio.Server | None = None
     if fleet.speedup > 1:
-        endpoint = parse_vehicle_endpoint(fleet.vehicles[0].connection)
+        endpoint = parse_vehicle_endpoint(fleet.vehicles[0].connections[0])
         _, port = endpoint.target or endpoint.bind
         with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
             server = await stations.open(port)
@@ -438,7 +479,8 @@ async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[S
 
 
 async def _fly(
-    links: list[_Link],
+    vehicles: Sequence[SimulatedVehicle],
+    links: Sequence[_Link],
     clock: SimClock,
     stations: Stations,
     stop: asyncio.Event,
@@ -455,12 +497,14 @@ async def _fly(
         # It may have lived further while a ground station was stopped.
         until_s = max(lived_s, stations.safe_time_s())
         lived_s = min(wanted_s, until_s)
-        for link in links:
-            link.vehicle.advance(lived_s)
-            for truth in link.vehicle.drain_truths(clock.unix_s):
+        for vehicle in vehicles:
+            vehicle.advance(lived_s)
+            for truth in vehicle.drain_truths(clock.unix_s):
                 on_truth(truth)
-            link.flush()
-        watched([link.vehicle for link in links])
+            for link in links:
+                if link.vehicle is vehicle:
+                    link.flush()
+        watched(vehicles)
         stations.send_time(lived_s)
         if lived_s < wanted_s:
             await _pause(stations.moved, LOOK_REAL_S / 5)

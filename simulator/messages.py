@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from simulator import physics
@@ -100,6 +100,8 @@ class Peer:
 
     sysid: int
     compid: int
+    link: int = field(default=0, compare=False)
+    """Over which of the vehicle's links."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +318,18 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
     )  # fmt: skip
 
 
+def build_timesync(boot_ms: int, asked: int) -> Outbound:
+    """Return the answer to a TIMESYNC."""
+    return build_message("TIMESYNC", tc1=boot_ms * 1_000_000, ts1=asked)
+
+
+def build_ping_answer(ping: Ping, to: Peer) -> Outbound:
+    """Return the answer to a PING."""
+    return build_message(
+        "PING", time_usec=ping.time_usec, seq=ping.seq, target_system=to.sysid, target_component=to.compid
+    )
+
+
 def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
     """Yield the text in as many STATUSTEXT as it takes.
 
@@ -343,7 +357,8 @@ class VehicleOutbox:
     """Collects messages until they are taken away."""
 
     def __init__(self, *, tab: bool) -> None:
-        self._outbox: list[Outbound] = []
+        self._outbox: list[tuple[int | None, Outbound]] = []
+        """Over which of its links each goes; None is all of them."""
         self._withheld: deque[Outbound] = deque(maxlen=WITHHELD_TEXTS)
         self._tab = "\t" if tab else ""
         """PX4's texts end in a tab."""
@@ -351,24 +366,32 @@ class VehicleOutbox:
         self.muted = False
         """Whether texts are kept back: PX4 does so while no ground station is heard."""
 
-    def send(self, messages: Iterable[Outbound]) -> None:
-        """Send messages."""
-        self._outbox.extend(messages)
+    def send(self, messages: Iterable[Outbound], link: int | None = None) -> None:
+        """Send messages over one of its links, or over all."""
+        self._outbox.extend((link, message) for message in messages)
 
     def send_text(self, severity: int, text: str) -> None:
         """Send a text, in parts when it is long."""
         self._texts += 1
         chunk_id = (self._texts - 1) % 65535 + 1
-        (self._withheld if self.muted else self._outbox).extend(split_status_text(severity, text + self._tab, chunk_id))
+        parts = split_status_text(severity, text + self._tab, chunk_id)
+        if self.muted:
+            self._withheld.extend(parts)
+        else:
+            self.send(parts)
 
     def release_withheld(self) -> None:
         """Send the texts that were kept back."""
         self.muted = False
-        self._outbox.extend(self._withheld)
+        self.send(self._withheld)
         self._withheld.clear()
 
     def drain(self) -> list[Outbound]:
         """Take away what is to be sent."""
+        return [message for _, message in self.drain_by_link()]
+
+    def drain_by_link(self) -> list[tuple[int | None, Outbound]]:
+        """Take away what is to be sent, and over which of its links; None is all of them."""
         messages, self._outbox = self._outbox, []
         return messages
 
@@ -396,19 +419,23 @@ FRAME_BYTES: Mapping[str, int] = {
 """Of MAVLink 2 with all fields."""
 
 
-def _keep_interval(interval_s: float) -> float:
-    return interval_s
-
-
 class Streams:
-    """The schedule of one vehicle's telemetry."""
+    """The schedule of a vehicle's telemetry over one of its links, and what that link's radio makes of it."""
 
-    def __init__(self, defaults_s: Mapping[str, float], now_s: float) -> None:
-        self._defaults_s = defaults_s
+    def __init__(
+        self,
+        defaults_s: Mapping[str, float],
+        now_s: float,
+        slow_down: Callable[[Streams, float], float] = lambda _, interval_s: interval_s,
+    ) -> None:
+        """Begin; `slow_down` returns the interval that is kept, in seconds, for one that was asked for."""
+        self._defaults_s, self._slow_down = defaults_s, slow_down
         self._interval_s = dict(defaults_s)
         self._due_s = dict.fromkeys(defaults_s, now_s)
-        self.slow_down: Callable[[float], float] = _keep_interval
-        """Returns the interval that is kept, in seconds, for one that was asked for."""
+        self.radio_slow_s = 0.0
+        """By how much ArduPilot makes every interval longer for the radio's buffer."""
+        self.radio_factor, self.radio_heard_s = 1.0, 0.0
+        """What PX4 leaves of the rates of its streams for it."""
 
     @property
     def bytes_s(self) -> float:
@@ -448,7 +475,7 @@ class Streams:
             if due_s <= now_s + 1e-9:
                 interval_s = self._interval_s[name]
                 if name != "HEARTBEAT":
-                    interval_s = self.slow_down(interval_s)
+                    interval_s = self._slow_down(self, interval_s)
                 self._due_s[name] = due_s + interval_s if due_s + interval_s > now_s else now_s + interval_s
                 yield name
 

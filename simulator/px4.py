@@ -90,6 +90,7 @@ class Px4(Autopilot):
     REFUSED: ClassVar = messages.Result.TEMPORARILY_REJECTED
     INVALID: ClassVar = messages.Result.DENIED
     ACKNOWLEDGES_FIRST: ClassVar = False
+    ACKNOWLEDGES_EVERYWHERE: ClassVar = True
     ON_ITS_BACK: ClassVar = "Preflight Fail: Attitude failure (roll)"
     KILLED: ClassVar = "Preflight Fail: Kill switch engaged"
     KILL_SAYS: ClassVar = "Kill engaged"
@@ -105,9 +106,10 @@ class Px4(Autopilot):
     }  # fmt: skip
 
     def __init__(self, vehicle: SimVehicle) -> None:
-        self._store = Px4Store(vehicle.transfer_patience_s)
+        first = self._store = Px4Store(vehicle.transfer_patience_s)
+        others = (Px4Store(vehicle.transfer_patience_s, beside=first) for _ in vehicle.connections[1:])
         home = Home(vehicle.home_lat_deg, vehicle.home_lon_deg, vehicle.home_alt_m)
-        super().__init__(vehicle, MANNERS, self._store, home)
+        super().__init__(vehicle, MANNERS, (first, *others), home)
         self.mode = Mode.LOITER
         self.mission = Px4Mission(self.frame, self._store, home, self.params, self.voice, self.execute_payload_command)
         self._arming_for_mission = False
@@ -117,8 +119,6 @@ class Px4(Autopilot):
         """The index as last reported."""
         self._link_lost = False
         self._failsafe = self._blind = self._lost_gps = False
-        self._radio_factor, self._radio_heard_s = 1.0, 0.0
-        """What its radio's buffer leaves of the rates of its streams."""
         self._emergency = Mode.LAND
         """What the crew wants it to do with an empty battery, whatever COM_LOW_BAT_ACT says, once that is ordered."""
         self._emergency_ordered = False
@@ -187,7 +187,7 @@ class Px4(Autopilot):
         if mode != self.mode:
             self.frame.record_event(f"mode {mode.name}")
         self.mode = mode
-        self.streams.schedule_now("HEARTBEAT", self.now_s)
+        self.schedule_now("HEARTBEAT")
         if self.frame.armed and not self.frame.wrecked:
             self._enter(mode)
 
@@ -315,7 +315,6 @@ class Px4(Autopilot):
 
     def _on_boot(self) -> None:
         self.mode = self._mode_after_flight = Mode.LOITER
-        self._radio_factor = 1.0
         self._link_lost = self._failsafe = self._blind = self._emergency_ordered = self.hands = self._lost_gps = False
         self._action_due = None
         self._charge_state = 1
@@ -323,17 +322,18 @@ class Px4(Autopilot):
         self.mission.apply_reboot()
 
     def _on_radio_status(self, txbuf_pct: int) -> None:
-        if self.now_s - self._radio_heard_s > RADIO_FORGOTTEN_S:
-            self._radio_factor = 1.0
+        streams = self.streams
+        if self.now_s - streams.radio_heard_s > RADIO_FORGOTTEN_S:
+            streams.radio_factor = 1.0
         factor = 0.8 if txbuf_pct < 25 else 0.975 if txbuf_pct < 35 else 1.025 if txbuf_pct > 50 else 1.0
-        self._radio_factor = min(1.0, max(LEAST_FACTOR, self._radio_factor * factor))
-        self._radio_heard_s = self.now_s
+        streams.radio_factor = min(1.0, max(LEAST_FACTOR, streams.radio_factor * factor))
+        streams.radio_heard_s = self.now_s
 
-    def _slow_down(self, interval_s: float) -> float:
-        heard = self.now_s - self._radio_heard_s <= RADIO_FORGOTTEN_S
-        factor = self._radio_factor if heard else 1.0
-        if math.isfinite(self.vehicle.rate_bytes_s):
-            factor = min(factor, self.vehicle.rate_bytes_s / self.streams.bytes_s)
+    def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
+        heard = self.now_s - streams.radio_heard_s <= RADIO_FORGOTTEN_S
+        factor = streams.radio_factor if heard else 1.0
+        if math.isfinite(self.vehicle.rate_bytes_s) and streams is self._schedules[0]:
+            factor = min(factor, self.vehicle.rate_bytes_s / streams.bytes_s)
         return interval_s / max(LEAST_FACTOR, factor) if factor < 1.0 else interval_s
 
     # The mission on board.
@@ -369,7 +369,7 @@ class Px4(Autopilot):
         self._end_mission(self.mission.step(self.now_s))
         if self.mission.index != self._announced and self.mission.running:
             # A new index is reported at once; a new mission goes out with the next second's report.
-            self.streams.schedule_now("MISSION_CURRENT", self.now_s)
+            self.schedule_now("MISSION_CURRENT")
         self._announced = self.mission.index
         self._announce_landed_state()
         self._watch_link()

@@ -62,9 +62,19 @@ class ArduPilotList:
         """By how much later a slow radio makes it ask again."""
 
     @property
+    def upload(self) -> Transfer | None:
+        """What it is asking for items for."""
+        return self._upload
+
+    @property
     def is_receiving(self) -> bool:
         """Whether it is asking for items."""
-        return self._upload is not None
+        return self.upload is not None
+
+    @property
+    def upload_link(self) -> int:
+        """Over which of its links it asks: where they were announced."""
+        return 0 if self.upload is None else self.upload.partner.link
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
@@ -227,6 +237,11 @@ class ArduPilotStore(ArduPilotList):
         self._count = 1
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
+
+    @property
+    def upload(self) -> Transfer | None:
+        """What it is asking for items for, of all three lists."""
+        return next((one for one in (self._upload, *(one.upload for one in self._lists.values())) if one), None)
 
     def set_home(self, home: MissionItem) -> None:
         """Replace the vehicle's own home."""

@@ -39,15 +39,25 @@ _KNOWN: Mapping[int, Collection[int]] = {
 TIMEOUT_TEXT = (messages.Severity.WARNING, "Operation timeout")
 
 
-class Px4Store:
-    """The mission on board."""
+class _Lists:
+    """What is on board, whichever link it came over."""
 
-    def __init__(self, patience_s: float = 0.0) -> None:
-        self._give_up_s = max(GIVE_UP_S, patience_s)
-        self._items: tuple[MissionItem, ...] = ()
-        self._mission_id = 0
-        self._beside: dict[int, tuple[MissionItem, ...]] = {FENCE: (), RALLY: ()}
+    def __init__(self) -> None:
+        self.items: tuple[MissionItem, ...] = ()
+        self.mission_id = 0
+        self.beside: dict[int, tuple[MissionItem, ...]] = {FENCE: (), RALLY: ()}
         """The fence and the rally points."""
+        self.fault = UploadFault.NONE
+        self.stores: list[Px4Store] = []
+
+
+class Px4Store:
+    """The mission on board, and the transfers over one link: `beside` that of the first."""
+
+    def __init__(self, patience_s: float = 0.0, beside: Px4Store | None = None) -> None:
+        self._give_up_s = max(GIVE_UP_S, patience_s)
+        self.lists = _Lists() if beside is None else beside.lists
+        self.lists.stores.append(self)
         self._upload: Transfer | None = None
         self._download: Transfer | None = None
         self._partner: messages.Peer | None = None
@@ -56,27 +66,45 @@ class Px4Store:
         """Whether it asks for items with MISSION_REQUEST_INT."""
         self._last_count, self._last_kind = 0, messages.MISSION_TYPE_MISSION
         """Length of the last transfer, whose final ACK may have been lost."""
-        self.fault = UploadFault.NONE
+
+    @property
+    def fault(self) -> UploadFault:
+        """What an injected fault does to uploads."""
+        return self.lists.fault
+
+    @fault.setter
+    def fault(self, fault: UploadFault) -> None:
+        self.lists.fault = fault
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
         """The mission."""
-        return self._items
+        return self.lists.items
 
     @property
     def fence(self) -> tuple[MissionItem, ...]:
         """The fence on board."""
-        return self._beside[FENCE]
+        return self.lists.beside[FENCE]
 
     @property
     def rally(self) -> tuple[MissionItem, ...]:
         """The rally points on board."""
-        return self._beside[RALLY]
+        return self.lists.beside[RALLY]
 
     @property
     def mission_id(self) -> int:
         """CRC32 of the mission."""
-        return self._mission_id
+        return self.lists.mission_id
+
+    @property
+    def is_receiving(self) -> bool:
+        """Whether an upload is under way."""
+        return self._upload is not None
+
+    @property
+    def upload_link(self) -> int:
+        """Over which of the vehicle's links."""
+        return 0 if self._upload is None else self._upload.partner.link
 
     @property
     def is_busy(self) -> bool:
@@ -135,7 +163,7 @@ class Px4Store:
     def _empty_list(self, sender: messages.Peer, kind: int) -> StoreStep:
         accepted = acknowledge(sender, messages.MissionResult.ACCEPTED, kind)
         if kind != messages.MISSION_TYPE_MISSION:
-            self._beside[kind] = ()
+            self.lists.beside[kind] = ()
             return replace(accepted, fenced=kind == FENCE)
         self._replace(())
         return replace(accepted, cleared=True)
@@ -146,6 +174,8 @@ class Px4Store:
             return refused
         if self._download is not None:
             return replace(refused, texts=_build_critical_text("WPM: IGN MISSION_COUNT: Busy"))
+        if any(other.is_receiving for other in self.lists.stores if other is not self):
+            return refused  # by its source: one upload over all links, and whoever asks elsewhere prolongs nothing
         if self._upload is not None and (sender != self._upload.partner or self._upload.next > 0):
             # Whoever it is that asks in vain, the transfer lives longer by it.
             self._upload.heard_s = now_s
@@ -197,19 +227,19 @@ class Px4Store:
             if message.mission_type != messages.MISSION_TYPE_MISSION:
                 return acknowledge(sender, messages.MissionResult.ACCEPTED, message.mission_type)
             # The final ACK was lost: it is said again.
-            return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self._mission_id)
+            return acknowledge(sender, messages.MissionResult.ACCEPTED, opaque_id=self.lists.mission_id)
         return replace(refused, texts=_build_critical_text("IGN MISSION_ITEM: No transfer"))
 
     def _finish(self, upload: Transfer) -> StoreStep:
         self._upload = None
         self._last_count, self._last_kind = upload.count, upload.kind
         if upload.kind != messages.MISSION_TYPE_MISSION:
-            self._beside[upload.kind] = tuple(upload.items)
+            self.lists.beside[upload.kind] = tuple(upload.items)
             accepted = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, upload.kind)
             return replace(accepted, fenced=upload.kind == FENCE)
         crc = compute_list_checksum(upload.items)
         reply = acknowledge(upload.partner, messages.MissionResult.ACCEPTED, opaque_id=crc)
-        if crc == self._mission_id:
+        if crc == self.lists.mission_id:
             # The same content is not looked at again, not even for its ``current``.
             return reply
         flagged = [item.seq for item in upload.items if item.current]
@@ -217,8 +247,8 @@ class Px4Store:
         return replace(reply, swapped=True, current=flagged[0] if flagged else None)
 
     def _replace(self, items: tuple[MissionItem, ...]) -> None:
-        self._items = items
-        self._mission_id = compute_list_checksum(items)
+        self.lists.items = items
+        self.lists.mission_id = compute_list_checksum(items)
 
     def _end(self, message: messages.MissionAckReceived, sender: messages.Peer) -> StoreStep:
         if sender != self._partner:
@@ -236,11 +266,11 @@ class Px4Store:
         self._partner = sender
         items = self._items_of(kind)
         self._download = Transfer(sender, len(items), heard_s=now_s, asked_s=now_s, kind=kind)
-        opaque_id = self._mission_id if kind == messages.MISSION_TYPE_MISSION else compute_list_checksum(items)
+        opaque_id = self.lists.mission_id if kind == messages.MISSION_TYPE_MISSION else compute_list_checksum(items)
         return StoreStep((build_mission_count(sender, len(items), opaque_id, kind),))
 
     def _items_of(self, kind: int) -> tuple[MissionItem, ...]:
-        return self._items if kind == messages.MISSION_TYPE_MISSION else self._beside[kind]
+        return self.lists.items if kind == messages.MISSION_TYPE_MISSION else self.lists.beside[kind]
 
     def _read(self, message: messages.MissionRequest, sender: messages.Peer, now_s: float) -> StoreStep:
         self._integer = message.integer

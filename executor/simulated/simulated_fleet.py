@@ -99,7 +99,7 @@ def fleet_of(
     Raises:
         SimulatorError: a fault, a radio or a connection that cannot be simulated.
     """
-    slow = bool(radio) and parse_radio(radio).profile.speaks
+    slow = bool(first := radio.partition(",")[0].strip()) and parse_radio(first).profile.speaks
     setup = ground.setup
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
@@ -170,7 +170,9 @@ def run_simulation(  # noqa: PLR0913 - what is simulated, and how
     with ExitStack() as stack:
         writer = stack.enter_context(closing(TruthWriter(outputs.truth))) if outputs.truth is not None else None
         for vehicle in fleet.vehicles:
-            print(f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {vehicle.connection}")
+            print(
+                f"{vehicle.name}: system {vehicle.sysid}, {vehicle.autopilot.value}, {', '.join(vehicle.connections)}"
+            )
 
         def happened(what: Truth) -> None:
             if what.sender is None:  # orders are for those who read the file
