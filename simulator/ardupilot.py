@@ -267,7 +267,7 @@ class ArduPilot(Autopilot):
         streams.radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, streams.radio_slow_s + change_s))
 
     def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
-        receives = self.store.is_receiving and streams is self._schedules[self.store.upload_link]
+        receives = self.store.is_receiving and streams is self.schedules[self.store.upload_link]
         return (interval_s + streams.radio_slow_s) * (4.0 if receives else 1.0)
 
     def _is_mission_locked(self) -> bool:

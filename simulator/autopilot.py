@@ -96,7 +96,7 @@ class Autopilot(ABC):
         self.positioning = Positioning()
         self._asking = 0
         """Over which of its links came what it does now."""
-        self._schedules = self._start_streams()
+        self.schedules = self._start_streams()
         self.gcs_heard_s: float | None = None
         """When the ground station that counts was last heard; None before it ever was."""
         self._mission_began_s: float | None = None
@@ -178,11 +178,11 @@ class Autopilot(ABC):
     @property
     def streams(self) -> Streams:
         """The telemetry on the link over which it was spoken to last, at first the first."""
-        return self._schedules[self._asking]
+        return self.schedules[self._asking]
 
     def schedule_now(self, name: str) -> None:
         """Send a streamed message now, over all links, because what it says has changed."""
-        for streams in self._schedules:
+        for streams in self.schedules:
             streams.schedule_now(name, self.now_s)
 
     def receive(self, received: messages.Received) -> None:
@@ -460,7 +460,7 @@ class Autopilot(ABC):
         self._rebooting_until_s = None
         self.boot_s = self.now_s
         self.gcs_heard_s = None
-        self._schedules = self._start_streams()
+        self.schedules = self._start_streams()
         for store in self.stores:
             store.forget_transfers()
         self._on_boot()
@@ -469,7 +469,7 @@ class Autopilot(ABC):
         return [Streams(self.STREAMS_S, self.now_s, self._slow_down) for _ in self.vehicle.connections]
 
     def _report(self, *, only_heartbeat: bool) -> None:
-        for link, streams in enumerate(self._schedules):
+        for link, streams in enumerate(self.schedules):
             for name in streams.take_due(self.now_s):
                 message = self._build(name) if name == "HEARTBEAT" or not only_heartbeat else None
                 if message is not None:

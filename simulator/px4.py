@@ -332,7 +332,7 @@ class Px4(Autopilot):
     def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
         heard = self.now_s - streams.radio_heard_s <= RADIO_FORGOTTEN_S
         factor = streams.radio_factor if heard else 1.0
-        if math.isfinite(self.vehicle.rate_bytes_s) and streams is self._schedules[0]:
+        if math.isfinite(self.vehicle.rate_bytes_s) and streams is self.schedules[0]:
             factor = min(factor, self.vehicle.rate_bytes_s / streams.bytes_s)
         return interval_s / max(LEAST_FACTOR, factor) if factor < 1.0 else interval_s
 

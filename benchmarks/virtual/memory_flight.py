@@ -8,11 +8,10 @@ from contextlib import asynccontextmanager, suppress
 
 from benchmarks.virtual.radio import MemoryRadio, run_radios
 from executor.adapters.clock import SystemClock
-from executor.adapters.mavlink.endpoints import VehicleLink
 from executor.core.context import Context
 from executor.core.interface.commands import Say
 from executor.core.interface.events import Event, Reopened
-from executor.core.interface.ports import EventSink, Solver
+from executor.core.interface.ports import EventSink, OpenLink, Solver
 from executor.core.state.fleet_state import FleetState
 from executor.runtime.flight_loop import Flight, Observer, send_heartbeats
 from simulator.autopilot import STEP_S
@@ -54,9 +53,9 @@ class MemoryFlight:
         self._heartbeats: asyncio.Task[None] | None = None
 
     @property
-    def links(self) -> dict[str, VehicleLink]:
+    def links(self) -> dict[str, OpenLink]:
         """The ground station's end of every radio."""
-        return {name: radio.link for name, radio in self.radios.items()}
+        return {name: radio.end for name, radio in self.radios.items()}
 
     @asynccontextmanager
     async def live(self) -> AsyncIterator[None]:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write
+from executor.adapters.mavlink.joined_link import JoinedLink
+from executor.core.interface.ports import OpenLink
 from simulator.autopilot import STEP_S
 from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
@@ -35,6 +38,11 @@ class MemoryRadio:
         self.link, self._router, self._write_up = link, router, write
         link.write = write
 
+    @property
+    def end(self) -> OpenLink:
+        """The ground station's end."""
+        return self.link
+
     def write(self, frame: bytes) -> bool:
         """Send a frame up; it is there with the next step."""
         self._waiting.append(frame)
@@ -60,7 +68,46 @@ class MemoryRadio:
     def stop_unread_streams(self) -> None:
         """Stop the streams that nobody reads."""
         for name in UNREAD:
-            self.vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
+            for streams in self.vehicle.autopilot.schedules:
+                streams.set_interval(name, -1.0, 0.0)
+
+
+class JoinedRadio(MemoryRadio):
+    """One vehicle and its links, which are one to the ground station; only the first may be shared with others."""
+
+    def join(self, link: VehicleLink, router: Router, write: Write) -> None:
+        """Be reached with `write` over the first link, and over the others as ever."""
+        super().join(link, router, write)
+        self._others: list[tuple[Router, Write]] = []
+        self._sent: list[tuple[int, bytes]] = []
+        links = [link]
+        for number in range(1, self.vehicle.links):
+            codec = MavlinkCodec()
+            links.append(VehicleLink(self.sysid, codec))
+            self._others.append((Router([links[-1]], codec), partial(self._write_over, number)))
+            links[-1].write = self._others[-1][1]
+        for number, one in enumerate(links, start=1):
+            one.connection = f"link {number}"
+        self._joined = JoinedLink(links, asyncio.get_running_loop().time)
+
+    @property
+    def end(self) -> OpenLink:
+        """The ground station's end of all of them."""
+        return self._joined
+
+    def _write_over(self, number: int, frame: bytes) -> bool:
+        self._sent.append((number, frame))
+        return True
+
+    def exchange_until(self, now_s: float) -> None:
+        """Live until now, both ways."""
+        sent, self._sent = self._sent, []
+        for number, frame in sent:
+            self.vehicle.receive(frame, number)
+        super().exchange_until(now_s)
+        for number, (router, write) in enumerate(self._others, start=1):
+            for datagram in self.vehicle.drain(number):
+                router.route_frames(router.codec.decode(datagram), write)
 
 
 def share_port(radios: Sequence[MemoryRadio]) -> None:

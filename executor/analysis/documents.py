@@ -100,6 +100,14 @@ class LastPosition(Document):
     """Of one that is reckoned: where to look for it."""
 
 
+class LinkRow(Document):
+    """What came over one of several links of a vehicle."""
+
+    connection: str
+    frames_received: Whole
+    frames_missing: Whole
+
+
 class VehicleRow(Document):
     """What became of one vehicle."""
 
@@ -122,6 +130,8 @@ class VehicleRow(Document):
     """On its connection, of nobody's vehicle."""
     frames_refused: dict[str, Whole] | None = None
     """Not believed, by the reason."""
+    links: tuple[LinkRow, ...] = ()
+    """The same of each link, where it has several."""
     type: str | None = None
     autopilot: str | None = None
     firmware: str | None = None

@@ -338,6 +338,12 @@ def _build_vehicle_row(
         frames_missing=None if counts is None else counts.missing,
         frames_foreign=None if counts is None else counts.foreign,
         frames_refused=None if counts is None else dict(counts.refused),
+        links=()
+        if counts is None
+        else tuple(
+            documents.LinkRow(connection=name, frames_received=one.received, frames_missing=one.missing or 0)
+            for name, one in counts.by_connection.items()
+        ),
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from executor.core import formatting
@@ -17,6 +18,7 @@ from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
 from executor.core.interface.codes import Check
 from executor.core.interface.messages import Wind
+from executor.core.interface.ports import LinkView
 from executor.core.replanning.replan_cycle import find_left_over_segments
 from executor.core.state import legs
 from executor.core.state.bases import is_at_closed_base, landing_base_of, place_vehicles
@@ -161,6 +163,8 @@ class VehicleView:
     link_age_s: float | None
     link_loss: float | None
     """Share of frames lost in the last seconds."""
+    links: tuple[LinkView, ...]
+    """Each of its links, where it has several."""
     stale: bool
     progress: ProgressView
     fault: str | None
@@ -255,7 +259,11 @@ class FleetView:
     offer: OfferView | None
 
 
-def build_fleet_view(context: Context, state: FleetState, now_s: float) -> FleetView:
+LinksNow = Callable[[str], tuple[LinkView, ...]]
+"""Returns the links of a vehicle that has several; asked from another thread."""
+
+
+def build_fleet_view(context: Context, state: FleetState, now_s: float, links: LinksNow = lambda _: ()) -> FleetView:
     """Return the flight as it is known at `now_s`."""
     context = place_vehicles(context, state.vehicles.values())
     plan = state.replanning.replan
@@ -276,7 +284,8 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float) -> Fleet
         finished=state.progress.finished,
         min_separation_m=None if state.progress.separation_m is None else round(state.progress.separation_m, 2),
         vehicles=tuple(
-            _build_vehicle_view(context, state, vehicle, now_s, by[name]) for name, vehicle in state.vehicles.items()
+            replace(_build_vehicle_view(context, state, vehicle, now_s, by[name]), links=links(name))
+            for name, vehicle in state.vehicles.items()
         ),
         said=state.crew.said[-SAID_LINES:],
         intents=tuple(
@@ -317,6 +326,7 @@ def _build_vehicle_view(
         battery=_build_battery_view(context, vehicle),
         link_age_s=None if vehicle.link.heard_s is None else round(max(0.0, now_s - vehicle.link.heard_s), 1),
         link_loss=None if lost is None else round(lost, 3),
+        links=(),
         stale=vehicle.link.stale,
         progress=replace(_build_progress_view(context, vehicle), inspected=inspected),
         fault=None if vehicle.fault is None else vehicle.fault.reason,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from executor.adapters.clock import SystemClock
-from executor.core.fleet_view import FleetView
+from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.imaging.asset_status import AssetView
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Event
@@ -202,7 +202,10 @@ async def serve_page(
         {} if request is None else read_shown_ground(request, console),
         None if request is None else request.plan.window,
     )
-    server = WebServer(settings, flight.context, now, submit, on_error=partial(report_on_loop, loop))
+    server = WebServer(
+        settings, flight.context, now, submit, partial(build_fleet_view, links=flight.describe_links),
+        partial(report_on_loop, loop),
+    )  # fmt: skip
     stack = ExitStack()
     try:
         await asyncio.to_thread(stack.enter_context, server)

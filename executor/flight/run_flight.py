@@ -370,7 +370,7 @@ def _publish_flight(
     context, looks = flight.context, flight.context.setup.looks
     asked = list_asked_pictures(context) if looks else {}
     return publication.run(
-        view=lambda: build_fleet_view(flight.context, flight.state, clock.now_s()),
+        view=lambda: build_fleet_view(flight.context, flight.state, clock.now_s(), flight.describe_links),
         accept=lambda intent: flight.apply(IntentReceived(intent)),
         tell=lambda level, text: keeper.show_notice(Say(level, text), clock.now_s()),
         assets=(lambda: build_asset_views(context, flight.state, asked)) if looks else None,

@@ -20,7 +20,7 @@ from executor.core.interface.commands import Command
 from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
 from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
-from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
+from executor.core.interface.ports import Clock, EventSink, Link, LinkView, LossJudge, Solver
 from executor.core.replanning import replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.bases import place_vehicles
@@ -30,6 +30,7 @@ from executor.protocols import vehicle_commands
 from executor.protocols.turns import Rank
 from executor.runtime import procedures, vehicle_preflight
 from executor.runtime.dialogue import Lateness, awake
+from executor.runtime.link_changes import LinkChanges
 from executor.runtime.procedures import UploadNeed
 from missions import EncodeError, MissionItem, encode, flag_current
 from missions.fences import build_fence_items
@@ -111,6 +112,10 @@ class Flight:
     def now_s(self) -> float:
         """Return the time on the flight's clock."""
         return self._clock.now_s()
+
+    def describe_links(self, vehicle: str) -> tuple[LinkView, ...]:
+        """Return the state of each link of a vehicle that has several."""
+        return self._links[vehicle].describe_links() if vehicle in self._links else ()
 
     def submit_intent(self, intent: Intent) -> IntentRecord:
         """Take an operator's intent, once; returns what became of it so far.
@@ -237,11 +242,13 @@ class Flight:
     async def _run_ticks(self) -> None:
         period_s = max(TICK_S / self._clock.speedup, LEAST_TICK_REAL_S)
         with awake(self._clock) as able:
-            late = Lateness(able, self._clock)
+            late, changes = Lateness(able, self._clock), LinkChanges(self._links)
             while True:
                 self.apply(events.Tick(late.take_lost_s()))
                 if told := late.to_be_said():
                     self._record_note(told)
+                for line in changes.list_to_say(self._clock.now_s()):
+                    self._tell(line)
                 await asyncio.sleep(period_s)
 
     def _carry_out(self, command: Command, now_s: float) -> None:  # noqa: C901, PLR0912 - one case for each command
@@ -397,7 +404,9 @@ class Flight:
         self._record_note(f"{vehicle}: {text}")
 
     def _record_note(self, text: str) -> None:
-        line = commands.Say(commands.Level.WARNING, text)
+        self._tell(commands.Say(commands.Level.WARNING, text))
+
+    def _tell(self, line: commands.Say) -> None:
         supervised.call_safely("what tells the crew", self._observer.told, line, self._clock.now_s())
 
     def _may_receive_mission(self, vehicle: str, mixed: bool) -> bool:

@@ -122,6 +122,8 @@ export interface VehicleView {
   link_age_s: number | null;
   /** Share of frames lost in the last seconds. */
   link_loss: number | null;
+  /** Each of its links, where it has several. */
+  links: LinkView[];
   stale: boolean;
   progress: ProgressView;
   fault: string | null;
@@ -264,6 +266,17 @@ export interface BatteryView {
   landing_pct: number | null;
   landing_band_pct: number | null;
   reserve_pct: number;
+}
+
+/** One of a vehicle's links, as far as it is worth showing. */
+export interface LinkView {
+  connection: string;
+  /** How long ago something came over it; None if nothing ever did. */
+  heard_age_s: number | null;
+  /** Share of its frames that were lost in the last seconds. */
+  loss: number | null;
+  /** Whether orders and missions go over it. */
+  used: boolean;
 }
 
 /** How far a vehicle is on its route. */

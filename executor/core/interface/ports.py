@@ -24,6 +24,19 @@ class Clock(Protocol):
         """Seconds since the ground station began; never goes back."""
 
 
+@dataclass(frozen=True, slots=True)
+class LinkView:
+    """One of a vehicle's links, as far as it is worth showing."""
+
+    connection: str
+    heard_age_s: float | None
+    """How long ago something came over it; None if nothing ever did."""
+    loss: float | None
+    """Share of its frames that were lost in the last seconds."""
+    used: bool
+    """Whether orders and missions go over it."""
+
+
 class Link(Protocol):
     """One vehicle's messages, in and out."""
 
@@ -45,6 +58,9 @@ class Link(Protocol):
     @property
     def is_alive(self) -> bool:
         """Whether something came over it just now, as far as anybody looks: where a vehicle has several links."""
+
+    def describe_links(self) -> tuple[LinkView, ...]:
+        """Return the state of each of its links; nothing where it has but one."""
 
     def send(self, message: Outgoing) -> None:
         """Send without waiting; what cannot be sent is lost, as on the air."""
@@ -70,28 +86,12 @@ class LinkCounts:
     """Of a vehicle with several links: of each."""
 
 
-@dataclass(frozen=True, slots=True)
-class LinkView:
-    """One of a vehicle's links, as far as it is worth showing."""
-
-    connection: str
-    heard_age_s: float | None
-    """How long ago something came over it; None if nothing ever did."""
-    loss: float | None
-    """Share of its frames that were lost in the last seconds."""
-    used: bool
-    """Whether orders and missions go over it."""
-
-
 class OpenLink(Link, Protocol):
     """A link of the flight, as long as it is open."""
 
     @property
     def counts(self) -> LinkCounts:
         """What came so far."""
-
-    def describe_links(self) -> tuple[LinkView, ...]:
-        """Return the state of each of its links; nothing where it has but one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,7 @@ const TEMPLATE = `
   <div class="row flown"><span>Route</span><div class="gauge steps"><i class="level"></i><i class="part"></i></div></div>
   <div class="row flown"><span></span><span class="note route"></span></div>
   <div class="row"><span>Link</span><span class="note"><span class="link"></span> · <span class="gps"></span><span class="if"> · <span class="quiet">lost now:</span> <span class="loss"></span></span></span></div>
+  <div class="row links"><span>Links</span><span class="note"></span></div>
   <div class="row at"><span class="when"></span><span class="note"><span class="place"></span> <button class="copy" title="Copy the coordinates">Copy</button> <span class="since"></span> <span class="air">· wind <span class="arrow" aria-hidden="true">↓</span> <span class="wind"></span></span></span></div>
   <p class="told"></p>
   <div class="actions"></div>`;
@@ -245,10 +246,23 @@ export class Strips {
     // Of one that is silent the share says nothing.
     const lost = vehicle.stale || vehicle.state === "lost" ? 0 : (vehicle.link_loss ?? 0);
     write(part(".link"), lost >= LOSSY ? `${heard} · ${number(100 * lost)} % of frames lost` : heard);
+    const links = part(".links");
+    links.hidden = vehicle.links.length === 0;
+    write(find(links, ".note"), vehicle.links.map((one) => this.one(one)).join(" · "));
     write(part(".gps"), gps(vehicle));
     part(".gps").classList.toggle("poor", vehicle.gps_fix !== null && vehicle.gps_fix < LEAST_FIX);
     part(".if").hidden = !["flying", "holding", "starting"].includes(vehicle.state) || vehicle.fault !== null || vehicle.loss === null;
     this.loss(part(".loss"), vehicle);
+  }
+
+  /**
+   * One of several links of a vehicle, in words.
+   * @param {Vehicle["links"][number]} link
+   */
+  one(link) {
+    const heard = link.heard_age_s === null ? "never heard" : `${age(link.heard_age_s + this.behindS)} old`;
+    const lost = link.loss !== null && link.loss >= LOSSY ? `, ${number(100 * link.loss)} % lost` : "";
+    return `${link.connection} ${heard}${lost}${link.used ? ", in use" : ""}`;
   }
 
   /**
