@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action_server import ActionServer
@@ -23,6 +23,7 @@ from mavsdk.plugins.telemetry_server import (
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.joined_link import open_joined_links
 from executor.adapters.mavsdk import mavsdk_link as mavsdk_links
 from executor.adapters.mavsdk.mavsdk_link import load_mavsdk
 from executor.core.interface.connection import parse_connection
@@ -111,15 +112,15 @@ async def station(way: Way, port: int, sysids: Sequence[int]) -> AsyncIterator[G
 
 def simulated(
     kind: AutopilotKind,
+    links: int = 1,
 ) -> Callable[[int, Sequence[int], Sequence[str]], AbstractAsyncContextManager[object]]:
-    """Return what starts simulated vehicles."""
+    """Return what starts simulated vehicles with so many links, at a port and those that follow it."""
 
     @asynccontextmanager
     async def start(port: int, sysids: Sequence[int], faults: Sequence[str]) -> AsyncIterator[None]:
+        connections = tuple(f"udpin://127.0.0.1:{port + number}" for number in range(links))
         vehicles = tuple(
-            sim_vehicle(
-                kind, name=f"uav{sysid}", sysid=sysid, connection=f"udpin://127.0.0.1:{port}", ready_after_s=1.0
-            )
+            sim_vehicle(kind, name=f"uav{sysid}", sysid=sysid, connection=connections, ready_after_s=1.0)
             for sysid in sysids
         )
         async with flying(SimFleet(vehicles, SPEEDUP, tuple(parse_fault(fault) for fault in faults))):
@@ -177,6 +178,11 @@ ARDUPILOTS = Vehicles(
 PX4S = Vehicles(
     "px4", PX4, 12, 2, (("NAV_DLL_ACT", 0.0, 6), ("RTL_RETURN_ALT", 42.5, 9)), True, simulated(AutopilotKind.PX4)
 )
+TWICE = {
+    one.name: replace(one, name=f"{one.name}-twice", start=simulated(kind, 2))
+    for one, kind in ((ARDUPILOTS, AutopilotKind.ARDUPILOT), (PX4S, AutopilotKind.PX4))
+}
+"""The same with two links each."""
 MAVSDKS = Vehicles("mavsdk", PX4, 0, 0, (("NAV_DLL_ACT", 3.0, 6), ("COM_DL_LOSS_T", 12.25, 9)), False, served)
 
 
@@ -185,10 +191,20 @@ def through_mavsdk(orders: Mapping[str, LinkRequest]) -> Links:
     return mavsdk_links.open_mavsdk_links(orders, MavlinkCodec())
 
 
+def joined(orders: Mapping[str, LinkRequest]) -> Links:
+    """Open the links to vehicles that have another one at the next port."""
+    both = {
+        name: replace(one, more=(replace(one, connection=replace(one.connection, number=one.connection.number + 1)),))
+        for name, one in orders.items()
+    }
+    return open_joined_links(both, SystemClock(SPEEDUP).now_s)
+
+
 WAYS = (
     Way("native", endpoints.open_mavlink_links, ARDUPILOTS),
     Way("native", endpoints.open_mavlink_links, PX4S),
     Way("native", endpoints.open_mavlink_links, MAVSDKS),
+    *(Way("joined", joined, vehicles) for vehicles in TWICE.values()),
     Way("mavsdk", through_mavsdk, ARDUPILOTS),
     Way("mavsdk", through_mavsdk, PX4S),
 )

@@ -321,4 +321,5 @@ def _extract_slow_part(vehicle: VehicleView) -> object:
         (vehicle.offered, vehicle.gps_fix, None if taken is None else (taken.returned, taken.kept_s > 0.0)),
         None if measured_pct is None else round(measured_pct),
         None if vehicle.loss is None else vehicle.loss.uncovered,
+        [one.connection for one in vehicle.links if one.used],
     )

@@ -84,6 +84,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             "link_age_s": 0.0,
             "link_loss": None,
+            "links": (),
             "stale": False,
             "progress": ProgressView(
                 done=0, total=2, segment=0, segment_name="segment 0", phase="inspect", segment_share=1.0
@@ -141,6 +142,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ),
             "link_age_s": 3.0,
             "link_loss": 0.123,
+            "links": (),
             "stale": True,
             "progress": ProgressView(
                 done=0, total=2, segment=0, segment_name="segment 0", phase="inspect", segment_share=1.0, inspected=2
