@@ -18,7 +18,7 @@ from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual.in_process_solver import InProcessSolver
 from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
-from benchmarks.virtual.radio import MemoryRadio, share_port
+from benchmarks.virtual.radio import JoinedRadio, MemoryRadio, share_port
 from executor.analysis.documents import FlightReport
 from executor.analysis.report import build_report, build_vehicle_answers
 from executor.core import fleet_step
@@ -39,11 +39,13 @@ from executor.flight.preparation import (
 )
 from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import Flight
+from executor.runtime.procedures import keep_asking_links
 from executor.runtime.vehicle_preflight import load_lists, set_changes
 from executor.simulated.fault_truths import find_injected_fault
 from executor.simulated.simulated_fleet import fleet_of
 from executor.site import day_plans
-from executor.site.site_model import SiteModel
+from executor.site.site_model import SiteModel, radio_share_of
+from executor.supervised import run_beside
 from missions import DayPlanFile, PlanFile, dialect_for
 from missions.fences import Fence
 from simulator.config import SimVehicle
@@ -195,8 +197,11 @@ class VirtualRun(MemoryFlight):
             return craft(replace(config, parameters={**config.parameters, **height}))
 
         vehicles = zip(simulated.vehicles, build_vehicles(simulated, raise_return), strict=True)
-        radios = {config.name: MemoryRadio(vehicle, config.sysid) for config, vehicle in vehicles}
-        if radio and parse_radio(radio).profile.shared:
+        radios = {
+            config.name: (MemoryRadio if vehicle.links == 1 else JoinedRadio)(vehicle, config.sysid)
+            for config, vehicle in vehicles
+        }
+        if (first := radio.partition(",")[0]) and parse_radio(first).profile.shared:
             share_port(tuple(radios.values()))
         solver = InProcessSolver(plan.solved.seed, takes_s=ground.site.flight.solve_s)
         super().__init__(radios, solver, self._onlookers.sink)
@@ -219,7 +224,11 @@ class VirtualRun(MemoryFlight):
         links, clock, console = self.links, self.clock, SilentConsole()
         for radio in self.radios.values():
             radio.stop_unread_streams()
-        async with self.live():
+        setups = {
+            table.name: (dialect_for(table.autopilot), radio_share_of(self._order.site, table.name))
+            for table in self._order.site.vehicle
+        }
+        async with self.live(), run_beside("further links", partial(keep_asking_links, links, clock, setups)):
             facts = await interview_vehicles(self._order, links, clock, console)
             context, boards, found = build_context_and_checklist(self._order, facts)
             stops = [check for check in found if check.severity is Severity.STOP]

@@ -86,9 +86,9 @@ class JoinedRadio(MemoryRadio):
             links.append(VehicleLink(self.sysid, codec))
             self._others.append((Router([links[-1]], codec), partial(self._write_over, number)))
             links[-1].write = self._others[-1][1]
-        for number, one in enumerate(links, start=1):
-            one.connection = f"link {number}"
-        self._joined = JoinedLink(links, asyncio.get_running_loop().time)
+        for one, connection in zip(links, self.vehicle.autopilot.vehicle.connections, strict=True):
+            one.connection = connection
+        self._joined = JoinedLink(links, lambda: asyncio.get_running_loop().time())
 
     @property
     def end(self) -> OpenLink:

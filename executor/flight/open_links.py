@@ -100,9 +100,11 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    request: FlightRequest, clock: SystemClock, *, recorded: bool = True
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, may_be_absent: bool = False
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
+
+    The device of one of several links to a vehicle may be absent where a flight in the air is taken up.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -123,7 +125,14 @@ async def open_links(
         radios = request.site.link.senders
         now_s = stack.enter_context(awake(clock)).now_s
         native = await stack.enter_async_context(
-            open_joined_links(wanted["native"], now_s, keyring, radios, one_radio=request.site.link.one_radio)
+            open_joined_links(
+                wanted["native"],
+                now_s,
+                keyring,
+                radios,
+                one_radio=request.site.link.one_radio,
+                may_be_absent=may_be_absent,
+            )
         )
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))

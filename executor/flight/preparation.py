@@ -138,6 +138,7 @@ def build_context_and_checklist(
                 fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s
             )
         )
+        found += vehicle_checks.check_links(fact)
         found += vehicle_checks.check_ground_stations(fact, setup.dialect)
         found += vehicle_checks.check_battery_failsafe_settings(
             fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)

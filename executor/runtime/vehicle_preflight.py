@@ -241,6 +241,7 @@ async def interview_vehicle(
         heard.gps,
         answers.unread,
         LinkMeasures(heard.radio, channel_of(link).round_trip.mean_s, heard.lost),
+        link.describe_links(),
     )
 
 

@@ -432,15 +432,16 @@ async def open_mavlink_links(
                 link.connection = str(connection)
                 link.radio = "the one radio" if one_radio else None
             try:
-                await _open(connection, Router(behind.values(), codec), stack)
+                may_be_absent = all(order.may_be_absent for order in behind_it)
+                await _open(connection, Router(behind.values(), codec), stack, may_be_absent=may_be_absent)
             except (OSError, ValueError) as error:
                 raise ConnectionFailed(f"{connection}: cannot be opened: {_describe_error(error)}") from error
         yield {name: links[name] for name in orders}
     await asyncio.sleep(0)  # a closed transport lets go of its socket in the loop's next round
 
 
-async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -> None:
-    """Open an endpoint, and keep it open until the stack is unwound."""
+async def _open(connection: Connection, router: Router, stack: AsyncExitStack, *, may_be_absent: bool) -> None:
+    """Open an endpoint, a device maybe later, and keep it open until the stack is unwound."""
     loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
     match connection.scheme:
         case Scheme.UDP_IN | Scheme.UDP_OUT:
@@ -461,7 +462,7 @@ async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -
 
             await stack.enter_async_context(run_beside(f"calling {connection}", partial(_keep_open, call)))
         case Scheme.SERIAL:
-            plugged = [_SerialPort(router, connection)]
+            plugged = [] if may_be_absent else [_SerialPort(router, connection)]
 
             async def plug() -> _SerialPort:
                 return plugged.pop() if plugged else _SerialPort(router, connection)

@@ -220,6 +220,7 @@ async def open_joined_links(
     radios: Collection[Sender] | None = None,
     *,
     one_radio: bool = False,
+    may_be_absent: bool = False,
 ) -> AsyncIterator[Mapping[str, VehicleLink | JoinedLink]]:
     """Open the links to vehicles by name, those of a vehicle that has several as one.
 
@@ -229,12 +230,15 @@ async def open_joined_links(
         keyring: As for `open_mavlink_links`, and so are `radios`.
         radios: Whose RADIO_STATUS is heard without a signature.
         one_radio: Whether the first links of all lead to one radio.
+        may_be_absent: Whether the device of one of several links may be there later.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
     """
     single = {
-        f"{name}/{number}": one for name, order in orders.items() for number, one in enumerate((order, *order.more))
+        f"{name}/{number}": replace(one, may_be_absent=may_be_absent and bool(order.more))
+        for name, order in orders.items()
+        for number, one in enumerate((order, *order.more))
     }
     async with open_mavlink_links(single, keyring, radios, one_radio=one_radio) as opened:
         links: dict[str, VehicleLink | JoinedLink] = {}

@@ -104,6 +104,8 @@ class LinkRequest:
     """Takes every frame of both directions, to record it."""
     more: tuple[LinkRequest, ...] = ()
     """Further links to the same vehicle, each with its own record."""
+    may_be_absent: bool = False
+    """Whether a device that is not there now is opened once it is, as the vehicle has other links."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -129,6 +129,8 @@ RADIO_THINNED = ChecklistLine(
 RADIO_FULL = ChecklistLine(
     WARNING, CheckCode.RADIO, RADIO.words + ": too slow for {vehicles} vehicles, it carries {fits}"
 )
+LINKS = ChecklistLine(OK, CheckCode.RADIO, "heard over all {count} links, orders go over {used}")
+LINK_SILENT = ChecklistLine(WARNING, CheckCode.RADIO, "nothing comes over {silent}, orders go over {used}")
 DISK = ChecklistLine(
     OK, CheckCode.DISK, "{free_gb:.1f} GB free, the record of a flight like this takes about {needed_mb:.0f} MB"
 )

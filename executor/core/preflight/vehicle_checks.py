@@ -25,6 +25,7 @@ from executor.core.interface.messages import (
     SystemStatus,
     Version,
 )
+from executor.core.interface.ports import LinkView
 from executor.core.lines import checklist
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight.onboard_failsafes import LinkFailsafe, Parameters
@@ -43,6 +44,7 @@ PAD_SLOPE = 0.3
 """By how much the ground may rise from the depot to a pad, in metres a metre."""
 FARTHEST_PAD_M = 200.0
 """A vehicle that stands farther from the depot than this is not the one that the site file means."""
+SILENT_LINK_S = 3.0
 GPS_M = 5.0
 """What a good GPS is off in height beside the raster."""
 PREARM_SENSORS = {
@@ -85,6 +87,8 @@ class VehicleFacts:
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
     link: LinkMeasures = UNMEASURED
+    links: tuple[LinkView, ...] = ()
+    """Each of its links, where it has several."""
 
     def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
         """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
@@ -198,6 +202,16 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
         found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
+
+
+def check_links(facts: VehicleFacts) -> list[Check]:
+    """Say over which of several links a vehicle is heard."""
+    silent = [one.connection for one in facts.links if one.heard_age_s is None or one.heard_age_s > SILENT_LINK_S]
+    used = [one.connection for one in facts.links if one.used]
+    if not used:
+        return []
+    line = checklist.LINK_SILENT if silent else checklist.LINKS
+    return [line.say(facts.name, silent=" and ".join(silent), count=len(facts.links), used=used[0])]
 
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:

@@ -5,21 +5,25 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import pytest
 
 from benchmarks.virtual.loop import run_virtual
 from benchmarks.virtual.radio import JoinedRadio, run_radios
 from executor.adapters.clock import SystemClock
-from executor.core.interface.messages import DoubleHeard, Heartbeat, Message, Position, StatusText
+from executor.core.interface.commands import Say
+from executor.core.interface.messages import DoubleHeard, Heartbeat, Message, Position
 from executor.core.radio_budget import RadioShare
 from executor.runtime import procedures
 from executor.runtime.flight_loop import send_heartbeats
+from executor.runtime.link_changes import SAYS_AGAIN_S, LinkChanges
 from executor.runtime.procedures import keep_asking_links
 from missions import ARDUPILOT, PX4, Dialect, find_mission_differences
 from simulator.config import AutopilotKind, SimFleet
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import build_vehicles
+from simulator.messages import MESSAGE_NAMES
 from tests.conformance.ways import route
 from tests.simulator.harness import sim_vehicle
 
@@ -27,7 +31,7 @@ KINDS = {ARDUPILOT.name: AutopilotKind.ARDUPILOT, PX4.name: AutopilotKind.PX4}
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 CONNECTIONS = ("udpin://127.0.0.1:20001", "udpin://127.0.0.1:20002")
 LEGS = 40
-SHARE = RadioShare(is_radio=True, others=(("link 2", RadioShare()),))
+SHARE = RadioShare(vehicles=4, is_radio=True, others=((CONNECTIONS[1], RadioShare()),))
 
 
 @dataclass
@@ -46,8 +50,7 @@ class Sky:
         self.radio.vehicle.apply_injection(parse_fault(f"uav1.{link}:silent@0s"))
 
     def gaps_s(self, kind: type[Message]) -> list[float]:
-        times_s = [at_s for at_s, message in self.heard if isinstance(message, kind)]
-        return [later_s - at_s for at_s, later_s in zip(times_s, times_s[1:], strict=False)]
+        return [after - before for before, after in pairwise(at_s for at_s, one in self.heard if isinstance(one, kind))]
 
 
 def over_two_links(dialect: Dialect, radio: str, work: Callable[[Sky], Awaitable[None]]) -> Sky:
@@ -93,7 +96,7 @@ def upload_s(dialect: Dialect, radio: str, dies_s: float | None = None, link: in
         if dies_s is not None:
             await asyncio.sleep(dies_s)
             assert not upload.done()
-            sky.silence(link or int(first[-1]))
+            sky.silence(link or 1 + CONNECTIONS.index(first))
         done = await upload
         assert done.accepted, done.reason
         took_s[0] = sky.clock.now_s() - began_s
@@ -103,40 +106,89 @@ def upload_s(dialect: Dialect, radio: str, dies_s: float | None = None, link: in
     return took_s[0]
 
 
-if __name__ == "__main__":
+@DIALECTS
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("radio", ["sik,lte", "lte,sik-ecc-mended"])
+def test_a_mission_is_on_board_soon_after_one_of_two_links_died_in_its_upload(
+    dialect: Dialect, radio: str, share: float
+) -> None:
+    """PX4 keeps an upload that it waits for to itself for five seconds, and takes none over another link meanwhile."""
+    whole_s = upload_s(dialect, radio)
+    later_s = upload_s(dialect, radio, share * whole_s) - whole_s
+    assert later_s < (3.0 if dialect is ARDUPILOT else 7.0)
 
-    async def note(sky: Sky) -> None:
-        print(
-            "   used",
-            sky.used,
-            [(m.connection, m.heard_age_s, m.loss) for m in sky.radio.end.describe_links()],
-            "beat gap",
-            max(sky.gaps_s(Heartbeat)),
-            "pos gap",
-            max(sky.gaps_s(Position)),
-            "double",
-            [m for _, m in sky.heard if isinstance(m, DoubleHeard)],
-        )
-        boots = [m.boot_s for _, m in sky.heard if isinstance(m, Position)]
-        print("   back", sum(b < a for a, b in zip(boots, boots[1:])), len(boots), sky.radio.end._measures)
-        sky.silence(1)
-        t = sky.clock.now_s()
-        n = len(sky.heard)
-        await asyncio.sleep(10.0)
-        sky.heard[:n] = []
-        print(
-            "   after",
-            sky.used,
-            "gap",
-            max(b - a for (a, _), (b, _) in zip([(t, 0)] + sky.heard, sky.heard)),
-            "beat",
-            max(sky.gaps_s(Heartbeat)),
-        )
 
-    for dialect in (ARDUPILOT, PX4):
-        for radio in ("mesh", "sik-ecc-mended", "sik", "lte"):
-            alone = upload_s(dialect, f"{radio},{radio}")
-            print(dialect.name, radio, "both", round(alone, 2))
-        for radio in ("sik,lte", "sik-ecc-mended,mesh", "mesh,lte"):
-            print(dialect.name, radio)
-            over_two_links(dialect, radio, note)
+@DIALECTS
+def test_with_a_mesh_as_the_other_link_it_takes_as_long_as_over_that(dialect: Dialect) -> None:
+    alone_s, whole_s = upload_s(dialect, "mesh,mesh"), upload_s(dialect, "lte,mesh")
+    assert upload_s(dialect, "lte,mesh", 0.5 * whole_s) < alone_s + 10.0
+
+
+@DIALECTS
+def test_a_link_that_dies_is_no_silence(dialect: Dialect) -> None:
+    async def lose(sky: Sky) -> None:
+        first = sky.used
+        sky.silence(1 + CONNECTIONS.index(first))
+        await asyncio.sleep(2.0)
+        assert sky.used != first
+        await asyncio.sleep(20.0)
+        assert sky.used != first
+
+    sky = over_two_links(dialect, "sik,lte", lose)
+    assert max(sky.gaps_s(Heartbeat)) < 3.0
+    assert max(sky.gaps_s(Position)) < 0.6
+    boots_s = [one.boot_s for _, one in sky.heard if isinstance(one, Position)]
+    assert boots_s == sorted(boots_s)
+    assert not any(isinstance(one, DoubleHeard) for _, one in sky.heard)
+
+
+@DIALECTS
+def test_each_link_is_asked_for_what_it_carries(dialect: Dialect) -> None:
+    async def nothing(sky: Sky) -> None:
+        radio, lte = sky.radio.vehicle.autopilot.schedules
+        thin, full = (SHARE.of_link(one).choose_streams_hz(dialect, on_radio=False) for one in ("", CONNECTIONS[1]))
+        assert thin != full
+        for schedule, asked_hz in ((radio, thin), (lte, full)):
+            for message, rate_hz in asked_hz.items():
+                if name := MESSAGE_NAMES.get(message):
+                    assert schedule.interval_s(name) == pytest.approx(1 / rate_hz)
+
+    over_two_links(dialect, "", nothing)
+
+
+@DIALECTS
+def test_orders_and_questions_go_on_over_the_other_link(dialect: Dialect) -> None:
+    async def ask(sky: Sky) -> None:
+        link, clock = sky.radio.end, sky.clock
+        items = route(dialect, LEGS)
+        assert (await procedures.upload_and_verify(link, clock, dialect, items)).accepted
+        sky.silence(1 + CONNECTIONS.index(sky.used))
+        read, found, began_s = asyncio.ensure_future(procedures.read_mission(link, clock)), None, clock.now_s()
+        rule = dialect.ground_station_failsafe
+        found = await procedures.read_parameter(link, clock, rule.action)
+        assert found.value is not None
+        assert clock.now_s() - began_s < 4.0
+        back = await read
+        assert back is not None
+        assert find_mission_differences(items, back, dialect) == ()
+
+    over_two_links(dialect, "sik,lte", ask)
+
+
+def test_the_crew_is_told_once_and_not_at_every_change() -> None:
+    said: list[tuple[float, Say]] = []
+
+    async def lose(sky: Sky) -> None:
+        changes = LinkChanges({"uav1": sky.radio.end})
+        for step in range(900):
+            if step % 60 == 0:
+                number = 1 + CONNECTIONS.index(sky.used)
+                sky.radio.vehicle.apply_injection(parse_fault(f"uav1.{number}:silent=4s@0s"))
+            said.extend((sky.clock.now_s(), line) for line in changes.list_to_say(sky.clock.now_s()))
+            await asyncio.sleep(0.1)
+
+    over_two_links(PX4, "", lose)
+    first, second = CONNECTIONS
+    assert said[0][1].text == f"uav1: {first} silent, orders go over {second}"
+    assert 2 <= len(said) <= 5
+    assert all(after - before >= SAYS_AGAIN_S for before, after in pairwise(at_s for at_s, _ in said))

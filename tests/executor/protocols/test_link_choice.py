@@ -1,0 +1,96 @@
+"""Which of several links is used: the one that is alive and clearly better, without going to and fro."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executor.protocols.link_choice import LASTING_S, MOST_SILENT_S, SILENT_S, LinkChoice, LinkMeasures, choose_link
+
+NOW_S = 100.0
+RADIO = LinkMeasures(heard_s=NOW_S, behind_s=0.3, lost=0.0)
+LTE = LinkMeasures(heard_s=NOW_S, behind_s=0.1, lost=0.0)
+
+
+def silent(link: LinkMeasures, for_s: float) -> LinkMeasures:
+    return replace(link, heard_s=NOW_S - for_s)
+
+
+@pytest.mark.parametrize(
+    ("links", "used"),
+    [
+        ((LinkMeasures(), LinkMeasures()), 0),  # before anything is heard
+        ((LinkMeasures(), LTE), 1),
+        ((RADIO, LTE), 0),  # better, but not for long yet
+        ((silent(RADIO, 0.9), LTE), 0),
+        ((silent(RADIO, 1.1), LTE), 1),
+        ((silent(RADIO, 1.1), silent(LTE, 1.1)), 0),  # nobody knows of a better one
+        ((silent(replace(RADIO, pause_s=1.2), 1.7), LTE), 0),  # it always speaks in bursts
+        ((silent(replace(RADIO, pause_s=1.2), 1.9), LTE), 1),
+        ((silent(RADIO, 5.0), RADIO, LTE), 2),  # the best of those that are alive
+    ],
+)
+def test_a_silent_link_is_left_at_once_while_another_is_alive(links: tuple[LinkMeasures, ...], used: int) -> None:
+    assert choose_link(LinkChoice(), links, NOW_S).used == used
+
+
+@pytest.mark.parametrize(
+    ("used", "other", "moves"),
+    [
+        (RADIO, LTE, True),
+        (LTE, RADIO, False),
+        (LTE, LTE, False),
+        (replace(LTE, behind_s=0.14), LTE, False),  # not by much
+        (replace(LTE, lost=0.4), LTE, True),
+        (replace(LTE, is_full=True), LTE, True),
+        (replace(LTE, behind_s=None), LTE, False),  # nothing is known of it
+    ],
+)
+def test_from_a_link_that_is_alive_orders_move_to_one_that_is_clearly_better_for_a_while(
+    used: LinkMeasures, other: LinkMeasures, moves: bool
+) -> None:
+    first = choose_link(LinkChoice(), (used, other), NOW_S)
+    assert first.used == 0
+    later_s = NOW_S + LASTING_S
+    heard = tuple(replace(link, heard_s=later_s) for link in (used, other))
+    assert choose_link(first, heard, later_s - 0.1).used == 0
+    last = choose_link(first, heard, later_s)
+    assert (last.used, last.silent) == (int(moves), False)
+
+
+def test_a_link_that_is_better_now_and_then_is_not_taken() -> None:
+    choice, worse = LinkChoice(), replace(LTE, behind_s=1.0)
+    for second in range(60):
+        now_s = NOW_S + second
+        radio, other = (replace(one, heard_s=now_s) for one in (RADIO, worse if second % 8 == 7 else LTE))
+        choice = choose_link(choice, (radio, other), now_s)
+        assert choice.used == 0
+
+
+@given(st.lists(st.floats(0.0, 2.0), min_size=1, max_size=200))
+def test_how_long_a_link_may_be_silent_follows_its_pauses(pauses_s: list[float]) -> None:
+    link, now_s = LinkMeasures(), 0.0
+    link = link.hear(now_s)
+    for pause_s in pauses_s:
+        now_s += pause_s
+        link = link.hear(now_s)
+        assert SILENT_S <= link.silent_after_s <= MOST_SILENT_S
+        assert link.silent_after_s >= min(MOST_SILENT_S, pause_s)
+    assert link.is_alive(now_s)
+    assert not link.is_alive(now_s + MOST_SILENT_S + 0.1)
+
+
+def test_a_silence_is_no_pause() -> None:
+    link = LinkMeasures().hear(0.0).hear(0.2).hear(30.0).hear(30.2)
+    assert link.silent_after_s == SILENT_S
+
+
+def test_loss_follows_the_newest_counts() -> None:
+    link = LinkMeasures().count(80, 20)
+    assert link.lost == pytest.approx(0.2)
+    for _ in range(30):
+        link = link.count(100, 0)
+    assert link.lost == pytest.approx(0.0, abs=0.001)
