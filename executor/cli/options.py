@@ -122,17 +122,19 @@ FaultOption = Annotated[
         help="VEHICLE:KIND[=VALUE]@WHEN, such as uav2:silent@40% or uav3:battery-step=30@300s; may be repeated. Kinds: "
         "silent[=20s], battery-step=30, drain=3, crash, weak=0.7, reboot[=pad], refuse-upload, half-upload, loss=0.2, "
         "delay=0.3, duplicate=0.1, reorder=0.1, rate=2000, wreck, fence, emergency[=RTL], ekf, gps[=20s]; acts of "
-        "people: pilot=MODE, sticks, station=MODE, kill, disarm, pack[=80]. 'all' means every vehicle. WHEN is a time "
+        "people: pilot=MODE, sticks, station=MODE, kill, disarm, pack[=80]. 'all' means every vehicle, "
+        "uav1.2 the second of its links. WHEN is a time "
         "(300s), a share of the route (40%) or a height (2.5m in the climb, 20m-down in the descent), or landed.",
     ),
 ]
 RadioOption = Annotated[
     str,
     typer.Option(
-        metavar="PROFILE[:loss=SHARE]",
+        metavar="PROFILE[:loss=SHARE][,...]",
         help="Put all vehicles behind one telemetry radio: sik (SiK at 64 kbit/s), sik-stock, sik-ecc, sik-ecc-mended, "
         "mlrs-19, mlrs-31, mlrs-50, mesh (RFD900x), lte, or lte-2, lte-8 and lte-20 with outages of so many seconds; "
-        "with a loss such as sik:loss=0.15 that share of packets is lost in bursts.",
+        "with a loss such as sik:loss=0.15 that share of packets is lost in bursts. Of vehicles with several "
+        "links the radio of each, with a comma between them and nothing for a link without one: sik,lte.",
     ),
 ]
 AfterOption = Annotated[

@@ -114,10 +114,11 @@ class LinkTable(SiteTable):
     unsigned flight, and none on a signed one."""
     bytes_s: Annotated[float, Field(ge=100, le=1e7)] | None = None
     """What a telemetry radio carries, both ways together, in bytes a second, for each connection: streams are thinned
-    until they fit. Without this key 1200 on serial ports and where a radio reports itself (RADIO_STATUS)."""
+    until they fit. Without this key 1200 on serial ports and where a radio reports itself (RADIO_STATUS). Where a
+    vehicle has several links, a serial port among them, it is that of the serial ports."""
     one_radio: bool = False
     """Whether all vehicles are behind one radio though their connections differ, as behind a router: transfers take
-    turns, and the heartbeat is sent once."""
+    turns, and the heartbeat is sent once. Of vehicles with several links it is the first."""
 
     @model_validator(mode="after")
     def _check_radios(self) -> LinkTable:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 from pydantic_core import PydanticCustomError
 
 from executor.core.battery.voltage import Chemistry
@@ -272,12 +272,19 @@ AutopilotKey = Annotated[
 """The name of an autopilot that is known."""
 
 
+def check_connection_kind(value: object) -> object:
+    """Return what stands for a connection if it is a text, or a list of texts."""
+    if isinstance(value, str) or (isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)):
+        return value
+    raise PydanticCustomError("connection", "expected a text or a list of texts")
+
+
 class VehicleTable(SiteTable):
     """One vehicle."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
     """Name of the vehicle everywhere: a letter, then letters, digits, - and _."""
-    connection: str | tuple[str, ...]
+    connection: Annotated[str | tuple[str, ...], BeforeValidator(check_connection_kind)]
     """`udpin://HOST:PORT` and `tcpin://HOST:PORT` listen, `udpout://HOST:PORT` and `tcpout://HOST:PORT` call,
     `serial:///dev/ttyUSB0:57600` opens a port. Vehicles with different system ids may share a connection.
     A list holds up to four links to the one vehicle, such as a radio and LTE, the preferred one first."""

@@ -33,6 +33,8 @@ from simulator.fault_kinds import Injection, InjectionKind, faults_of, is_due, p
         ("uav1:kill@2.5m", Injection("uav1", InjectionKind.KILL, height_m=2.5)),
         ("uav1:silent=18s@20m-down", Injection("uav1", InjectionKind.SILENT, 18.0, height_m=20.0, down=True)),
         ("uav1:emergency@40%", Injection("uav1", InjectionKind.EMERGENCY, share=0.4)),
+        ("uav1.2:silent=20s@300s", Injection("uav1", InjectionKind.SILENT, 20.0, after_s=300.0, link=2)),
+        ("all.1:loss=0.2@0s", Injection("all", InjectionKind.LOSS, 0.2, after_s=0.0, link=1)),
         ("uav1:emergency=RTL@40%", Injection("uav1", InjectionKind.EMERGENCY, share=0.4, word="RTL")),
     ],
 )
@@ -46,6 +48,9 @@ def test_every_form_of_the_grammar(text: str, fault: Injection) -> None:
         ("", "VEHICLE:KIND[=VALUE]@WHEN"),
         ("uav1:crash", "VEHICLE:KIND[=VALUE]@WHEN"),
         (":crash@1s", "VEHICLE:KIND[=VALUE]@WHEN"),
+        ("uav1.0:silent@1s", "VEHICLE.LINK, a number from 1"),
+        ("uav1.x:silent@1s", "VEHICLE.LINK, a number from 1"),
+        ("uav1.2:crash@1s", "VEHICLE.LINK, a number from 1, for faults of links only"),
         ("uav1:explode@1s", "expected one of silent, battery-step"),
         ("uav1:drain@1s", "needs a value, expected a factor"),
         ("uav1:crash=3@1s", "takes no value"),

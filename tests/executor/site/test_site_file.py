@@ -84,6 +84,14 @@ def test_vehicles_may_share_a_connection() -> None:
     assert site.vehicle[0].link == site.vehicle[1].link
 
 
+def test_a_vehicle_may_have_several_links() -> None:
+    several = ["serial:///dev/ttyUSB0:57600", "udpin://0.0.0.0:14550"]
+    site = check_site(content(vehicle(1, connection=several), vehicle(2, connection=several)), "site.toml")
+    assert [str(link) for link in site.vehicle[0].links] == several
+    assert site.vehicle[1].links == site.vehicle[0].links
+    assert str(site.vehicle[0].link) == several[0]
+
+
 NAN, INF = float("nan"), float("inf")
 UNKNOWN = "unknown key; expected one that docs/reference/site-file.md names"
 
@@ -123,6 +131,20 @@ UNKNOWN = "unknown key; expected one that docs/reference/site-file.md names"
         (content(vehicle(reserve_pct=NAN)), "vehicle[0].reserve_pct: "),
         (content(vehicle(budget_pct="much")), "vehicle[0].budget_pct: expected a number"),
         # connections
+        (content(vehicle(1, connection=[])), "vehicle[0].connection: expected 1 to 4, got 0"),
+        (content(vehicle(1, connection=[f"udpin://0.0.0.0:{14550 + number}" for number in range(5)])),
+         "vehicle[0].connection: expected 1 to 4, got 5"),
+        (content(vehicle(1, connection=[SHARED, SHARED])),
+         "vehicle[0].connection: expected each link over a port of its own, got udp port 14550 twice"),
+        (content(vehicle(1, connection=["serial:///dev/ttyUSB0:57600", "serial:///dev/ttyUSB0:115200"])),
+         "vehicle[0].connection: expected each link over a port of its own, got /dev/ttyUSB0 twice"),
+        (content(vehicle(1, connection=[SHARED, "nonsense"])), "vehicle[0].connection: expected udpin://, "),
+        (content(vehicle(1, connection=[SHARED, "udpin://0.0.0.0:14551"], backend="mavsdk")),
+         "vehicle[0].connection: expected one beside backend 'mavsdk', got a list"),
+        (content(vehicle(1, connection=SHARED), vehicle(2, connection=["udpin://0.0.0.0:14551",
+                                                                     "udpin://127.0.0.1:14550"])),
+         "vehicle[1].connection: expected a port of its own, or 'udpin://0.0.0.0:14550' as vehicle 'uav1' has it, "),
+        (content(vehicle(1, connection=7)), "vehicle[0].connection: expected a text or a list of texts, got 7"),
         *((content(vehicle(connection=text)),
            f"vehicle[0].connection: {EXPECTED}, got '{text}'")
           for text in ("", "14550", "udp://:14550", "udpin://", "udpin://127.0.0.1", "udpin://127.0.0.1:0",
