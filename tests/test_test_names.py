@@ -167,6 +167,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "benchmarks/recorded_truths.py",
         "executor/replay/open_log.py",
     ),
+    "tests/executor/runtime/test_two_links.py": ("executor/runtime/link_changes.py",),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
     "tests/executor/site/test_site_file.py": (
         "executor/site/flight_keys.py",

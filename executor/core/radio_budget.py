@@ -70,7 +70,7 @@ class RadioShare:
     others: tuple[tuple[str, RadioShare], ...] = ()
     """Of a vehicle with several links: what it has of each of the others, by its connection."""
 
-    def of_link(self, connection: str) -> RadioShare:
+    def find_link_share(self, connection: str) -> RadioShare:
         """Return what it has of one of its links."""
         return dict(self.others).get(connection, self)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from executor.core.interface.commands import Say
 from executor.core.interface.ports import Link
-from executor.core.lines import link as lines
+from executor.core.lines import link
 
 SAYS_AGAIN_S = 20.0
 """Of one vehicle; what changed meanwhile is said then, unless it has changed back."""
@@ -18,15 +18,15 @@ class LinkChanges:
     def __init__(self, links: Mapping[str, Link]) -> None:
         """Begin with what is in use now."""
         self._links = links
-        self._used = {name: link.ways[0] for name, link in links.items()}
+        self._used = {name: one.ways[0] for name, one in links.items()}
         self._said_s: dict[str, float] = {}
 
     def list_to_say(self, now_s: float) -> Iterator[Say]:
         """Yield a line for each vehicle whose orders go over another link than was said."""
-        for name, link in self._links.items():
-            used, before = link.ways[0], self._used[name]
+        for name, one in self._links.items():
+            used, before = one.ways[0], self._used[name]
             if used is before or now_s - self._said_s.get(name, float("-inf")) < SAYS_AGAIN_S:
                 continue
             self._used[name], self._said_s[name] = used, now_s
-            line = lines.MOVED_TO_BETTER if before.is_alive else lines.MOVED_FROM_SILENT
+            line = link.MOVED_TO_BETTER if before.is_alive else link.MOVED_FROM_SILENT
             yield line.say(vehicle=name, left=before.connection, used=used.connection)

@@ -520,7 +520,7 @@ async def keep_asking_links(
 ) -> None:
     """Ask vehicles with several links for their streams over each, when it is first heard and after every silence.
 
-    Both autopilots keep apart what they are asked for over each. The first one is asked by whoever asks the vehicle.
+    Both autopilots keep apart what they are asked for over each. The first link is asked in the interview.
     """
     asked: set[Link] = set()
     while True:
@@ -541,7 +541,7 @@ async def request_link_streams(
     link: Link, clock: Clock, dialect: Dialect, share: RadioShare, *, on_radio: bool, again: bool = False
 ) -> None:
     """Ask for everything that we follow over one of a vehicle's links, as much as that carries."""
-    streams_hz = share.of_link(link.connection).choose_streams_hz(dialect, on_radio=on_radio)
+    streams_hz = share.find_link_share(link.connection).choose_streams_hz(dialect, on_radio=on_radio)
     beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
     for message, rate_hz in (beat_hz | dict(streams_hz)).items():
         await send_order(

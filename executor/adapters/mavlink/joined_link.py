@@ -19,9 +19,8 @@ from executor.adapters.mavlink.codec import Sender
 from executor.adapters.mavlink.endpoints import VehicleLink, open_mavlink_links
 from executor.core.interface import messages
 from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest, LinkView
-from executor.protocols.link_choice import LinkChoice, LinkMeasures, choose_link
-from executor.protocols.mission_transfer import RESULT_CANCELLED
-from executor.protocols.turns import FULL_PCT
+from executor.core.state.link_choice import LinkChoice, LinkHealth, choose_link
+from executor.core.state.link_quality import FULL_BUFFER_PCT
 
 OF_THE_WAY = (messages.Traffic, messages.Radio)
 TRANSFERS = (messages.MissionRequest, messages.MissionAck, messages.MissionCount, messages.MissionItemInt)
@@ -33,6 +32,8 @@ SAID_ONCE = (
     messages.StatusText, messages.ComponentText, messages.MissionReached, messages.OrderSeen, messages.OwnFailsafe,
     messages.PictureTaken,
 )  # fmt: skip
+CANCELLED = 15
+"""MAV_MISSION_OPERATION_CANCELLED."""
 COPY_S = 5.0
 """A copy comes no later than this: what a mesh of radios takes at its worst, and some."""
 KEPT_FRAMES, KEPT_SAID = 256, 32
@@ -54,7 +55,7 @@ class JoinedLink:
         """Join them, the preferred one first; `now_s` is the flight's time."""
         self._links = tuple(links)
         self._now_s = now_s
-        self._measures = [LinkMeasures() for _ in links]
+        self._measures = [LinkHealth() for _ in links]
         self._choice = LinkChoice()
         self._announced: VehicleLink | None = None
         """Over which a transfer was begun last."""
@@ -140,7 +141,7 @@ class JoinedLink:
             left, self._announced = self._announced, self.used
             if left is not None and left is not self.used:
                 # PX4 takes no mission from another link as long as it waits for items on this one.
-                left.send(messages.MissionAck(RESULT_CANCELLED, message.kind))
+                left.send(messages.MissionAck(CANCELLED, message.kind))
         self.used.send(message)
 
     def _choose(self) -> None:
@@ -171,7 +172,7 @@ class JoinedLink:
                 self._measures[number] = known.count(received, missing)
             case messages.Radio():
                 free_pct = message.free_buffer_pct
-                self._measures[number] = replace(known, is_full=free_pct is not None and free_pct < FULL_PCT)
+                self._measures[number] = replace(known, is_full=free_pct is not None and free_pct < FULL_BUFFER_PCT)
             case messages.Position():
                 self._measure_delay(number, message)
         if self._is_news(number, message):

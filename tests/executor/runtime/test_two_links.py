@@ -146,7 +146,8 @@ def test_a_link_that_dies_is_no_silence(dialect: Dialect) -> None:
 def test_each_link_is_asked_for_what_it_carries(dialect: Dialect) -> None:
     async def nothing(sky: Sky) -> None:
         radio, lte = sky.radio.vehicle.autopilot.schedules
-        thin, full = (SHARE.of_link(one).choose_streams_hz(dialect, on_radio=False) for one in ("", CONNECTIONS[1]))
+        shares = (SHARE, SHARE.find_link_share(CONNECTIONS[1]))
+        thin, full = (share.choose_streams_hz(dialect, on_radio=False) for share in shares)
         assert thin != full
         for schedule, asked_hz in ((radio, thin), (lte, full)):
             for message, rate_hz in asked_hz.items():

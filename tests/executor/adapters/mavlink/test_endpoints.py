@@ -18,7 +18,7 @@ from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.endpoints import MOST_PEERS, Router, VehicleLink, _Datagrams, open_mavlink_links
 from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Heartbeat, Message, MissionAck, SendHeartbeat
-from executor.core.interface.ports import LinkRequest
+from executor.core.interface.ports import Link, LinkRequest
 from executor.errors import ConnectionFailed
 from executor.supervised import watch_internal_errors
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
@@ -52,7 +52,7 @@ async def received(plug: socket.socket) -> bytes:
         return await asyncio.get_running_loop().sock_recv(plug, 2048)
 
 
-def inbox(link: VehicleLink) -> asyncio.Queue[Message]:
+def inbox(link: Link) -> asyncio.Queue[Message]:
     heard: asyncio.Queue[Message] = asyncio.Queue()
     link.listen(heard.put_nowait)
     return heard

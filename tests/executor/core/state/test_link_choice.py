@@ -8,22 +8,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.protocols.link_choice import LASTING_S, MOST_SILENT_S, SILENT_S, LinkChoice, LinkMeasures, choose_link
+from executor.core.state.link_choice import LASTING_S, MOST_SILENT_S, SILENT_S, LinkChoice, LinkHealth, choose_link
 
 NOW_S = 100.0
-RADIO = LinkMeasures(heard_s=NOW_S, behind_s=0.3, lost=0.0)
-LTE = LinkMeasures(heard_s=NOW_S, behind_s=0.1, lost=0.0)
+RADIO = LinkHealth(heard_s=NOW_S, behind_s=0.3, lost=0.0)
+LTE = LinkHealth(heard_s=NOW_S, behind_s=0.1, lost=0.0)
 
 
-def silent(link: LinkMeasures, for_s: float) -> LinkMeasures:
+def silent(link: LinkHealth, for_s: float) -> LinkHealth:
     return replace(link, heard_s=NOW_S - for_s)
 
 
 @pytest.mark.parametrize(
     ("links", "used"),
     [
-        ((LinkMeasures(), LinkMeasures()), 0),  # before anything is heard
-        ((LinkMeasures(), LTE), 1),
+        ((LinkHealth(), LinkHealth()), 0),  # before anything is heard
+        ((LinkHealth(), LTE), 1),
         ((RADIO, LTE), 0),  # better, but not for long yet
         ((silent(RADIO, 0.9), LTE), 0),
         ((silent(RADIO, 1.1), LTE), 1),
@@ -33,7 +33,7 @@ def silent(link: LinkMeasures, for_s: float) -> LinkMeasures:
         ((silent(RADIO, 5.0), RADIO, LTE), 2),  # the best of those that are alive
     ],
 )
-def test_a_silent_link_is_left_at_once_while_another_is_alive(links: tuple[LinkMeasures, ...], used: int) -> None:
+def test_a_silent_link_is_left_at_once_while_another_is_alive(links: tuple[LinkHealth, ...], used: int) -> None:
     assert choose_link(LinkChoice(), links, NOW_S).used == used
 
 
@@ -50,7 +50,7 @@ def test_a_silent_link_is_left_at_once_while_another_is_alive(links: tuple[LinkM
     ],
 )
 def test_from_a_link_that_is_alive_orders_move_to_one_that_is_clearly_better_for_a_while(
-    used: LinkMeasures, other: LinkMeasures, moves: bool
+    used: LinkHealth, other: LinkHealth, moves: bool
 ) -> None:
     first = choose_link(LinkChoice(), (used, other), NOW_S)
     assert first.used == 0
@@ -72,7 +72,7 @@ def test_a_link_that_is_better_now_and_then_is_not_taken() -> None:
 
 @given(st.lists(st.floats(0.0, 2.0), min_size=1, max_size=200))
 def test_how_long_a_link_may_be_silent_follows_its_pauses(pauses_s: list[float]) -> None:
-    link, now_s = LinkMeasures(), 0.0
+    link, now_s = LinkHealth(), 0.0
     link = link.hear(now_s)
     for pause_s in pauses_s:
         now_s += pause_s
@@ -84,12 +84,12 @@ def test_how_long_a_link_may_be_silent_follows_its_pauses(pauses_s: list[float])
 
 
 def test_a_silence_is_no_pause() -> None:
-    link = LinkMeasures().hear(0.0).hear(0.2).hear(30.0).hear(30.2)
+    link = LinkHealth().hear(0.0).hear(0.2).hear(30.0).hear(30.2)
     assert link.silent_after_s == SILENT_S
 
 
 def test_loss_follows_the_newest_counts() -> None:
-    link = LinkMeasures().count(80, 20)
+    link = LinkHealth().count(80, 20)
     assert link.lost == pytest.approx(0.2)
     for _ in range(30):
         link = link.count(100, 0)

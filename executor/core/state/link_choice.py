@@ -28,7 +28,7 @@ LOST_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class LinkMeasures:
+class LinkHealth:
     """What is known of one link."""
 
     heard_s: float = float("-inf")
@@ -85,7 +85,7 @@ class LinkChoice:
     better_since_s: float = 0.0
 
 
-def choose_link(choice: LinkChoice, links: Sequence[LinkMeasures], now_s: float) -> LinkChoice:
+def choose_link(choice: LinkChoice, links: Sequence[LinkHealth], now_s: float) -> LinkChoice:
     """Return which link is to be used now.
 
     Args:
