@@ -56,7 +56,7 @@ class Px4Store:
 
     def __init__(self, patience_s: float = 0.0, beside: Px4Store | None = None) -> None:
         self._give_up_s = max(GIVE_UP_S, patience_s)
-        self.lists = _Lists() if beside is None else beside.lists
+        self.lists: _Lists = _Lists() if beside is None else beside.lists
         self.lists.stores.append(self)
         self._upload: Transfer | None = None
         self._download: Transfer | None = None

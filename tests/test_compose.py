@@ -159,7 +159,7 @@ def test_the_image_is_locked_and_runs_as_nobody_in_particular() -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 def test_the_site_names_its_services(profile: str) -> None:
     [vehicle] = read_site(DOCKER / f"{profile}.toml").vehicle
-    url = urlsplit(vehicle.connection)
+    url = urlsplit(str(vehicle.link))
     if url.scheme == "udpout":
         assert url.hostname in services(profile)
     told = " ".join(word for service in services(profile).values() for word in words(service))
@@ -255,7 +255,7 @@ def test_the_px4_script_starts_an_instance_for_each_pad(tmp_path: Path) -> None:
 def test_the_ardupilot_script_starts_an_instance_for_each_pad(tmp_path: Path) -> None:
     assert prepare(tmp_path, str(DOCKER / "ardupilot.toml"), "--vehicles", "2").returncode == 0
     started = sorted(_run_script("ardupilot", "arducopter", tmp_path))
-    ports = [urlsplit(one.connection).port for one in read_site(tmp_path / "site.toml").vehicle]
+    ports = [urlsplit(str(one.link)).port for one in read_site(tmp_path / "site.toml").vehicle]
     assert ports == [16000, 16001]
     for number, line in enumerate(started):
         assert f"--sysid {number + 1} --serial0 udpclient:10.1.2.3:{ports[number]} " in line

@@ -28,5 +28,7 @@ class LinkChanges:
             if used is before or now_s - self._said_s.get(name, float("-inf")) < SAYS_AGAIN_S:
                 continue
             self._used[name], self._said_s[name] = used, now_s
-            line = link.MOVED_TO_BETTER if before.is_alive else link.MOVED_FROM_SILENT
+            preferred = one.describe_links()[0].connection == used.connection
+            line = link.MOVED_BACK if preferred else link.MOVED_TO_BETTER
+            line = line if before.is_alive else link.MOVED_FROM_SILENT
             yield line.say(vehicle=name, left=before.connection, used=used.connection)

@@ -16,13 +16,13 @@ from typing import TypeVar
 from benchmarks.virtual.in_process_solver import InProcessSolver
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import MemoryRadio
-from executor.adapters.mavlink.endpoints import VehicleLink
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.interface.commands import Say
 from executor.core.interface.events import Event
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
+from executor.core.interface.ports import OpenLink
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.state.fleet_state import FleetState
@@ -219,7 +219,7 @@ class Sky(MemoryFlight, World):
     async def _run(self, flight: Flight, until_s: float) -> float | None:
         return self.now_s if await run_until(flight, until_s) else None
 
-    async def _interview(self, name: str, link: VehicleLink) -> VehicleFacts:
+    async def _interview(self, name: str, link: OpenLink) -> VehicleFacts:
         return await vehicle_preflight.interview_vehicle(
             name, link, self.clock, dialect_for(self.autopilot), READY_S, lambda _: None
         )

@@ -43,6 +43,8 @@ every two seconds."""
 BEHIND_S = 3.0
 """A position that is so much older than the last one, and comes over another link, is late; older ones are another
 vehicle's, or of one that has rebooted."""
+TRANSFER_S = 3.0
+"""A transfer of which nothing was sent for so long is over."""
 FOLLOWS = 0.2
 """How much the newest position says of how late a link is."""
 REBOOTED_S = 5.0
@@ -59,6 +61,8 @@ class JoinedLink:
         self._choice = LinkChoice()
         self._announced: VehicleLink | None = None
         """Over which a transfer was begun last."""
+        self._transferred_s = float("-inf")
+        """When something of a transfer was sent last."""
         self._listeners: list[Callable[[messages.Message], None]] = []
         self._frames: dict[bytes, tuple[int, float]] = {}
         self._said: deque[tuple[messages.Message, set[int], float]] = deque(maxlen=KEPT_SAID)
@@ -137,6 +141,8 @@ class JoinedLink:
                 link.send(message)
             return
         self._choose()
+        if isinstance(message, (*TRANSFERS, messages.MissionRequestList)):
+            self._transferred_s = self._now_s()
         if isinstance(message, messages.MissionCount | messages.MissionRequestList):
             left, self._announced = self._announced, self.used
             if left is not None and left is not self.used:
@@ -148,7 +154,8 @@ class JoinedLink:
         now_s = self._now_s()
         for link, known in zip(self._links, self._measures, strict=True):
             link.is_alive = known.is_alive(now_s)
-        self._choice = choose_link(self._choice, self._measures, now_s)
+        transfers = now_s - self._transferred_s < TRANSFER_S
+        self._choice = choose_link(self._choice, self._measures, now_s, transfers=transfers)
 
     def _take_frame(self, number: int, frame: bytes) -> bool:
         """Note that a link is alive; returns whether this frame has not come over another one."""

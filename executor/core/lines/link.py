@@ -23,6 +23,7 @@ PILOT_HAS_IT = " with its pilot, not commanded: armed now, it takes off with its
 SET_TO_RTL = "; switched to RTL, so that it cannot take off with its old mission"
 GROUND_STATION_STALLED = CrewLine(Level.WARNING, "the ground station stalled for {stalled_s:.1f} s")
 MOVED_FROM_SILENT = CrewLine(Level.WARNING, "{vehicle}: {left} silent, orders go over {used}")
+MOVED_BACK = CrewLine(Level.INFO, "{vehicle}: orders go over {used} again")
 MOVED_TO_BETTER = CrewLine(Level.INFO, "{vehicle}: {left} is slow, orders go over {used}")
 LOST = "link lost for {age_s:.1f} s, time-out {timeout_s:g} s"
 UNSEEN = "neither HEARTBEAT nor position for {age_s:.0f} s"

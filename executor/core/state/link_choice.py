@@ -1,8 +1,8 @@
 """Which of several links to one vehicle orders and missions go over.
 
 A link over which nothing came for about a second is left at once while another one is alive. From one that is alive
-orders move only to one that has been clearly better for a while: both autopilots take a mission over the link on which
-it was announced, so that every change costs an upload.
+orders move only to one that has been clearly better for a while, or is preferred and as good: both autopilots take a
+mission over the link on which it was announced, so that every change costs an upload.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ MOST_SILENT_S = 3.0
 PAUSES = 1.5
 FORGETS_S = 60.0
 """How soon a long pause is forgotten."""
-LASTING_S = 10.0
+LASTING_S, RETURNS_S = 10.0, 30.0
+"""How long another link has to be clearly better; and one that is preferred, alive and not clearly worse."""
 CLEARLY = 2.0
 """How many times as long an answer has to take over the link in use before another one is taken."""
 LEAST_TRIP_S = 0.1
@@ -79,30 +80,33 @@ class LinkChoice:
     """Which link is in use, and which one may be next."""
 
     used: int = 0
-    silent: bool = False
-    """Whether the one before it was silent; otherwise it was only worse."""
     better: int | None = None
     better_since_s: float = 0.0
 
 
-def choose_link(choice: LinkChoice, links: Sequence[LinkHealth], now_s: float) -> LinkChoice:
+def choose_link(
+    choice: LinkChoice, links: Sequence[LinkHealth], now_s: float, *, transfers: bool = False
+) -> LinkChoice:
     """Return which link is to be used now.
 
     Args:
         choice: So far.
         links: All of them, the one that is preferred first.
         now_s: The time.
+        transfers: Whether a mission is under way, which would have to begin anew over another link.
     """
     alive = [number for number, one in enumerate(links) if one.is_alive(now_s)]
     if not alive:
         return choice  # nobody knows of a better one
     first_behind_s = min((one.behind_s for one in links if one.behind_s is not None), default=None)
     answers_s = {number: links[number].estimate_answer_s(first_behind_s) for number in alive}
-    best = min(alive, key=lambda number: (answers_s[number], number != choice.used))
+    good = [number for number in alive if answers_s[number] <= CLEARLY * min(answers_s.values())]
+    wanted = min(good)
     if choice.used not in answers_s:
-        return LinkChoice(best, silent=True)
-    if CLEARLY * answers_s[best] >= answers_s[choice.used]:
+        return LinkChoice(wanted)
+    if wanted == choice.used or transfers:
         return replace(choice, better=None)
-    if choice.better != best:
-        return replace(choice, better=best, better_since_s=now_s)
-    return LinkChoice(best) if now_s - choice.better_since_s >= LASTING_S else choice
+    if choice.better != wanted:
+        return replace(choice, better=wanted, better_since_s=now_s)
+    lasts_s = RETURNS_S if choice.used in good else LASTING_S
+    return LinkChoice(wanted) if now_s - choice.better_since_s >= lasts_s else choice

@@ -335,7 +335,7 @@ async def test_the_vehicles_hear_our_heartbeat_before_the_log_is_read(
             ended.set()
 
     monkeypatch.setattr(eventlog, "read_events", slow)
-    ports = [int(table.connection.rpartition(":")[2]) for table in read_site(run / "site.toml").vehicle]
+    ports = [table.link.number for table in read_site(run / "site.toml").vehicle]
     async with AsyncExitStack() as stack:
         peers = [await stack.enter_async_context(peer(port, sysid)) for sysid, port in enumerate(ports, start=1)]
         console = Watchful()

@@ -36,6 +36,7 @@ from executor.core.interface.ports import LinkRequest, LinkView
 from executor.errors import ConnectionFailed
 from tests.executor.adapters.mavlink.test_codec import ARDUPILOT, Vehicle
 from tests.executor.adapters.mavlink.test_endpoints import inbox, wire
+from tests.executor.adapters.mavlink.test_endpoints_link import into
 from tests.patience import PATIENCE_S
 from tests.ports import free_port
 
@@ -75,7 +76,7 @@ class Both:
         self.joined.listen(self.heard.append)
 
     def _write(self, number: int) -> Callable[[bytes], bool]:
-        return lambda frame: self.sent[number].append(frame) is None
+        return into(self.sent[number])
 
     def feed(self, number: int, data: bytes, source: str = "") -> None:
         router = self.routers[number]

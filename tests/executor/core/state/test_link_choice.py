@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.core.state.link_choice import LASTING_S, MOST_SILENT_S, SILENT_S, LinkChoice, LinkHealth, choose_link
+from executor.core.state.link_choice import (
+    LASTING_S,
+    MOST_SILENT_S,
+    RETURNS_S,
+    SILENT_S,
+    LinkChoice,
+    LinkHealth,
+    choose_link,
+)
 
 NOW_S = 100.0
 RADIO = LinkHealth(heard_s=NOW_S, behind_s=0.3, lost=0.0)
@@ -58,7 +66,25 @@ def test_from_a_link_that_is_alive_orders_move_to_one_that_is_clearly_better_for
     heard = tuple(replace(link, heard_s=later_s) for link in (used, other))
     assert choose_link(first, heard, later_s - 0.1).used == 0
     last = choose_link(first, heard, later_s)
-    assert (last.used, last.silent) == (int(moves), False)
+    assert last.used == int(moves)
+
+
+@pytest.mark.parametrize(("preferred", "returns"), [(LTE, True), (replace(LTE, behind_s=0.14), True), (RADIO, False)])
+def test_orders_return_to_the_preferred_link_once_it_has_been_as_good_for_a_while(
+    preferred: LinkHealth, returns: bool
+) -> None:
+    choice = LinkChoice(used=1)
+    for second in range(40):
+        links = tuple(replace(link, heard_s=NOW_S + second) for link in (preferred, LTE))
+        choice = choose_link(choice, links, NOW_S + second)
+        assert choice.used == (0 if returns and second >= RETURNS_S else 1)
+
+
+def test_a_mission_that_is_under_way_is_not_begun_anew_for_a_better_link() -> None:
+    choice = choose_link(LinkChoice(), (RADIO, LTE), NOW_S)
+    links = tuple(replace(link, heard_s=NOW_S + 60.0) for link in (RADIO, LTE))
+    assert choose_link(choice, links, NOW_S + 60.0, transfers=True).used == 0
+    assert choose_link(choice, (RADIO, links[1]), NOW_S + 60.0, transfers=True).used == 1, "unless its link is silent"
 
 
 def test_a_link_that_is_better_now_and_then_is_not_taken() -> None:
