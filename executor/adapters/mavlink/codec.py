@@ -45,6 +45,10 @@ SIGNATURE, SIGNED = 13, 1
 """Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 MARK = re.compile(b"[%c%c]" % (V1, V2))
 
+FILE_HEAD, FILE_BYTES = struct.Struct("<HBBBBBxI"), 251
+"""FILE_TRANSFER_PROTOCOL: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
+FILE_ACK, FILE_NAK = 128, 129
+
 OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
 """Messages that are read from any sender; of the rest it is enough that they are whole."""
 
@@ -419,6 +423,15 @@ def _read_version(frame: Frame) -> messages.Version | None:
     return messages.Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
+def _read_file_reply(frame: Frame) -> messages.FileReply | None:
+    payload = bytes(frame.payload)
+    number, session, opcode, size, *_ = FILE_HEAD.unpack_from(payload)
+    data = payload[FILE_HEAD.size :][:size]
+    if opcode == FILE_ACK:
+        return messages.FileReply(number - 1 & 0xFFFF, session, data=data)
+    return messages.FileReply(number - 1 & 0xFFFF, session, data[0]) if opcode == FILE_NAK and data else None
+
+
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
     "HEARTBEAT": _read_heartbeat,
@@ -432,10 +445,16 @@ _READERS: dict[str, Any] = {
     ),
     "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
+    "FILE_TRANSFER_PROTOCOL": _read_file_reply,
 }
 
 
-def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
+def _build_file_payload(request: messages.FileRequest) -> list[int]:
+    head = FILE_HEAD.pack(request.number, request.session, request.operation, len(request.data), 0, 0, request.offset)
+    return list((head + request.data).ljust(FILE_BYTES, b"\0"))
+
+
+def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, C901, PLR0911
     match message:
         case messages.SendHeartbeat():
             return mav.MAVLink_heartbeat_message(
@@ -454,6 +473,8 @@ def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: 
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
         case messages.MissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
+        case messages.FileRequest():
+            return mav.MAVLink_file_transfer_protocol_message(0, sysid, compid, _build_file_payload(message))
         case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component
             return mav.MAVLink_command_long_message(sysid, target, command, confirmation, *params)

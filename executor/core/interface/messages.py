@@ -460,9 +460,22 @@ TextMessage = StatusText | ComponentText
 FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
 """What the core follows in flight; it is logged and replayed."""
 
+
+@dataclass(frozen=True, slots=True)
+class FileReply:
+    """FILE_TRANSFER_PROTOCOL from the vehicle: the answer to a `FileRequest`."""
+
+    number: int
+    """Of the request."""
+    session: int
+    error: int | None = None
+    """Why it was refused, by MAVFTP's numbers; None where it was not."""
+    data: bytes = b""
+
+
 TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
 """Of transfers of a mission, or of another list of items; both sides say the same."""
-DialogueMessage = TransferMessage | CommandAck | ParamValue | ParamRefused | Version
+DialogueMessage = TransferMessage | FileReply | CommandAck | ParamValue | ParamRefused | Version
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage
@@ -503,8 +516,23 @@ class SendParamSet:
 
 
 @dataclass(frozen=True, slots=True)
+class FileRequest:
+    """FILE_TRANSFER_PROTOCOL to the vehicle."""
+
+    session: int
+    operation: int
+    """MAVFTP's opcode."""
+    offset: int = 0
+    data: bytes = b""
+    number: int = 0
+    """MAVFTP's sequence number; the answer has the next one."""
+
+
+@dataclass(frozen=True, slots=True)
 class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
-Outgoing = TransferMessage | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat
+Outgoing = (
+    TransferMessage | FileRequest | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat
+)
