@@ -148,7 +148,7 @@ async def upload_and_verify(
                 began_s, real_began_s = clock.now_s(), underlying(clock).now_s()
             upload = await _upload_as_needed(link, clock, dialect, items, kind, need)
             proof = await _prove_on_board(link, clock, dialect, upload, need.alike)
-        mixed = mixed or _leaves_mixture(upload, dialect)
+        mixed = mixed or _may_leave_mixture(upload, dialect)
         # Item by item, what stands before the new part is sent again, too.
         need = replace(need, alike=0) if isinstance(upload, UploadDialogue) else need
         # A plain refusal does not become another answer by waiting.
@@ -213,7 +213,7 @@ async def _prove_on_board(
     return _compare(upload, download, dialect)
 
 
-def _leaves_mixture(upload: AnyUpload, dialect: Dialect) -> bool:
+def _may_leave_mixture(upload: AnyUpload, dialect: Dialect) -> bool:
     """Return whether a part of a new mission may be on board; fences and rally points are taken as a whole."""
     one_by_one = isinstance(upload, UploadDialogue) and not dialect.upload_is_atomic
     return one_by_one and upload.is_begun and upload.kind is MissionKind.MISSION
