@@ -31,9 +31,8 @@ from missions import (
     plan_flight_setup,
 )
 from tests.missions.builders import line_east
-from tests.sitl.radio import RadioRelay
+from tests.sitl.radio import RadioRelay, slowed
 from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, Wanted, running
-from tests.sitl.test_slow_radio import slowed
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
