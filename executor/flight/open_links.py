@@ -114,12 +114,14 @@ async def open_links(
             wanted[table.backend][table.name] = order
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
-        radios = request.site.link.senders
+        link = request.site.link
         native = await stack.enter_async_context(
-            endpoints.open_mavlink_links(wanted["native"], keyring, radios, one_radio=request.site.link.one_radio)
+            endpoints.open_mavlink_links(
+                wanted["native"], keyring, link.senders, one_radio=link.one_radio, station=link.station
+            )
         )
         others = await stack.enter_async_context(
-            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
+            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=link.senders, station=link.station))
         )
         links = {table.name: native.get(table.name) or others[table.name] for table in request.site.vehicle}
         async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):

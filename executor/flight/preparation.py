@@ -137,7 +137,7 @@ def build_context_and_checklist(
                 fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s
             )
         )
-        found += vehicle_checks.check_ground_stations(fact, setup.dialect)
+        found += vehicle_checks.check_ground_stations(fact, setup.dialect, site.link.station_sysid)
         found += vehicle_checks.check_battery_failsafe_settings(
             fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)
         )
@@ -227,7 +227,7 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
             found += vehicle_checks.check_identity(
                 fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
             )
-            found += vehicle_checks.check_ground_stations(fact, dialect)
+            found += vehicle_checks.check_ground_stations(fact, dialect, site.link.station_sysid)
             found += vehicle_checks.check_battery_failsafe_settings(fact, dialect, None)
     return found
 

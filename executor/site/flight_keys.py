@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from executor.core.fault_thresholds import Limits
+from executor.core.interface.messages import GROUND_STATION
 from executor.site.site_keys import FileName, Positive, SiteTable, Speed
 
 
@@ -107,8 +108,11 @@ class RadioTable(SiteTable):
 
 
 class LinkTable(SiteTable):
-    """Other senders on the links."""
+    """Our own number, other senders, and what the links carry."""
 
+    station_sysid: Annotated[int, Field(ge=1, le=255)] = GROUND_STATION[0]
+    """MAVLink system id of faultline itself, one that no vehicle and no other ground station has. 255 is what
+    QGroundControl and Mission Planner use too; ArduPilot's MAV_GCS_SYSID (SYSID_MYGCS) must be the same number."""
     radios: tuple[RadioTable, ...] | None = None
     """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
     unsigned flight, and none on a signed one."""
@@ -128,6 +132,11 @@ class LinkTable(SiteTable):
                     f"{radio.component} again"
                 )
         return self
+
+    @property
+    def station(self) -> tuple[int, int]:
+        """Our own system and component."""
+        return self.station_sysid, GROUND_STATION[1]
 
     @property
     def senders(self) -> frozenset[tuple[int, int]] | None:

@@ -149,6 +149,11 @@ class Site(site_keys.SiteTable):
 
     def _check_radios(self) -> Iterator[str]:
         names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
+        if (ours := self.link.station_sysid) in names:
+            yield (
+                f"link.station_sysid: expected a number that no vehicle has, got {ours}, the sysid of vehicle "
+                f"'{names[ours]}'"
+            )
         for index, radio in enumerate(self.link.radios or ()):
             if radio.component == AUTOPILOT and radio.system in names:
                 yield (

@@ -394,6 +394,7 @@ async def open_mavlink_links(
     radios: Collection[Sender] | None = None,
     *,
     one_radio: bool = False,
+    station: Sender = messages.GROUND_STATION,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
 
@@ -402,6 +403,7 @@ async def open_mavlink_links(
         keyring: Frames are signed, and those of others that are not are refused.
         radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
         one_radio: Whether they all lead to one radio.
+        station: Our own system and component.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
@@ -411,7 +413,7 @@ async def open_mavlink_links(
         for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
             behind_it = [order for order in orders.values() if order.connection == connection]
             signing = None if keyring is None else LinkSigning(keyring.key, number, keyring.unix_s)
-            codec = MavlinkCodec(signing, radios, frozenset(order.sysid for order in behind_it))
+            codec = MavlinkCodec(signing, radios, frozenset(order.sysid for order in behind_it), station=station)
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()

@@ -12,7 +12,8 @@ from missions.cameras import PictureProof
 from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+"""Our system and component where the site file has no `station_sysid`: ArduPilot's GCS failsafe counts only heartbeats
+of MAV_GCS_SYSID, 255 by default."""
 
 
 BOOT = 1

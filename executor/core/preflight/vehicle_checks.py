@@ -182,9 +182,15 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
     return checklist.DECLARED_LOST.say(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
-def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
-    ours, names = GROUND_STATION[0], dialect.ground_station_failsafe.station_sysid
+def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = GROUND_STATION[0]) -> list[Check]:
+    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for.
+
+    Args:
+        facts: What the vehicle said.
+        dialect: Of its autopilot.
+        ours: Our own system number.
+    """
+    names = dialect.ground_station_failsafe.station_sysid
     what = "whose HEARTBEATs its GCS failsafe watches is"
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = onboard_failsafes.find_watched_station(dialect, facts.parameters)
@@ -196,6 +202,8 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
     for station in facts.stations:
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
+        if station.system == ours:
+            then += checklist.HAS_OUR_NUMBER
         found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
 

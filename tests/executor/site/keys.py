@@ -97,7 +97,8 @@ class Loaded:
         waits = (flight.connect_timeout_s, flight.ready_timeout_s, flight.speedup, flight.solve_s)
         ca_file = None if site.mqtt is None else site.mqtt.ca_file
         return as_text((
-            mqtt, ca_file, links, waits, read_signing_key(site, self.folder), site.link.senders, site.web,
+            mqtt, ca_file, links, waits, read_signing_key(site, self.folder), site.link.senders, site.link.station,
+            site.web,
         ))  # fmt: skip
 
     @property
@@ -443,7 +444,7 @@ KEYS: dict[str, tuple[Changes, object]] = {
     **_of_table("fence", FENCE, enabled=False, margin_m=40.0, height_margin_m=20.0, action="return", rally="keep"),
     "signing.key_file": ((("signing", {"key_env": "KEY"}),), "key.txt"),
     "signing.key_env": ((("signing", {"key_file": "key.txt"}),), "KEY"),
-    **_of_table("link", (), bytes_s=900.0, one_radio=True),
+    **_of_table("link", (), station_sysid=254, bytes_s=900.0, one_radio=True),
     "link.radios": ((), [RADIO]),
     **_of_table("link.radios[0]", (("link", {"radios": [RADIO]}),), system=52, component=69),
     **_of_table("mqtt", MQTT, host="localhost", port=1884, prefix="line", telemetry_rate_hz=2.0, tls=True,

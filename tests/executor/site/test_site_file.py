@@ -293,6 +293,21 @@ def test_a_radio_that_cannot_be(radios: list[dict[str, int]], why: str) -> None:
     assert "\n" not in said
 
 
+@pytest.mark.parametrize(
+    ("ours", "why"),
+    [
+        (0, "link.station_sysid: expected greater than or equal to 1, got 0"),
+        (256, "link.station_sysid: expected less than or equal to 255, got 256"),
+        (2, "link.station_sysid: expected a number that no vehicle has, got 2, the sysid of vehicle 'uav2'"),
+    ],
+)
+def test_our_own_number_is_nobody_elses(ours: int, why: str) -> None:
+    two = (vehicle(1), vehicle(2, connection="udpin://127.0.0.1:14552"))
+    assert reason(content(*two, link={"station_sysid": ours})) == why
+    assert check_site(content(*two), "site.toml").link.station == (255, 190)
+    assert check_site(content(*two, link={"station_sysid": 254}), "site.toml").link.station == (254, 190)
+
+
 def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     digits = "0f" * 32
     (tmp_path / "key").write_text(f"{digits}\n")

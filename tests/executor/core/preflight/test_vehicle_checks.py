@@ -192,6 +192,19 @@ def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
         assert "ours is 255" in check.text
 
 
+def test_a_failsafe_that_waits_for_our_own_number_watches_us_whichever_it_is() -> None:
+    assert checks.check_ground_stations(said(MAV_GCS_SYSID=254.0), ARDUPILOT, 254) == []
+    [check] = checks.check_ground_stations(said(MAV_GCS_SYSID=255.0), ARDUPILOT, 254)
+    assert check.text.endswith("; set MAV_GCS_SYSID to 254, or link.station_sysid to 255")
+
+
+@pytest.mark.parametrize(("ours", "like_ours"), [(255, True), (254, False)])
+def test_a_station_with_our_own_number_is_named_with_what_to_do(ours: int, like_ours: bool) -> None:
+    facts = replace(said(PX4), stations=(StationHeard(255, 190),))
+    [check] = checks.check_ground_stations(facts, PX4, ours)
+    assert ("set link.station_sysid to a number of our own" in check.text) is like_ours
+
+
 @pytest.mark.parametrize(
     ("dialect", "system", "hides"), [(PX4, 254, True), (ARDUPILOT, 254, False), (ARDUPILOT, 255, True)]
 )
