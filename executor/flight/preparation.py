@@ -116,7 +116,11 @@ def build_context_and_checklist(
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     found += _list_day_pads(context)
     links = {table.name: table.link for table in site.vehicle}
-    found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
+    signed = site.signing is not None
+    found.append(vehicle_checks.check_signing(links, signed=signed))
+    found += vehicle_checks.check_forwarding(
+        facts.values(), site.forward.ports, allow_orders=site.forward.allow_orders, signed=signed
+    )
     for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
         behind = [name for name in facts if channel is None or links[name] == channel]
         setup, measured = context.vehicles[behind[0]], tuple(facts[name].link for name in behind)

@@ -13,6 +13,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from operator import attrgetter
 from typing import Any
 
@@ -258,6 +259,10 @@ class MavlinkCodec:
         if speaker.component == component:
             self.autopilots[system] = beat.autopilot
 
+    def parse_whole(self, frame: bytes) -> Frame:
+        """Return a frame, of which it is known that it is whole, with its fields by MAVLink's names."""
+        return self._mav.decode(bytearray(frame))
+
     def encode(self, message: messages.Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
         self._mav.seq = self._sent.get(sysid, 0)
@@ -367,6 +372,30 @@ class MavlinkCodec:
 
 
 _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+_COMMANDS = mav.enums["MAV_CMD"]
+
+
+def name_command(number: int) -> str:
+    """Return MAVLink's name of a MAV_CMD."""
+    return str(_COMMANDS[number].name) if number in _COMMANDS else f"command {number}"
+
+
+@cache
+def _find_target_offset(number: int) -> int | None:
+    kind = mav.mavlink_map.get(number)
+    if kind is None or "target_system" not in kind.fieldnames:
+        return None
+    at = kind.ordered_fieldnames.index("target_system")
+    parts = zip(kind.native_format.decode()[1:], kind.array_lengths, strict=True)
+    return sum(struct.calcsize(part) * max(1, length) for part, length in list(parts)[:at])
+
+
+def target_of(frame: bytes) -> int:
+    """Return the system that a whole frame is for; 0 for everybody."""
+    at = _find_target_offset(message_id_of(frame))
+    return 0 if at is None else payload_of(frame, at + 1)[at]
+
+
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 
 

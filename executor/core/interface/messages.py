@@ -373,6 +373,21 @@ class StationHeard:
 
     system: int
     component: int
+    behind: bool = False
+    """Whether it is behind `[forward]`: nobody hears it but through us."""
+
+
+@dataclass(frozen=True, slots=True)
+class StationActed:
+    """A ground station behind `[forward]` changes something on board, or is kept from it."""
+
+    system: int
+    """0 where it is about a port, and no station."""
+    component: int
+    words: str
+    """What it does, or why it may not."""
+    passed: bool = True
+    """Whether the vehicle gets it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -448,7 +463,7 @@ PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
 
-LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
+LinkMessage = Traffic | Radio | StationHeard | StationActed | DoubleHeard
 """What others say about a vehicle, which does not mean that it was heard."""
 EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
