@@ -220,14 +220,15 @@ class Forwarder:
         key, now_s = (frame.sender, words, sysid), self.now_s()
         if now_s - self._told_s.get(key, -SAME_S) < SAME_S:
             return
-        known = self._lines.get(frame.sender)
-        left = None
-        if known is not None or len(self._lines) < MOST_STATIONS:
-            left = (known or fill_bucket(TOLD_HZ, TOLD_AT_ONCE)).take(1.0, now_s)
-        if left is None:
+        if frame.sender not in self._lines and len(self._lines) >= MOST_STATIONS:
             return
-        self._lines[frame.sender] = left
-        words += link.OTHERS_NOT_LISTED if left.left < 1.0 else ""
+        bucket = self._lines.setdefault(frame.sender, fill_bucket(TOLD_HZ, TOLD_AT_ONCE))
+        if passed:
+            left = bucket.take(1.0, now_s)
+            if left is None:
+                return
+            self._lines[frame.sender] = left
+            words += link.OTHERS_NOT_LISTED if left.left < 1.0 else ""
         self._told_s = {one: at_s for one, at_s in self._told_s.items() if now_s - at_s < SAME_S} | {key: now_s}
         to = self.links.get(min(self.links, default=0) if sysid is None else sysid)
         if to is not None:

@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager, closing
 import pytest
 from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.mavlink import forward
 from executor.adapters.mavlink.endpoints import VehicleLink, open_mavlink_links
 from executor.adapters.mavlink.forward import Forwarder, open_station_ports
 from executor.core.forwarding import ForwardRules
@@ -142,7 +143,8 @@ async def test_a_port_that_is_taken_is_one_line_before_the_flight() -> None:
                 pass
 
 
-async def test_a_port_that_is_taken_does_not_keep_us_from_vehicles_in_the_air() -> None:
+async def test_a_port_that_is_taken_does_not_keep_us_from_vehicles_in_the_air(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forward, "AGAIN_S", 0.05)
     with socket_on_loopback() as plug:
         port = plug.getsockname()[1]
         async with beside(f"udpin://{LOCAL}:{port}", strict=False) as ground:
