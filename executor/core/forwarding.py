@@ -24,7 +24,7 @@ CORRECTIONS = frozenset({123, 233, *range(12900, 12921)})
 LINK_REPORTS = frozenset({109, 166})
 """RADIO_STATUS: autopilots thin their streams by what it says of their own link."""
 CORRECTIONS_BYTES_S = 5000.0
-"""Of them at most, where there is no radio: all satellites once a second take less than 2000."""
+"""Of them at most, where there is no radio."""
 LEAST_BURST_BYTES, BURST_S = 1000.0, 3.0
 """What may come at once: a dozen orders."""
 BEAT_HZ, BEAT_BURST = 1.0, 1.5
