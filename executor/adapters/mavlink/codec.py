@@ -387,7 +387,8 @@ def _find_target_offset(number: int) -> int | None:
         return None
     at = kind.ordered_fieldnames.index("target_system")
     parts = zip(kind.native_format.decode()[1:], kind.array_lengths, strict=True)
-    return sum(struct.calcsize(part) * max(1, length) for part, length in list(parts)[:at])
+    offset: int = sum(struct.calcsize(part) * max(1, length) for part, length in list(parts)[:at])
+    return offset
 
 
 def target_of(frame: bytes) -> int:
