@@ -220,8 +220,8 @@ def _announce_link_findings(
         known = frozenset[ForeignSystem]().union(*(one.link.strangers for one in state.vehicles.values()))
         said += [flight.FOUND.say(vehicle=FORWARD, found=one) for one in describe_new_foreign_systems(known, behind)]
     if isinstance(message, messages.StationActed) and message.passed:
-        whose, found = (after.name, describe_foreign_system(message)) if message.system else (FORWARD, message.words)
-        said.append(flight.FOUND.say(vehicle=whose, found=found))
+        whose = after.name if message.system else FORWARD
+        said.append(flight.FOUND.say(vehicle=whose, found=describe_foreign_system(message)))
     if regained := describe_gps_return(before, after, now_s):
         said.append(flight.FOUND.with_level(Level.INFO).say(vehicle=after.name, found=regained))
     return said

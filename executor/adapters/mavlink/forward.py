@@ -33,7 +33,7 @@ from executor.core.interface.ports import Keyring
 from executor.core.lines import link
 from executor.core.radio_budget import ALONE, RadioShare
 from executor.errors import ConnectionFailed
-from executor.supervised import run_beside
+from executor.supervised import call_safely, run_beside
 from missions import MissionKind
 
 FIRST_LINK_ID = 128
@@ -45,7 +45,7 @@ SAME_S = 10.0
 """What a station does again and again is told once in this time."""
 TOLD_HZ, TOLD_AT_ONCE = 0.1, 6.0
 """Lines about one station: one that sets a thousand parameters is a few lines."""
-AGAIN_S = 2.0
+AGAIN_S = 5.0
 """Real seconds between two attempts to open a port."""
 LISTS = {
     int(MissionKind.MISSION): "a mission", int(MissionKind.FENCE): "a fence", int(MissionKind.RALLY): "rally points",
@@ -138,7 +138,7 @@ class Forwarder:
             if peer.calls_us and now_s - peer.heard_s > GONE_S:
                 del self._peers[write]
             elif self.rules.is_for_station(target, peer.stations):
-                write(received.frame)
+                call_safely("handing a frame on", write, received.frame)
 
     def add_peer(self, write: Write, *, calls_us: bool) -> _Peer:
         """Note where a station is."""
@@ -210,10 +210,10 @@ class Forwarder:
             if sysid in self.links:
                 self.links[sysid].receive_foreign(replace(received, message=message))
 
-    def report(self, words: str) -> None:
-        """Tell the crew what became of a port."""
+    def report(self, words: str, *, still: bool = False) -> None:
+        """Tell the crew what became of a port; once if it is `still` so."""
         for vehicle in tuple(self.links.values())[:1]:
-            vehicle.hear(messages.StationActed(0, 0, words))
+            vehicle.hear(messages.StationActed(0, 0, words, passed=not still))
 
     def _tell(self, frame: StationFrame, words: str, sysid: int | None = None, *, passed: bool = True) -> None:
         """Tell the crew what a station does to a vehicle, or why it may not."""
@@ -300,22 +300,26 @@ async def open_station_ports(
             try:
                 await open_endpoint(connection, port, stack)
             except (OSError, ValueError) as error:
-                failed = f"{connection}: cannot be opened: {describe_open_error(error)}"
                 if strict:
-                    raise ConnectionFailed(f"forward.to: {failed}") from error
-                forwarder.report(failed)
-                await stack.enter_async_context(
-                    run_beside(f"opening {connection}", partial(_keep_open, connection, port))
-                )
+                    raise ConnectionFailed(f"forward.to: {_describe_failure(connection, error)}") from error
+                opening = run_beside(f"opening {connection}", partial(_keep_opening, forwarder, connection, port))
+                await stack.enter_async_context(opening)
         yield
 
 
-async def _keep_open(connection: Connection, port: StationPort) -> None:
+async def _keep_opening(forwarder: Forwarder, connection: Connection, port: StationPort) -> None:
+    """Open a port that could not be opened, and keep it open."""
     while True:
         await asyncio.sleep(AGAIN_S)
         async with AsyncExitStack() as stack:
             try:
                 await open_endpoint(connection, port, stack)
-            except (OSError, ValueError):
+            except (OSError, ValueError) as error:
+                forwarder.report(_describe_failure(connection, error), still=True)
                 continue
+            forwarder.report(link.PORT_OPENED.format(port=connection))
             await asyncio.Event().wait()
+
+
+def _describe_failure(connection: Connection, error: Exception) -> str:
+    return f"{connection}: cannot be opened: {describe_open_error(error)}"

@@ -126,6 +126,8 @@ def describe_foreign_system(heard: ForeignSystem) -> str:
     match heard:
         case StationHeard(system, component, behind):
             return (link.STATION_BEHIND if behind else link.OTHER_STATION).format(system=system, component=component)
+        case StationActed(0, _, words):
+            return words
         case StationActed(system, component, words):
             return link.STATION_WORDS.format(system=system, component=component, words=words)
         case DoubleHeard(system, ()):

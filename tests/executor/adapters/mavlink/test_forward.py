@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.codec import MavlinkCodec, target_of
 from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.adapters.mavlink.forward import GONE_S, MOST_STATIONS, TOLD_AT_ONCE, Forwarder, StationPort
 from executor.adapters.mavlink.frame_layout import LinkSigning
@@ -17,7 +20,7 @@ from executor.core.interface.connection import parse_connection
 from executor.core.interface.messages import Message, OrderSeen, StationActed, StationHeard
 from executor.core.lines import link
 from executor.core.radio_budget import RadioShare
-from tests.executor.adapters.mavlink.test_codec import PX4
+from tests.executor.adapters.mavlink.test_codec import IDS, PX4
 from tests.executor.adapters.mavlink.test_endpoints_link import Frames, into
 
 OURS = 254
@@ -224,6 +227,38 @@ def test_what_is_for_everybody_goes_once_over_each_channel(one_port: bool) -> No
     assert sky.log.frames == [frame, frame], "in the telemetry log of each"
     for sysid in (7, 8):
         assert OrderSeen(176, 6, 255, 0) in sky.said[sysid]
+
+
+def packed(number: int, payload: bytes, system: int) -> bytes:
+    """Return a whole frame of any message, whatever its fields say."""
+    kind = mav.mavlink_map[number]
+    body = payload[: kind.unpacker.size].ljust(kind.unpacker.size, b"\xff")
+    head = struct.pack("<BBBBBBBHB", 0xFD, len(body), 0, 0, 0, system, 190, number & 0xFFFF, number >> 16)
+    return head + body + struct.pack("<H", mav.x25crc(head[1:] + body + bytes([kind.crc_extra])).crc)
+
+
+@given(
+    said=st.lists(
+        st.tuples(st.sampled_from(IDS), st.binary(max_size=255), st.sampled_from([7, 33, OURS, 255])), max_size=8
+    ),
+    allow=st.booleans(),
+    share=st.sampled_from([None, RADIO]),
+)
+def test_whatever_a_station_sends_it_goes_where_it_may_and_breaks_nothing(
+    said: list[tuple[int, bytes, int]], allow: bool, share: RadioShare | None
+) -> None:
+    sky = Sky(allow=allow, share=share)
+    station = Station(sky)
+    for number, payload, system in said:
+        frame = packed(number, payload, system)
+        before = {sysid: len(sent) for sysid, sent in sky.sent.items()}
+        station.port.route_frames(station.codec.decode(frame), station.write)
+        came = {sysid: sent[before[sysid] :] for sysid, sent in sky.sent.items()}
+        assert all(one in ([], [frame]) for one in came.values()), "as it came, and once"
+        reached = {sysid for sysid, one in came.items() if one}
+        assert not reached or (allow and system not in {7, OURS})
+        assert not reached or target_of(frame) in {0, *reached}
+    assert station.heard == [], "nothing goes back to where it came from"
 
 
 def test_what_would_fill_a_radio_is_not_passed_on_and_told_once() -> None:

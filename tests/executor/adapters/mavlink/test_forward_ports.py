@@ -6,6 +6,7 @@ import asyncio
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, closing
+from typing import TypeVar
 
 import pytest
 from pymavlink.dialects.v20 import common as mav
@@ -15,7 +16,7 @@ from executor.adapters.mavlink.endpoints import VehicleLink, open_mavlink_links
 from executor.adapters.mavlink.forward import Forwarder, open_station_ports
 from executor.core.forwarding import ForwardRules
 from executor.core.interface.connection import parse_connection
-from executor.core.interface.messages import Heartbeat, OrderSeen, StationActed
+from executor.core.interface.messages import Heartbeat, Message, OrderSeen, StationActed
 from executor.core.interface.ports import LinkRequest
 from executor.errors import ConnectionFailed
 from tests.executor.adapters.mavlink.test_codec import Vehicle
@@ -25,6 +26,7 @@ from tests.ports import free_port
 
 pytestmark = pytest.mark.asyncio
 LOCAL = "127.0.0.1"
+Heard = TypeVar("Heard", bound=Message)
 RTL = bytes(mav.MAVLink_command_long_message(7, 1, 20, 0, *[0.0] * 7).pack(mav.MAVLink(None, 250, 190)))
 
 
@@ -41,7 +43,7 @@ class Ground:
         self._plug.sendto(frame, (LOCAL, self._port))
         return frame
 
-    async def hear(self, kind: type) -> object:
+    async def hear(self, kind: type[Heard]) -> Heard:
         while not isinstance(message := await next_of(self.heard), kind):
             pass
         return message
@@ -149,8 +151,14 @@ async def test_a_port_that_is_taken_does_not_keep_us_from_vehicles_in_the_air(mo
         port = plug.getsockname()[1]
         async with beside(f"udpin://{LOCAL}:{port}", strict=False) as ground:
             ground.beat()
-            await ground.hear(Heartbeat)
+            failed = await ground.hear(StationActed)
+            assert failed == StationActed(
+                0, 0, f"udpin://{LOCAL}:{port}: cannot be opened: Address already in use", passed=False
+            )
             plug.close()
+            while failed == StationActed(0, 0, failed.words, passed=False):
+                failed = await ground.hear(StationActed)
+            assert failed.words == f"udpin://{LOCAL}:{port} is open again"
             with socket_on_loopback() as station:
                 async with asyncio.timeout(4 * PATIENCE_S):
                     waiting = asyncio.ensure_future(ground.order())
