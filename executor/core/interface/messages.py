@@ -12,7 +12,8 @@ from missions.cameras import PictureProof
 from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+"""Our system and component where the site file has no `station_sysid`: ArduPilot's GCS failsafe counts only heartbeats
+of MAV_GCS_SYSID, 255 by default."""
 
 
 BOOT = 1
@@ -372,6 +373,21 @@ class StationHeard:
 
     system: int
     component: int
+    behind: bool = False
+    """Whether it is behind `[forward]`: nobody hears it but through us."""
+
+
+@dataclass(frozen=True, slots=True)
+class StationActed:
+    """A ground station behind `[forward]` changes something on board, or is kept from it."""
+
+    system: int
+    """0 where it is about a port, and no station."""
+    component: int
+    words: str
+    """What it does, or why it may not."""
+    passed: bool = True
+    """Whether the vehicle gets it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -447,7 +463,7 @@ PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
 
-LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
+LinkMessage = Traffic | Radio | StationHeard | StationActed | DoubleHeard
 """What others say about a vehicle, which does not mean that it was heard."""
 EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
