@@ -268,7 +268,15 @@ class ArduPilot(Autopilot):
 
     def _slow_down(self, streams: messages.Streams, interval_s: float) -> float:
         receives = self.store.is_receiving and streams is self.schedules[self.store.upload_link]
+        receives = receives or self.store.is_file_open(self.now_s)
         return (interval_s + streams.radio_slow_s) * (4.0 if receives else 1.0)
+
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
+        if isinstance(body, messages.FileRequest):
+            step = self.store.handle_file(body, sender, self.now_s, locked=self._is_mission_locked())
+            self._apply_store_step(step, sender.link)
+        else:
+            super()._answer(sender, body)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO

@@ -502,7 +502,7 @@ class Autopilot(ABC):
                 self.voice.send(self.params.answer(body), self._asking)
             case messages.RequestDataStream() | messages.RadioStatus():
                 self._adjust_streams(body)
-            case messages.Timesync() | messages.Ping():
+            case messages.Timesync() | messages.Ping() | messages.FileRequest():
                 self._answer(sender, body)
             case _:
                 store = self.stores[self._asking % len(self.stores)]
@@ -517,8 +517,8 @@ class Autopilot(ABC):
         else:
             self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
-        """Answer questions; what is an answer itself gets none."""
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
+        """Answer questions; what is an answer itself gets none, nor does what is asked of files that are not here."""
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
             self.voice.send([messages.build_timesync(self.boot_ms, body.ts1)], self._asking)
         if isinstance(body, messages.Ping) and body.target_sysid == 0:

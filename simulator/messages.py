@@ -238,6 +238,18 @@ class Timesync:
 
 
 @dataclass(frozen=True, slots=True)
+class FileRequest:
+    """FILE_TRANSFER_PROTOCOL."""
+
+    number: int
+    session: int
+    operation: int
+    """MAVFTP's opcode."""
+    offset: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class RadioStatus:
     """RADIO_STATUS of the vehicle's own radio."""
 
@@ -259,7 +271,7 @@ MissionMessage = (
 )
 Body = (
     Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
-    | RequestDataStream | RadioStatus | Timesync | Ping
+    | FileRequest | RequestDataStream | RadioStatus | Timesync | Ping
 )  # fmt: skip
 
 

@@ -15,15 +15,18 @@ from typing import TypeVar
 from executor.adapters.clock import FairEventLoop, FleetTime, SystemClock, steady_s
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.forward import Forwarder, open_station_ports
 from executor.adapters.mavlink.joined_link import open_joined_links
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import mavsdk_link as mavsdk
 from executor.adapters.mavsdk.mavsdk_link import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
+from executor.core.forwarding import ForwardRules
 from executor.core.interface.commands import Level
 from executor.core.interface.connection import Scheme
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
 from executor.flight.run_start import FlightRequest, MessageSink
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import awake
 from executor.runtime.flight_loop import send_heartbeats
 from executor.runtime.procedures import keep_asking_links
@@ -100,11 +103,15 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, may_be_absent: bool = False
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, in_the_air: bool = False
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
-    The device of one of several links to a vehicle may be absent where a flight in the air is taken up.
+    Args:
+        request: What is flown.
+        clock: The flight's.
+        recorded: Whether telemetry logs are written.
+        in_the_air: Whether a port of `[forward]`, or the device of one of several links, may be opened later.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -122,20 +129,22 @@ async def open_links(
             wanted[table.backend][table.name] = replace(orders[0], more=tuple(orders[1:]))
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
-        radios = request.site.link.senders
+        link = request.site.link
+        forwarder = build_forwarder(request.site, clock)
         now_s = stack.enter_context(awake(clock)).now_s
         native = await stack.enter_async_context(
             open_joined_links(
-                wanted["native"],
-                now_s,
-                keyring,
-                radios,
-                one_radio=request.site.link.one_radio,
-                may_be_absent=may_be_absent,
+                wanted["native"], now_s, keyring, link.senders, one_radio=link.one_radio,
+                may_be_absent=in_the_air, station=link.station, tap=forwarder.tap,
             )
+        )  # fmt: skip
+        forwarder.links.update((one.sysid, one) for one in native.values())
+        ports = request.site.forward.ports
+        await stack.enter_async_context(
+            open_station_ports(forwarder, ports, keyring, link.station, strict=not in_the_air)
         )
         others = await stack.enter_async_context(
-            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
+            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=link.senders, station=link.station))
         )
         links = {table.name: native.get(table.name) or others[table.name] for table in request.site.vehicle}
         setups = {
@@ -147,6 +156,14 @@ async def open_links(
             run_beside("the streams of further links", partial(keep_asking_links, links, clock, setups)),
         ):
             yield links
+
+
+def build_forwarder(site: Site, clock: SystemClock) -> Forwarder:
+    """Return what passes frames between a site's vehicles and the stations beside us."""
+    systems = {table.sysid: table.name for table in site.vehicle}
+    rules = ForwardRules(site.link.station_sysid, frozenset(systems), site.forward.allow_orders)
+    shares = {sysid: radio_share_of(site, name) for sysid, name in systems.items()}
+    return Forwarder(rules, clock.now_s, shares, lambda link: channel_of(link).is_busy)
 
 
 T = TypeVar("T")

@@ -466,7 +466,8 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
                 for table in site.vehicle
                 if table.name in names
             }
-            async with open_joined_links(wanted, clock.now_s, keyring, may_be_absent=True) as links:
+            station = site.link.station
+            async with open_joined_links(wanted, clock.now_s, keyring, may_be_absent=True, station=station) as links:
                 return await restore_board(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)
 
 

@@ -382,15 +382,16 @@ def radio_share_of(site: Site, name: str) -> RadioShare:
     """
     links = next(table.links for table in site.vehicle if table.name == name)
     has_serial = any(link.scheme is Scheme.SERIAL for link in links)
+    others_bytes_s = site.forward.bytes_s if site.forward.allow_orders else 0.0
 
     def share_of(link: Connection, *, first: bool) -> RadioShare:
         one_radio, is_serial = first and site.link.one_radio, link.scheme is Scheme.SERIAL
         beside = len(site.vehicle) if one_radio else sum(link in table.links for table in site.vehicle)
         carries_bytes_s = site.link.bytes_s if one_radio or is_serial or not has_serial else None
-        return RadioShare(beside, carries_bytes_s, site.signing is not None, one_radio or is_serial)
+        return RadioShare(beside, carries_bytes_s, site.signing is not None, one_radio or is_serial, others_bytes_s)
 
-    others = tuple((str(link), share_of(link, first=False)) for link in links[1:])
-    return replace(share_of(links[0], first=True), others=others)
+    further = tuple((str(link), share_of(link, first=False)) for link in links[1:])
+    return replace(share_of(links[0], first=True), further=further)
 
 
 def build_limits(site: Site) -> Limits:

@@ -15,8 +15,8 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 
-from executor.adapters.mavlink.codec import Sender
-from executor.adapters.mavlink.endpoints import VehicleLink, open_mavlink_links
+from executor.adapters.mavlink.codec import DecodedFrame, Sender
+from executor.adapters.mavlink.endpoints import Tap, VehicleLink, leave_frame, open_mavlink_links
 from executor.core.interface import messages
 from executor.core.interface.ports import Keyring, LinkCounts, LinkRequest, LinkView
 from executor.core.state.link_choice import LinkChoice, LinkHealth, choose_link
@@ -25,8 +25,8 @@ from executor.core.state.link_quality import FULL_BUFFER_PCT
 OF_THE_WAY = (messages.Traffic, messages.Radio)
 TRANSFERS = (messages.MissionRequest, messages.MissionAck, messages.MissionCount, messages.MissionItemInt)
 ANSWERS = (
-    messages.CommandAck, messages.ParamValue, messages.ParamRefused, messages.Version, messages.StationHeard,
-    messages.DoubleHeard,
+    messages.CommandAck, messages.ParamValue, messages.ParamRefused, messages.Version, messages.FileReply,
+    messages.StationHeard, messages.StationActed, messages.DoubleHeard,
 )  # fmt: skip
 SAID_ONCE = (
     messages.StatusText, messages.ComponentText, messages.MissionReached, messages.OrderSeen, messages.OwnFailsafe,
@@ -72,7 +72,7 @@ class JoinedLink:
         self._states_s: dict[type[messages.Message], float] = {}
         """When each kind of state came last over the link in use."""
         for number, link in enumerate(self._links):
-            link.is_alive = False
+            link.is_alive, link.is_used = False, link is self.used
             link.take_frame = partial(self._take_frame, number)
             link.listen(partial(self._take, number))
 
@@ -95,6 +95,11 @@ class JoinedLink:
     def connection(self) -> str:
         """Of the one that orders go over."""
         return self.used.connection
+
+    @property
+    def sysid(self) -> int:
+        """Of the vehicle."""
+        return self.used.sysid
 
     @property
     def is_alive(self) -> bool:
@@ -141,7 +146,7 @@ class JoinedLink:
                 link.send(message)
             return
         self._choose()
-        if isinstance(message, (*TRANSFERS, messages.MissionRequestList)):
+        if isinstance(message, (*TRANSFERS, messages.MissionRequestList, messages.FileRequest)):
             self._transferred_s = self._now_s()
         if isinstance(message, messages.MissionCount | messages.MissionRequestList):
             left, self._announced = self._announced, self.used
@@ -150,12 +155,26 @@ class JoinedLink:
                 left.send(messages.MissionAck(CANCELLED, message.kind))
         self.used.send(message)
 
+    def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
+        """Send a frame as it is, over the better link; `to_all` if it is for everybody behind the same port."""
+        self.used.send_frame(frame, to_all=to_all)
+
+    def receive_foreign(self, received: DecodedFrame, source: str = "") -> None:
+        """Take a frame of a system that is nobody's vehicle."""
+        self.used.receive_foreign(received, source)
+
+    def hear(self, message: messages.Message) -> None:
+        """Hand on what did not come over these links, and is about their vehicle."""
+        self.used.hear(message)
+
     def _choose(self) -> None:
         now_s = self._now_s()
         for link, known in zip(self._links, self._measures, strict=True):
             link.is_alive = known.is_alive(now_s)
         transfers = now_s - self._transferred_s < TRANSFER_S
         self._choice = choose_link(self._choice, self._measures, now_s, transfers=transfers)
+        for link in self._links:
+            link.is_used = link is self.used
 
     def _take_frame(self, number: int, frame: bytes) -> bool:
         """Note that a link is alive; returns whether this frame has not come over another one."""
@@ -229,6 +248,8 @@ async def open_joined_links(
     *,
     one_radio: bool = False,
     may_be_absent: bool = False,
+    station: Sender = messages.GROUND_STATION,
+    tap: Tap = leave_frame,
 ) -> AsyncIterator[Mapping[str, VehicleLink | JoinedLink]]:
     """Open the links to vehicles by name, those of a vehicle that has several as one.
 
@@ -238,6 +259,8 @@ async def open_joined_links(
         keyring: As for `open_mavlink_links`, and so are `radios`.
         radios: Whose RADIO_STATUS is heard without a signature.
         one_radio: Whether the first links of all lead to one radio.
+        station: Our own system and component.
+        tap: Is shown what comes, of a vehicle with several links over the one in use.
         may_be_absent: Whether the device of one of several links may be there later.
 
     Raises:
@@ -248,7 +271,7 @@ async def open_joined_links(
         for name, order in orders.items()
         for number, one in enumerate((order, *order.more))
     }
-    async with open_mavlink_links(single, keyring, radios, one_radio=one_radio) as opened:
+    async with open_mavlink_links(single, keyring, radios, one_radio=one_radio, station=station, tap=tap) as opened:
         links: dict[str, VehicleLink | JoinedLink] = {}
         for name, order in orders.items():
             first, *others = (opened[f"{name}/{number}"] for number in range(1 + len(order.more)))

@@ -31,7 +31,7 @@ KINDS = {ARDUPILOT.name: AutopilotKind.ARDUPILOT, PX4.name: AutopilotKind.PX4}
 DIALECTS = pytest.mark.parametrize("dialect", [ARDUPILOT, PX4], ids=lambda dialect: str(dialect.name))
 CONNECTIONS = ("udpin://127.0.0.1:20001", "udpin://127.0.0.1:20002")
 LEGS = 40
-SHARE = RadioShare(vehicles=4, is_radio=True, others=((CONNECTIONS[1], RadioShare()),))
+SHARE = RadioShare(vehicles=4, is_radio=True, further=((CONNECTIONS[1], RadioShare()),))
 
 
 @dataclass

@@ -13,7 +13,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from pymavlink.dialects.v20 import common as mav
 
-from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec
 from executor.adapters.mavlink.endpoints import Router, VehicleLink
 from executor.adapters.mavlink.joined_link import JoinedLink, open_joined_links
 from executor.core.interface.connection import parse_connection
@@ -29,6 +29,7 @@ from executor.core.interface.messages import (
     Radio,
     SendCommand,
     SendHeartbeat,
+    StationActed,
     StatusText,
     SystemStatus,
 )
@@ -69,11 +70,15 @@ class Both:
         self.vehicles = (Vehicle(), Vehicle())
         codecs = (MavlinkCodec(), MavlinkCodec())
         self.links = [VehicleLink(7, codec) for codec in codecs]
-        self.routers = [Router([link], codec) for link, codec in zip(self.links, codecs, strict=True)]
+        self.tapped: list[bytes] = []
+        self.routers = [Router([link], codec, self._tap) for link, codec in zip(self.links, codecs, strict=True)]
         for link, name in zip(self.links, ("radio", "lte"), strict=True):
             link.connection = name
         self.joined = JoinedLink(self.links, lambda: self.now_s)
         self.joined.listen(self.heard.append)
+
+    def _tap(self, received: DecodedFrame, _: object) -> None:
+        self.tapped.append(received.frame)
 
     def _write(self, number: int) -> Callable[[bytes], bool]:
         return into(self.sent[number])
@@ -222,6 +227,19 @@ def test_a_transfer_that_begins_over_another_link_ends_the_one_before(both: Both
     assert both.sent_names(LTE) == ["MISSION_COUNT"]
     assert both.of(MissionRequest) == [MissionRequest(0)], "what the link that was left still brings is of the old one"
     assert both.of(MissionAck) == []
+
+
+def test_other_stations_get_what_comes_over_the_link_in_use_and_reach_the_vehicle_over_it(both: Both) -> None:
+    both.say(RADIO, beat(), at_s=0.0)
+    both.say(LTE, beat(), position(1.0), at_s=0.1)
+    assert len(both.tapped) == 1
+    both.say(LTE, beat(), at_s=1.2)
+    assert len(both.tapped) == 2
+    both.joined.send_frame(b"a frame of theirs")
+    assert both.sent == ([], [b"a frame of theirs"])
+    both.joined.hear(StationActed(250, 190, "uploads a mission"))
+    assert both.of(StationActed) == [StationActed(250, 190, "uploads a mission")]
+    assert both.joined.sysid == 7
 
 
 def test_counts_are_those_of_all_links(both: Both) -> None:
