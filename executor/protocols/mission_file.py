@@ -123,6 +123,11 @@ class MissionFileUpload(DialogueMachine):
         """Open the file."""
         return _ask(replace(self, heard_s=now_s, steps=_list_steps(self.items, self.first)), now_s)
 
+    def move(self, now_s: float) -> tuple[Self, Sent]:
+        """Ask again over another link for all that is under way: to ArduPilot the session is the same."""
+        again = tuple(replace(one, at_s=now_s, again=True) for one in self.under_way)
+        return _wait(replace(self, under_way=again, heard_s=now_s)), tuple(one.request for one in again)
+
     @property
     def is_proven(self) -> bool:
         """Whether the vehicle has said the checksum of the new mission."""

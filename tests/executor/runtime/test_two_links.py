@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -18,8 +19,9 @@ from executor.core.radio_budget import RadioShare
 from executor.runtime import procedures
 from executor.runtime.flight_loop import send_heartbeats
 from executor.runtime.link_changes import SAYS_AGAIN_S, LinkChanges
-from executor.runtime.procedures import keep_asking_links
+from executor.runtime.procedures import UploadNeed, keep_asking_links
 from missions import ARDUPILOT, PX4, Dialect, find_mission_differences
+from missions.items import Command
 from simulator.config import AutopilotKind, SimFleet
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import build_vehicles
@@ -116,6 +118,32 @@ def test_a_mission_is_on_board_soon_after_one_of_two_links_died_in_its_upload(
     whole_s = upload_s(dialect, radio)
     later_s = upload_s(dialect, radio, share * whole_s) - whole_s
     assert later_s < (3.0 if dialect is ARDUPILOT else 7.0)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_a_mission_file_goes_on_over_the_other_link(share: float) -> None:
+    """To ArduPilot a file is the same whichever link its parts come over."""
+    old = route(ARDUPILOT, LEGS)
+    new = old[:10] + tuple(
+        replace(item, z=item.z + 3.0) if item.command == Command.NAV_WAYPOINT else item for item in old[10:]
+    )
+    need, took_s = UploadNeed(alike=10, on_board=len(old)), list[float]()
+
+    async def put(sky: Sky, dies_s: float | None) -> None:
+        link, clock = sky.radio.end, sky.clock
+        assert (await procedures.upload_and_verify(link, clock, ARDUPILOT, old)).accepted
+        began_s, first = clock.now_s(), sky.used
+        upload = asyncio.ensure_future(procedures.upload_and_verify(link, clock, ARDUPILOT, new, need=need))
+        if dies_s is not None:
+            await asyncio.sleep(dies_s)
+            sky.silence(1 + CONNECTIONS.index(first))
+        assert (await upload).accepted
+        took_s.append(clock.now_s() - began_s)
+        assert find_mission_differences(new, sky.radio.vehicle.autopilot.store.items, ARDUPILOT) == ()
+
+    over_two_links(ARDUPILOT, "sik,lte", partial(put, dies_s=None))
+    over_two_links(ARDUPILOT, "sik,lte", partial(put, dies_s=share * took_s[0]))
+    assert took_s[1] - took_s[0] < 3.0
 
 
 @DIALECTS
