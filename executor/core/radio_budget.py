@@ -19,6 +19,8 @@ from missions import Dialect
 HEARTBEAT, SYS_STATUS, GPS_RAW_INT, ATTITUDE = 0, 1, 24, 30
 GLOBAL_POSITION_INT, MISSION_CURRENT, RC_CHANNELS = 33, 42, 65
 BATTERY_STATUS, EXTENDED_SYS_STATE = 147, 245
+HEARTBEAT_HZ = 1.0
+"""It comes unasked, until it does not."""
 STREAMS_HZ: Mapping[int, float] = {
     GLOBAL_POSITION_INT: 5.0,
     SYS_STATUS: 1.0,
@@ -50,6 +52,9 @@ FRAME_BYTES: Mapping[int, int] = {
 }  # fmt: skip
 """Of each message at most, with the 12 bytes around it (common.xml, ardupilotmega.xml)."""
 SIGNATURE_BYTES = 13
+FULL_PCT = 33
+"""Of a radio's buffer less is free: what is asked now waits in it for longer than an answer takes (ArduPilot sends no
+parameters from there on)."""
 USUAL_BYTES_S = 1200.0
 """What the slowest telemetry radio that is in use carries without losing any of it: SiK at 64 kbit/s with error
 correction and the firmware that it is sold with (SiK issue 97)."""
@@ -62,11 +67,16 @@ class RadioShare:
     """What a vehicle has of the radio that it is behind, maybe with others."""
 
     vehicles: int = 1
+    """How many."""
     bytes_s: float | None = None
     """What it carries, all together, where the site says it."""
     signed: bool = False
     is_radio: bool = False
     """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
+    names: tuple[str, ...] = ()
+    """Who is behind it."""
+    least_step: int = 0
+    """How far the streams are thinned at least, as the radio was found to be full in flight."""
 
     def find_capacity_bytes_s(self, *, on_radio: bool) -> float | None:
         """Return what may be sent; None where nothing says that there is a radio."""
@@ -75,7 +85,7 @@ class RadioShare:
     def choose_step(self, dialect: Dialect, *, on_radio: bool) -> int:
         """Return how far the streams are thinned: not at all without a radio, and no further than it takes."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
-        steps = range(len(OWN_FACTORS))
+        steps = range(self.least_step, len(OWN_FACTORS))
         if capacity_bytes_s is None:
             return 0
         most_bytes_s = STREAMS_SHARE * capacity_bytes_s

@@ -37,6 +37,8 @@ class Channel:
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
     _numbers: count[int] = field(default_factory=count)
+    _told: RoundTrip | None = None
+    """The round trip that was handed on last."""
 
     def hear(self, radio: Radio, now_s: float) -> None:
         """Take a report of our own radio."""
@@ -50,6 +52,11 @@ class Channel:
         """Take what a dialogue has measured, if it has."""
         if round_trip.mean_s is not None:
             self.round_trip = round_trip
+
+    def take_round_trip_s(self) -> float | None:
+        """Return the round trip if it was measured since this was asked last."""
+        before, self._told = self._told, self.round_trip
+        return None if before is self._told or self._told.mean_s is None else round(self._told.mean_s, 3)
 
     def note_progress(self) -> None:
         """Note that the transfer of this task has come on."""

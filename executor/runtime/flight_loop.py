@@ -6,7 +6,7 @@ import asyncio
 import itertools
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from executor import supervised
@@ -19,16 +19,19 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
 from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
-from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
+from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat, Traffic
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
+from executor.core.radio_budget import HEARTBEAT
 from executor.core.replanning import replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
+from executor.core.state.radio_channel import choose_streams_hz, share_of
 from executor.protocols import vehicle_commands
 from executor.protocols.turns import Rank
 from executor.runtime import procedures, vehicle_preflight
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import Lateness, awake
 from executor.runtime.procedures import UploadNeed
 from missions import EncodeError, MissionItem, encode, flag_current
@@ -229,6 +232,8 @@ class Flight:
 
     def _make_listener(self, name: str) -> Callable[[Message], None]:
         def heard(message: Message) -> None:
+            if isinstance(message, Traffic):
+                message = replace(message, round_trip_s=channel_of(self._links[name]).take_round_trip_s())
             if isinstance(message, FlightMessage):
                 self.apply(events.Heard(name, message))
 
@@ -266,9 +271,10 @@ class Flight:
                 self._start_job(command.vehicle, partial(self._give_order, command, ended), partial(ended, False))
             case commands.HandsOff(vehicle):
                 self._stop_commanding(vehicle)
-            case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
-                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_mission
-                self._start_side_job(vehicle, asks(vehicle))
+            case commands.AskStreams(vehicle, which):
+                self._start_side_job(vehicle, self._ask_streams(vehicle, which))
+            case commands.ReadMission(vehicle):
+                self._start_side_job(vehicle, self._read_mission(vehicle))
             case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
                 self._start_job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
@@ -413,8 +419,9 @@ class Flight:
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
+        share = share_of(self.context.vehicles[vehicle], self.state.vehicles[vehicle])
         return await vehicle_preflight.examine_vehicle(
-            self.context_now, vehicle, link, self._clock, before_s, sets=sets
+            self.context_now, vehicle, link, self._clock, before_s, sets=sets, share=share
         )
 
     async def _give_order(self, command: procedures.Order, ended: Callable[..., Event]) -> Event:
@@ -430,11 +437,13 @@ class Flight:
         items = await procedures.read_mission(self._links[vehicle], self._clock)
         return events.MissionRead(compare_onboard_mission(self.context_now, self.state, vehicle, items, None))
 
-    async def _ask_streams(self, vehicle: str) -> None:
+    async def _ask_streams(self, vehicle: str, which: tuple[int, ...]) -> None:
         try:
-            setup, heard = self.context.vehicles[vehicle], self.state.vehicles[vehicle].link.quality.radio
-            streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=heard is not None)
-            await procedures.request_streams(self._links[vehicle], self._clock, streams_hz, again=True)
+            streams_hz = choose_streams_hz(self.context.vehicles[vehicle], self.state.vehicles[vehicle])
+            again = HEARTBEAT in which or not which
+            if which:
+                streams_hz = {message: streams_hz[message] for message in which if message in streams_hz}
+            await procedures.request_streams(self._links[vehicle], self._clock, streams_hz, again=again)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_internal_error(f"an order to {vehicle}", error)
 

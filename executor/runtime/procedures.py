@@ -14,7 +14,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
 from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.core.radio_budget import HEARTBEAT
+from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
@@ -487,9 +487,6 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
         waited_s = clock.now_s() - began_s
         if not isinstance(ended.outcome, TimedOut) or waited_s >= PATIENCE_REAL_S * clock.speedup:
             return ended
-
-
-HEARTBEAT_HZ = 1.0
 
 
 async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:

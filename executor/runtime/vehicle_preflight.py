@@ -30,6 +30,7 @@ from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_str
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
+from executor.core.state.radio_channel import choose_streams_hz
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.telemetry.vehicle_identity import ForeignSystem, add_foreign_system, parse_banner_version
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
@@ -383,7 +384,14 @@ async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, want
 
 
 async def examine_vehicle(
-    context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
+    context: Context,
+    name: str,
+    link: Link,
+    clock: Clock,
+    within_s: float,
+    *,
+    sets: bool = False,
+    share: RadioShare = ALONE,
 ) -> Examined:
     """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
 
@@ -396,6 +404,7 @@ async def examine_vehicle(
         clock: The flight's.
         within_s: How long it may take to be ready, in its time.
         sets: Whether what is not as the flight had set it is set again.
+        share: What it has of its radio.
     """
     dialect, began_s = context.vehicles[name].dialect, clock.now_s()
     seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, messages.Heartbeat), within_s)
@@ -403,7 +412,6 @@ async def examine_vehicle(
         return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
     left_s = within_s - (clock.now_s() - began_s)
     try:
-        share = context.vehicles[name].radio
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
         # Nothing has to be set where it is as the flight has set it.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
@@ -511,8 +519,7 @@ async def reconnect_vehicles(
             for name, answer in answers.items():
                 if answer.heard.is_set():
                     patience_s = _patience_real_s(state(), state().vehicles[name])
-                    setup, radio = context.vehicles[name], state().vehicles[name].link.quality.radio
-                    streams_hz = setup.radio.choose_streams_hz(setup.dialect, on_radio=radio is not None)
+                    streams_hz = choose_streams_hz(context.vehicles[name], state().vehicles[name])
                     asks = _query_vehicle(links[name], clock, streams_hz, answer, patience_s)
                     tasks.create_task(asks, name=name)
     found = [

@@ -236,6 +236,10 @@ class Traffic:
 
     received: int
     missing: int
+    link_bytes: int = 0
+    """Of all frames from it and to it; none where nobody counted them."""
+    round_trip_s: float | None = None
+    """Of our questions to it, where one was measured since."""
 
 
 @dataclass(frozen=True, slots=True)
