@@ -17,7 +17,15 @@ from weakref import WeakKeyDictionary
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.protocols.turns import (
+    QUESTIONS,
+    STALLED_S,
+    Rank,
+    Turn,
+    find_wait_s,
+    is_buffer_full,
+    is_next,
+)
 
 MOST_CHANNELS = 200
 """That are remembered: a connection that breaks is another one after it."""
@@ -36,6 +44,8 @@ class Channel:
     """Transfers, and when each came on last by the loop's clock."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
+    sent_s: float = float("-inf")
+    """When a dialogue said something, by the loop's clock."""
     _numbers: count[int] = field(default_factory=count)
     _told: RoundTrip | None = None
     """The round trip that was handed on last."""
@@ -48,6 +58,11 @@ class Channel:
         """Return whether the radio holds more than it can send."""
         return is_buffer_full(self.radio, self.radio_s, now_s)
 
+    @property
+    def stalled_s(self) -> float:
+        """How long a transfer holds the channel without coming on: over a slow radio an answer takes longer."""
+        return max(STALLED_S, QUESTIONS * self.round_trip.usual_s)
+
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""
         if round_trip.mean_s is not None:
@@ -57,6 +72,14 @@ class Channel:
         """Return the round trip if it was measured since this was asked last."""
         before, self._told = self._told, self.round_trip
         return None if before is self._told or self._told.mean_s is None else round(self._told.mean_s, 3)
+
+    def note_sent(self) -> None:
+        """Note that a dialogue says something."""
+        self.sent_s = asyncio.get_running_loop().time()
+
+    def is_quiet(self, for_real_s: float) -> bool:
+        """Return whether no dialogue has said anything for so long."""
+        return asyncio.get_running_loop().time() - self.sent_s >= for_real_s
 
     def note_progress(self) -> None:
         """Note that the transfer of this task has come on."""
@@ -73,9 +96,9 @@ class Channel:
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
+            while not is_next(turn, self.waiting, self.under_way.values(), now_s(), self.stalled_s):
                 waited = True
-                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
+                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s(), self.stalled_s)))
         finally:
             self.waiting.discard(turn)
             self._tell()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
 from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
-from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat, Traffic
+from executor.core.interface.messages import FlightMessage, Message, Radio, SendFiller, SendHeartbeat, Traffic
 from executor.core.interface.ports import Clock, EventSink, Link, LossJudge, Solver
 from executor.core.radio_budget import HEARTBEAT
 from executor.core.replanning import replan_cycle
@@ -451,19 +452,64 @@ class Flight:
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
 
-    Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put
-    reports of their own inside frames as often as a vehicle speaks, and destroy one of our heartbeats in four
-    (emulated); five in a row are a GCS failsafe of ArduPilot's. So there come as many as there are vehicles, at even
-    distances, and a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
+    Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put a
+    report of their own inside other frames, whenever they see a HEARTBEAT: a vehicle's destroys one in four of ours
+    (emulated), and each of ours a frame of a vehicle's. Five in a row are a GCS failsafe of ArduPilot's. So there come
+    two a second, a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
+
+    A report can also fall on a frame's length. Then 278 bytes are taken for one frame, and all that is in them is lost
+    to the vehicle: where so little goes up, that is 6 s of heartbeats. So over a radio that reports itself and loses
+    frames fillers go out whenever nothing else does. They take what is the ground's turn on the air anyway.
     """
-    for beats in itertools.count():
-        once = {link.peer or name: (name, link) for name, link in links.items()}
-        for name, link in once.values():
-            supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
-        after_s = HEARTBEAT_S
-        if len(once) < len(links):
-            after_s *= len(once) / len(links) * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
-        await asyncio.sleep(after_s / clock.speedup)
+    losses, due_s, loop = _Losses(), 0.0, asyncio.get_running_loop()
+    with ExitStack() as listened:
+        for link in links.values():
+            listened.callback(link.listen(losses.hear))
+        for beats in itertools.count():
+            once = {link.peer or name: (name, link) for name, link in links.items()}
+            if loop.time() < due_s - LEAST_TICK_REAL_S:
+                _fill(once.values(), clock)
+            else:
+                for name, link in once.values():
+                    supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
+                after_s = HEARTBEAT_S
+                if len(once) < len(links):
+                    after_s *= max(LEAST_SHARE, len(once) / len(links))
+                    after_s *= 1.0 + _shift_of(beats + 1) - _shift_of(beats)
+                due_s = loop.time() + after_s / clock.speedup
+            most_s = FILLER_S / clock.speedup if losses.are_many else HEARTBEAT_S
+            await asyncio.sleep(min(most_s, max(0.0, due_s - loop.time())))
+
+
+def _fill(once: Iterable[tuple[str, Link]], clock: Clock) -> None:
+    for name, link in once:
+        if channel_of(link).is_quiet(FILLER_S / clock.speedup):
+            supervised.call_safely(f"a filler to {name}", link.send, SendFiller())
+
+
+LEAST_SHARE = 0.5
+FILLER_S = 0.08
+"""Of 28 bytes: 278 of them pass in 1.3 s."""
+MANY_LOST, COUNTS = 0.04, 8
+
+
+@dataclass(slots=True)
+class _Losses:
+    """What the last counts of frames say of the radio that vehicles are behind, if there is one."""
+
+    _reports: bool = False
+    _counts: deque[Traffic] = field(default_factory=lambda: deque(maxlen=COUNTS))
+
+    def hear(self, message: Message) -> None:
+        if isinstance(message, Radio):
+            self._reports = True
+        elif isinstance(message, Traffic):
+            self._counts.append(message)
+
+    @property
+    def are_many(self) -> bool:
+        missing = sum(one.missing for one in self._counts)
+        return self._reports and missing > MANY_LOST * sum(one.received + one.missing for one in self._counts)
 
 
 def _shift_of(beats: int) -> float:

@@ -435,12 +435,18 @@ _READERS: dict[str, Any] = {
 }
 
 
-def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, PLR0911
+NOBODY = 255
+"""To whom a filler is addressed: a vehicle answers only what is for itself, or for all."""
+
+
+def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, C901, PLR0911
     match message:
         case messages.SendHeartbeat():
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
+        case messages.SendFiller():
+            return mav.MAVLink_ping_message(1, 0, NOBODY, NOBODY)
         case messages.MissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
         case messages.MissionItemInt(item, kind):

@@ -511,4 +511,11 @@ class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
-Outgoing = TransferMessage | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat
+@dataclass(frozen=True, slots=True)
+class SendFiller:
+    """PING that is for nobody: bytes behind which a reader finds the next frame again."""
+
+
+Outgoing = (
+    TransferMessage | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat | SendFiller
+)
