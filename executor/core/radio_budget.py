@@ -49,6 +49,7 @@ OWN_FACTORS = (1.0, 1.0, 0.5, 0.3)
 FRAME_BYTES: Mapping[int, int] = {
     HEARTBEAT: 21, SYS_STATUS: 43, GPS_RAW_INT: 64, ATTITUDE: 40, GLOBAL_POSITION_INT: 40, MISSION_CURRENT: 30,
     RC_CHANNELS: 54, BATTERY_STATUS: 66, EXTENDED_SYS_STATE: 14, 162: 21, 168: 24, 193: 34, 230: 54, 231: 52,
+    25: 113, 29: 28, 31: 60, 32: 40, 36: 49, 49: 32, 74: 32, 83: 49, 85: 63, 87: 63, 141: 44, 290: 58, 291: 69, 380: 32,
 }  # fmt: skip
 """Of each message at most, with the 12 bytes around it (common.xml, ardupilotmega.xml)."""
 SIGNATURE_BYTES = 13
@@ -82,6 +83,14 @@ class RadioShare:
         """Return what may be sent; None where nothing says that there is a radio."""
         return self.bytes_s if self.bytes_s is not None or not (on_radio or self.is_radio) else USUAL_BYTES_S
 
+    def list_unwanted(self, dialect: Dialect, *, on_radio: bool) -> tuple[int, ...]:
+        """Return what is sent unasked and switched off for a flight: none of it where the radio has room for all."""
+        capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
+        more_bytes_s = self._sum_streams_bytes_s(dialect.unasked_hz)
+        if capacity_bytes_s is None or self.sum_bytes_s(dialect, 0) + more_bytes_s <= STREAMS_SHARE * capacity_bytes_s:
+            return ()
+        return tuple(dialect.unasked_hz)
+
     def choose_step(self, dialect: Dialect, *, on_radio: bool) -> int:
         """Return how far the streams are thinned: not at all without a radio, and no further than it takes."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
@@ -97,11 +106,11 @@ class RadioShare:
 
     def sum_bytes_s(self, dialect: Dialect, step: int) -> float:
         """Return what all vehicles send together, with our heartbeats, of which there are as many as of theirs."""
+        return self._sum_streams_bytes_s(list_streams_hz(dialect, step) | {HEARTBEAT: 2.0})
+
+    def _sum_streams_bytes_s(self, streams_hz: Mapping[int, float]) -> float:
         more = SIGNATURE_BYTES if self.signed else 0
-        streams = list_streams_hz(dialect, step).items()
-        return self.vehicles * sum(
-            hz * (FRAME_BYTES[message] + more) for message, hz in (*streams, *2 * ((HEARTBEAT, 1.0),))
-        )
+        return self.vehicles * sum(hz * (FRAME_BYTES[message] + more) for message, hz in streams_hz.items())
 
 
 ALONE = RadioShare()

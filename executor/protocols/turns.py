@@ -13,8 +13,8 @@ from enum import IntEnum
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import FULL_PCT
 
-STALLED_S, QUESTIONS = 2.0, 3
-"""A transfer that has not come on for so long, or for so many round trips, does not hold the channel."""
+STALLED_S = 2.0
+"""A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25
@@ -43,9 +43,7 @@ class Turn:
     """In the order in which they came."""
 
 
-def is_next(
-    turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float, stalled_s: float = STALLED_S
-) -> bool:
+def is_next(turn: Turn, waiting: Collection[Turn], progressed_s: Iterable[float], now_s: float) -> bool:
     """Return whether a transfer may begin.
 
     Args:
@@ -53,14 +51,13 @@ def is_next(
         waiting: All that wait, this one among them.
         progressed_s: When each that is under way came on last.
         now_s: The time.
-        stalled_s: Without progress for so long one does not hold the channel.
     """
-    return turn == min(waiting) and all(now_s - at_s >= stalled_s for at_s in progressed_s)
+    return turn == min(waiting) and all(now_s - at_s >= STALLED_S for at_s in progressed_s)
 
 
-def find_wait_s(progressed_s: Iterable[float], now_s: float, stalled_s: float = STALLED_S) -> float:
+def find_wait_s(progressed_s: Iterable[float], now_s: float) -> float:
     """Return after how long it is worth looking again, if none ends before."""
-    return max([0.0, *(at_s + stalled_s - now_s for at_s in progressed_s)])
+    return max([0.0, *(at_s + STALLED_S - now_s for at_s in progressed_s)])
 
 
 def is_buffer_full(radio: Radio | None, heard_s: float, now_s: float) -> bool:

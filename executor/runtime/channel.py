@@ -17,15 +17,7 @@ from weakref import WeakKeyDictionary
 from executor.core.interface.messages import Radio
 from executor.core.interface.ports import Link
 from executor.protocols.machine import RoundTrip
-from executor.protocols.turns import (
-    QUESTIONS,
-    STALLED_S,
-    Rank,
-    Turn,
-    find_wait_s,
-    is_buffer_full,
-    is_next,
-)
+from executor.protocols.turns import Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 MOST_CHANNELS = 200
 """That are remembered: a connection that breaks is another one after it."""
@@ -57,11 +49,6 @@ class Channel:
     def is_full(self, now_s: float) -> bool:
         """Return whether the radio holds more than it can send."""
         return is_buffer_full(self.radio, self.radio_s, now_s)
-
-    @property
-    def stalled_s(self) -> float:
-        """How long a transfer holds the channel without coming on: over a slow radio an answer takes longer."""
-        return max(STALLED_S, QUESTIONS * self.round_trip.usual_s)
 
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""
@@ -96,9 +83,9 @@ class Channel:
         turn, waited, now_s = Turn(rank, needed_s, next(self._numbers)), False, asyncio.get_running_loop().time
         self.waiting.add(turn)
         try:
-            while not is_next(turn, self.waiting, self.under_way.values(), now_s(), self.stalled_s):
+            while not is_next(turn, self.waiting, self.under_way.values(), now_s()):
                 waited = True
-                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s(), self.stalled_s)))
+                await self._wait(max(LEAST_WAIT_S, find_wait_s(self.under_way.values(), now_s())))
         finally:
             self.waiting.discard(turn)
             self._tell()

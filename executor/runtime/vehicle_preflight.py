@@ -18,6 +18,7 @@ from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
 from executor.core.preflight.parameter_changes import (
     LIST_WORDS,
+    UNASKED,
     Answers,
     KeptParameter,
     ParameterProposal,
@@ -41,7 +42,7 @@ from executor.runtime import procedures
 from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import listen_to, run_dialogue
 from executor.runtime.procedures import ProcedureResult
-from missions import Dialect, EncodedMission, MissionItem, MissionKind
+from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_for
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -316,6 +317,10 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[KeptParameter]
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:
+        if change.name == UNASKED:
+            off = dialect_for(change.autopilot).unasked_hz
+            ends[change.name] = await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)
+            continue
         done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
         ends[change.name] = "" if done.accepted else done.reason
     return ends
@@ -413,6 +418,8 @@ async def examine_vehicle(
     left_s = within_s - (clock.now_s() - began_s)
     try:
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
+        off = share.list_unwanted(dialect, on_radio=facts.link.radio is not None)
+        await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)  # a boot brings them back
         # Nothing has to be set where it is as the flight has set it.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):

@@ -432,6 +432,7 @@ _READERS: dict[str, Any] = {
     ),
     "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
+    "MESSAGE_INTERVAL": lambda frame: messages.MessageInterval(frame.message_id, frame.interval_us > 0),
 }
 
 

@@ -447,6 +447,14 @@ class GimbalAttitude:
     """Whether it says that something is wrong with it."""
 
 
+@dataclass(frozen=True, slots=True)
+class MessageInterval:
+    """MESSAGE_INTERVAL: whether a message is sent by itself."""
+
+    message: int
+    sent: bool
+
+
 PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
@@ -466,7 +474,7 @@ FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | Evid
 
 TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
 """Of transfers of a mission, or of another list of items; both sides say the same."""
-DialogueMessage = TransferMessage | CommandAck | ParamValue | ParamRefused | Version
+DialogueMessage = TransferMessage | CommandAck | ParamValue | ParamRefused | Version | MessageInterval
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage

@@ -8,11 +8,15 @@ from typing import Any
 
 import pytest
 
+from executor.analysis.report import build_report
 from executor.core.context import Context
+from executor.core.fleet_view import RadioView, build_fleet_view
 from executor.core.inflight import channel_watch
+from executor.core.inflight.faults.watch_view import WatchView, list_streams_to_ask
+from executor.core.interface.codes import ChannelCode
 from executor.core.interface.commands import AskStreams, Say
 from executor.core.interface.messages import Radio
-from executor.core.radio_budget import GLOBAL_POSITION_INT, OWN_FACTORS, RadioShare
+from executor.core.radio_budget import GLOBAL_POSITION_INT, MISSION_CURRENT, OWN_FACTORS, RadioShare
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import LinkQuality
 from executor.core.state.radio_channel import choose_streams_hz
@@ -191,3 +195,38 @@ def test_what_a_radio_came_to_is_added_up() -> None:
 def test_nothing_is_watched_before_the_flight() -> None:
     state = flight_of(flying(quality=linked(NOW_S, 1900.0, 5)), launched_s=None)
     assert channel_watch.watch_channels(context_of(), state, NOW_S) == (state, ())
+
+
+def test_a_radio_is_described_for_page_and_broker() -> None:
+    _, state = fly([(30, 1900.0, 90)])
+    [radio] = build_fleet_view(context_of(), state, NOW_S + 30.0).radios
+    assert radio == RadioView(
+        NAMES, "congested", ChannelCode.AT_CAPACITY, "1.9 of 2.0 kB/s, 0 % lost", 1900.0, 2000.0, None, 0.0, 2.0
+    )
+    _, state = fly([(30, 500.0, 90)])
+    assert [one.state for one in build_fleet_view(context_of(), state, NOW_S + 30.0).radios] == ["fine"]
+    assert build_fleet_view(FLEET.context, flight_of(flying()), NOW_S + 30.0).radios == ()
+
+
+def test_a_radio_stands_in_the_report() -> None:
+    _, state = fly([(20, 1000.0, 90), (20, 1900.0, 90)])
+    [row] = build_report(context_of(), state, NOW_S + 40.0).to_plain()["radios"]
+    assert row == {
+        "vehicles": list(NAMES), "bytes_s": 1439.0, "most_bytes_s": 1900.0, "capacity_bytes_s": 2000.0,
+        "round_trip_s": None, "lost": 0.0, "congested_s": 13.0, "weak_s": 0.0, "positions_hz": 5.0,
+    }  # fmt: skip
+    assert "radios" not in build_report(FLEET.context, flight_of(flying()), NOW_S + 40.0).to_plain()
+
+
+def test_over_a_radio_only_what_is_missing_is_asked_again_and_later_where_it_is_thinned() -> None:
+    setup = context_of().vehicles["uav1"]
+
+    def missing(**given: Any) -> tuple[int, ...] | None:
+        one = flying(quality=linked(NOW_S, 500.0, 90), **given)
+        return list_streams_to_ask(WatchView(context_of(), setup, one, False, NOW_S))
+
+    assert missing() is None
+    assert missing(item_s=NOW_S - 30.0) == (MISSION_CURRENT,)
+    assert missing(fix=at(age_s=3.0), item_s=NOW_S - 30.0) == (GLOBAL_POSITION_INT, MISSION_CURRENT)
+    assert missing(fix=at(age_s=3.9), stream_step=3) is None, "four of one a second are missing"
+    assert missing(fix=at(age_s=4.0), stream_step=3) == (GLOBAL_POSITION_INT,)
