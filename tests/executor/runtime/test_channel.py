@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 from executor.core.interface.messages import (
+    Message,
     MissionItemInt,
     MissionRequest,
     MissionRequestList,
@@ -186,9 +187,10 @@ async def test_over_a_radio_that_loses_frames_fillers_go_out_whenever_nothing_el
     beat = asyncio.ensure_future(send_heartbeats(links, boards[0].clock))
     await asyncio.sleep(0.01)
     free = Radio(200, 200, 50, 50, 95)
-    for told, fillers in (
-        ((Traffic(80, 20),), (0, 0)), ((free,), (28, 45)), ((FULL,), (0, 3)), ((free, *[Traffic(99, 1)] * 8), (0, 3)),
-    ):  # fmt: skip
+    rows: list[tuple[list[Message], tuple[int, int]]] = [
+        ([Traffic(80, 20)], (0, 0)), ([free], (28, 45)), ([FULL], (0, 3)), ([free, *[Traffic(99, 1)] * 8], (0, 3)),
+    ]  # fmt: skip
+    for told, fillers in rows:
         for message in told:
             boards[0].link.say(message)
         before, beats = sent(SendFiller), sent(SendHeartbeat)

@@ -210,7 +210,8 @@ def test_a_radio_is_described_for_page_and_broker() -> None:
 
 def test_a_radio_stands_in_the_report() -> None:
     _, state = fly([(20, 1000.0, 90), (20, 1900.0, 90)])
-    [row] = build_report(context_of(), state, NOW_S + 40.0).to_plain()["radios"]
+    content: dict[str, Any] = build_report(context_of(), state, NOW_S + 40.0).to_plain()
+    [row] = content["radios"]
     assert row == {
         "vehicles": list(NAMES), "bytes_s": 1439.0, "most_bytes_s": 1900.0, "capacity_bytes_s": 2000.0,
         "round_trip_s": None, "lost": 0.0, "congested_s": 13.0, "weak_s": 0.0, "positions_hz": 5.0,
