@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from executor.adapters.mavsdk.mavsdk_link import add_mavsdk_connection, create_ground_station, load_mavsdk
 from executor.core.interface.connection import Connection
+from executor.core.interface.messages import GROUND_STATION
 from executor.errors import ConnectionFailed
 from missions import MissionItem
 
@@ -60,7 +61,7 @@ async def open_uploader(connection: Connection, sysid: int, timeout_s: float) ->
 
     loop, found = asyncio.get_running_loop(), asyncio.Event()
     with ThreadPoolExecutor(1) as thread:
-        mavsdk = await loop.run_in_executor(thread, create_ground_station)
+        mavsdk = await loop.run_in_executor(thread, create_ground_station, GROUND_STATION)
         try:
             mavsdk.subscribe_on_new_system(lambda _: loop.call_soon_threadsafe(found.set))
             add_mavsdk_connection(mavsdk, str(connection))

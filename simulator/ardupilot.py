@@ -267,7 +267,16 @@ class ArduPilot(Autopilot):
         self._radio_slow_s = self.store.slow_s = min(MOST_SLOW_S, max(0.0, self._radio_slow_s + change_s))
 
     def _slow_down(self, interval_s: float) -> float:
-        return (interval_s + self._radio_slow_s) * (4.0 if self.store.is_receiving else 1.0)
+        return (interval_s + self._radio_slow_s) * (4.0 if self._is_taking_mission() else 1.0)
+
+    def _is_taking_mission(self) -> bool:
+        return self.store.is_receiving or self.store.is_file_open(self.now_s)
+
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
+        if isinstance(body, messages.FileRequest):
+            self._apply_store_step(self.store.handle_file(body, sender, self.now_s, locked=self._is_mission_locked()))
+        else:
+            super()._answer(sender, body)
 
     def _is_mission_locked(self) -> bool:
         return self.frame.armed and self.mode == Mode.AUTO

@@ -484,7 +484,7 @@ class Autopilot(ABC):
                 self.voice.send(self.params.answer(body))
             case messages.RequestDataStream() | messages.RadioStatus():
                 self._adjust_streams(body)
-            case messages.Timesync() | messages.Ping():
+            case messages.Timesync() | messages.Ping() | messages.FileRequest():
                 self._answer(sender, body)
             case _:
                 step = self.store.handle(body, sender, self.now_s, locked=self._is_mission_locked())
@@ -496,8 +496,8 @@ class Autopilot(ABC):
         else:
             self.streams.request(body.stream, body.rate_hz if body.start else 0, self.now_s)
 
-    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping) -> None:
-        """Answer questions; what is an answer itself gets none."""
+    def _answer(self, sender: messages.Peer, body: messages.Timesync | messages.Ping | messages.FileRequest) -> None:
+        """Answer questions; what is an answer itself gets none, nor does what is asked of files that are not here."""
         if isinstance(body, messages.Timesync) and body.tc1 == 0:
             self.voice.send([messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)])
         if isinstance(body, messages.Ping) and body.target_sysid == 0:

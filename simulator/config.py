@@ -12,6 +12,7 @@ from simulator.errors import EndpointError, FaultSpecError, FleetError
 from simulator.fault_kinds import ALL_VEHICLES, Injection, check_modes
 
 LOOPBACK = "127.0.0.1"
+OTHER_STATION = 254
 EVERY_ADDRESS = "0.0.0.0"  # noqa: S104 - a ground station elsewhere is only reached from here
 
 
@@ -116,6 +117,8 @@ class SimVehicle:
     signing: Signing | None = None
     """None: it neither signs nor asks others to."""
     cameras: tuple[SimCamera, ...] = ()
+    other_station: int = OTHER_STATION
+    """MAVLink system id of the ground station that the fault `station` brings up."""
 
     def __post_init__(self) -> None:
         """Check the connection; the site file has checked the figures.

@@ -49,7 +49,7 @@ class InjectionKind(Enum):
     STICKS = "sticks"
     """A person moves the sticks: PX4 gives way, ArduPilot on its mission does not."""
     STATION = "station"
-    """Another ground station, system 254, comes up beside ours and orders the mode VALUE."""
+    """Another ground station, system 254 (253 where that is ours), comes up beside ours and orders the mode VALUE."""
     KILL = "kill"
     """A person's kill switch: the motors stop at once, and it is disarmed wherever it is."""
     DISARM = "disarm"

@@ -86,8 +86,8 @@ class Channel:
         return share > 0 and self._rng.random() < share
 
 
-STATION = Peer(254, 190)
-"""Another ground station."""
+STATION_COMPONENT = 190
+"""Of another ground station."""
 LINK_FIELDS = {
     InjectionKind.LOSS: "loss",
     InjectionKind.DELAY: "delay_s",
@@ -127,6 +127,7 @@ class SimulatedVehicle:
         self._pending = list(faults_of(faults, vehicle.name))
         self._condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}")
+        self._stranger = Peer(vehicle.other_station, STATION_COMPONENT)
         self._station: Codec | None = None
         """Another ground station's transmitter, once it is there."""
         self._station_beat_s = 0.0
@@ -257,16 +258,16 @@ class SimulatedVehicle:
     def _apply_station_order(self, word: str) -> None:
         """Let another ground station order a mode; from now on its heartbeat is on the air."""
         if self._station is None:
-            self._station = Codec(STATION.sysid, component=STATION.compid)
+            self._station = Codec(self._stranger.sysid, component=self._stranger.compid)
             self._station_beat_s = self._now_s
         self.autopilot.frame.record_event(f"station {word}")
-        self.autopilot.receive(Received(STATION, self.autopilot.build_mode_order(word)))
+        self.autopilot.receive(Received(self._stranger, self.autopilot.build_mode_order(word)))
 
     def _send_station_heartbeat(self) -> None:
         if self._station is None or self._now_s < self._station_beat_s:
             return
         self._station_beat_s += 1.0
-        self.autopilot.receive(Received(STATION, Heartbeat(ground_station=True)))
+        self.autopilot.receive(Received(self._stranger, Heartbeat(ground_station=True)))
         beat = build_message(
             "HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3
         )

@@ -236,6 +236,18 @@ class Timesync:
 
 
 @dataclass(frozen=True, slots=True)
+class FileRequest:
+    """FILE_TRANSFER_PROTOCOL."""
+
+    number: int
+    session: int
+    operation: int
+    """MAVFTP's opcode."""
+    offset: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class RadioStatus:
     """RADIO_STATUS of the vehicle's own radio."""
 
@@ -257,7 +269,7 @@ MissionMessage = (
 )
 Body = (
     Heartbeat | Command | SetMode | MissionMessage | MissionSetCurrent | ParamRequestList | ParamRequestRead | ParamSet
-    | RequestDataStream | RadioStatus | Timesync | Ping
+    | FileRequest | RequestDataStream | RadioStatus | Timesync | Ping
 )  # fmt: skip
 
 

@@ -9,13 +9,14 @@ Measured on Copter 4.7-dev unless a line says otherwise.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from missions.items import PAYLOAD, Command, Frame, MissionItem, PlaceCommand
+from missions.items import Command, Frame, MissionItem, PlaceCommand
+from missions.stored_items import predict_stored_item
 from simulator.messages import (
     MISSION_TYPE_MISSION,
+    FileRequest,
     ItemReceived,
     MissionAckReceived,
     MissionClearAll,
@@ -27,6 +28,7 @@ from simulator.messages import (
     Peer,
     Severity,
 )
+from simulator.mission_file import Board, FilePart, MissionFileServer
 from simulator.mission_store import (
     StoreStep,
     Transfer,
@@ -35,7 +37,6 @@ from simulator.mission_store import (
     build_mission_count,
     build_mission_item,
     build_mission_request,
-    is_relative,
     to_item,
 )
 
@@ -227,6 +228,7 @@ class ArduPilotStore(ArduPilotList):
         self._count = 1
         self._advised: set[str] = set()
         self._lists = {kind: ArduPilotList(kind, patience_s) for kind in (FENCE, RALLY)}
+        self._files = MissionFileServer()
 
     def set_home(self, home: MissionItem) -> None:
         """Replace the vehicle's own home."""
@@ -270,6 +272,32 @@ class ArduPilotStore(ArduPilotList):
         beside.fault = self.fault
         return beside.handle(message, sender, now_s, locked=False)
 
+    def handle_file(self, request: FileRequest, sender: Peer, now_s: float, *, locked: bool) -> StoreStep:
+        """Take a part of the mission as a file; ``locked`` is that the mission runs, armed."""
+        changed: list[StoreStep] = []
+
+        def put(part: FilePart) -> None:
+            changed.append(self._put_part(part, locked=locked))
+
+        board, refuses = Board(self.items, put), self.fault is not UploadFault.NONE
+        answer = self._files.handle(request, sender, now_s, board, refuses=refuses)
+        step = changed[0] if changed else StoreStep()
+        return replace(step, send=(answer,))
+
+    def is_file_open(self, now_s: float) -> bool:
+        """Return whether a file is being written: streams are slower meanwhile."""
+        return self._files.is_active(now_s)
+
+    def _put_part(self, part: FilePart, *, locked: bool) -> StoreStep:
+        cleared = not part.keeps_rest and not locked
+        if cleared:
+            self._count = 1
+        for at, item in enumerate(part.items, start=part.first):
+            if _find_refusal(item) is not None or at > self._count:
+                break
+            self._put(replace(item, seq=at))
+        return StoreStep(cleared=cleared, stored=True)
+
     def tick(self, now_s: float) -> StoreStep:
         """Let the uploads of all three lists go on."""
         steps = [super().tick(now_s), *(one.tick(now_s) for one in self._lists.values())]
@@ -297,13 +325,14 @@ class ArduPilotStore(ArduPilotList):
         return replace(step, texts=(*advice, *step.texts), stored=message.seq > 0)
 
     def _refuse_item(self, message: ItemReceived) -> MissionResult | None:
-        if message.frame not in FRAMES:
-            return MissionResult.UNSUPPORTED_FRAME
-        return None if message.command in COMMANDS else MissionResult.UNSUPPORTED
+        return _find_refusal(message)
 
     def _keep_item(self, upload: Transfer, item: MissionItem) -> None:  # noqa: ARG002 - it lies in its place at once
+        self._put(item)
+
+    def _put(self, item: MissionItem) -> None:
         if item.seq > 0:
-            self._memory[item.seq : item.seq + 1] = [_to_stored(item)]
+            self._memory[item.seq : item.seq + 1] = [predict_stored_item(item)]
         self._count = max(self._count, item.seq + 1)
 
     def _finish(self, upload: Transfer, sender: Peer) -> StoreStep:  # noqa: ARG002 - all is in place
@@ -329,40 +358,7 @@ class ArduPilotStore(ArduPilotList):
         return ((Severity.WARNING, text),)
 
 
-def _to_stored(item: MissionItem) -> MissionItem:
-    """Return the item as ArduPilot will send it back.
-
-    Measured: ``current`` is 0 everywhere, DO_CHANGE_SPEED and RTL come back with frame 0. From the source of
-    AP_Mission: frames with and without _INT are one, heights are kept in centimetres, the hold in whole seconds,
-    of a landing's param4 the sign.
-    """
-    rewritten = replace(item, current=False, frame=Frame.GLOBAL_RELATIVE_ALT if is_relative(item) else Frame.GLOBAL)
-    if item.command in {Command.DO_CHANGE_SPEED, Command.NAV_RETURN_TO_LAUNCH}:
-        return replace(rewritten, frame=Frame.GLOBAL)
-    if item.command in PAYLOAD - {Command.DO_SET_ROI_LOCATION}:
-        return _payload_to_stored(replace(rewritten, frame=Frame.GLOBAL))
-    rewritten = replace(rewritten, z=round(item.z * 100) / 100)
-    if item.command == Command.NAV_LAND:
-        return replace(rewritten, param4=-1.0 if item.param4 < 0 else 1.0)
-    if item.command == Command.NAV_WAYPOINT:
-        rewritten = replace(rewritten, param1=float(int(item.param1)))
-    return rewritten
-
-
-def _payload_to_stored(item: MissionItem) -> MissionItem:
-    """Return an item for a camera or a gimbal as AP_Mission keeps it, by its source: what has no room there is 0."""
-    match item.command:
-        case Command.DO_SET_CAM_TRIGG_DIST:
-            return replace(item, param2=0.0, param4=0.0, x=0, y=0, z=0.0)
-        case Command.DO_GIMBAL_MANAGER_PITCHYAW:
-            rates = (0.0 if math.isnan(rate) else float(int(rate)) for rate in (item.param3, item.param4))
-            return replace(
-                item, param1=float(int(item.param1)), param2=float(int(item.param2)), param3=next(rates),
-                param4=next(rates), y=0,
-            )  # fmt: skip
-        case Command.DO_DIGICAM_CONTROL:
-            return replace(item, y=0)
-        case Command.IMAGE_START_CAPTURE:
-            return replace(item, param3=float(int(item.param3)), param4=float(int(item.param4)), x=0, y=0, z=0.0)
-        case _:
-            return replace(item, param2=0.0, param3=0.0, param4=0.0, x=0, y=0, z=0.0)
+def _find_refusal(item: ItemReceived | MissionItem) -> MissionResult | None:
+    if item.frame not in FRAMES:
+        return MissionResult.UNSUPPORTED_FRAME
+    return None if item.command in COMMANDS else MissionResult.UNSUPPORTED

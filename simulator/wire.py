@@ -53,6 +53,11 @@ class _Fields:
         value = self._values.get(name, "")
         return value if isinstance(value, str) else ""
 
+    def get_bytes(self, name: str) -> bytes:
+        """Return a field of bytes, empty when it is not there."""
+        value = self._values.get(name, b"")
+        return bytes(map(int, value)) if isinstance(value, list | bytes) else b""
+
     def get_e7(self, name: str) -> int:
         """Return degrees as 1e-7 degrees."""
         value = self.get_number(name) * 1e7
@@ -89,6 +94,16 @@ def _parse_clear(fields: _Fields) -> messages.MissionClearAll:
     return messages.MissionClearAll(0 if kind == EVERY_MISSION_TYPE else kind)
 
 
+FILE_HEAD = struct.Struct("<HBBBBBxI")
+"""Of MAVFTP: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
+
+
+def _parse_file_request(fields: _Fields) -> messages.FileRequest:
+    payload = fields.get_bytes("payload")
+    number, session, operation, size, _, _, offset = FILE_HEAD.unpack_from(payload)
+    return messages.FileRequest(number, session, operation, offset, payload[FILE_HEAD.size :][:size])
+
+
 READERS: Mapping[str, Callable[[_Fields], messages.Body]] = {
     "HEARTBEAT": lambda f: messages.Heartbeat(f.get_integer("type") == GROUND_STATION),
     "COMMAND_LONG": lambda f: _parse_command(f, "param5", "param6", "param7"),
@@ -115,6 +130,7 @@ READERS: Mapping[str, Callable[[_Fields], messages.Body]] = {
     "REQUEST_DATA_STREAM": lambda f: messages.RequestDataStream(
         f.get_integer("req_stream_id"), f.get_integer("req_message_rate"), bool(f.get_integer("start_stop"))
     ),
+    "FILE_TRANSFER_PROTOCOL": _parse_file_request,
     "RADIO_STATUS": lambda f: messages.RadioStatus(f.get_integer("txbuf")),
     "TIMESYNC": lambda f: messages.Timesync(f.get_integer("tc1"), f.get_integer("ts1")),
     "PING": lambda f: messages.Ping(f.get_integer("time_usec"), f.get_integer("seq"), f.get_integer("target_system")),

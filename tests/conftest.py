@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import time
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from planner import stop_rules
 from tests.programs import need
 
 settings.register_profile("quick", deadline=None, derandomize=True, max_examples=25)
@@ -26,6 +28,9 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
     if number is not None and signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, usual)
 
+
+# A search that stops after some seconds finds less on a busy computer: in tests it gets that much of a processor.
+stop_rules.clock_s = time.process_time
 
 SLOW = Path(__file__).with_name("slow.txt")
 """Tests that took long when durations were last recorded, by `python -m tests.durations`."""

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Sequence
 
 from executor.adapters.mavlink.codec import MavlinkCodec
-from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write
+from executor.adapters.mavlink.endpoints import Router, Tap, VehicleLink, Write, leave_frame
 from simulator.autopilot import STEP_S
 from simulator.fleet import SimulatedVehicle
 from simulator.truth import Truth
@@ -63,11 +63,17 @@ class MemoryRadio:
             self.vehicle.autopilot.streams.set_interval(name, -1.0, 0.0)
 
 
-def share_port(radios: Sequence[MemoryRadio]) -> None:
-    """Let vehicles behind one radio be behind one port of the ground station, as a telemetry radio is."""
-    codec = MavlinkCodec()
+def share_port(radios: Sequence[MemoryRadio], codec: MavlinkCodec | None = None, tap: Tap = leave_frame) -> None:
+    """Let vehicles behind one radio be behind one port of the ground station, as a telemetry radio is.
+
+    Args:
+        radios: Of the vehicles.
+        codec: Of the ground station, if it is not the usual one.
+        tap: Is shown what comes, as by a `Router`.
+    """
+    codec = codec or MavlinkCodec()
     links = [VehicleLink(one.sysid, codec) for one in radios]
-    router = Router(links, codec)
+    router = Router(links, codec, tap)
     for one, link in zip(radios, links, strict=True):
         one.join(link, router, radios[0].write)
 

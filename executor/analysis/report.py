@@ -146,7 +146,7 @@ def build_vehicle_answers(
                 gps_fix=None if one.gps is None else one.gps.fix,
                 gps_accuracy_m=None if one.gps is None else one.gps.accuracy_m,
                 parameters=dict(sorted(one.parameters.items())),
-                stations=tuple((station.system, station.component) for station in one.stations),
+                stations=tuple((station.system, station.component) for station in one.stations if not station.behind),
             )
             for name, one in facts.items()
         ),

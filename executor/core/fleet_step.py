@@ -56,7 +56,12 @@ from executor.core.state.vehicle_state import (
 from executor.core.telemetry import status_texts
 from executor.core.telemetry.camera_reports import apply_payload_message
 from executor.core.telemetry.message_update import apply_message
-from executor.core.telemetry.vehicle_identity import describe_new_foreign_systems
+from executor.core.telemetry.vehicle_identity import (
+    ForeignSystem,
+    describe_foreign_system,
+    describe_new_foreign_systems,
+    is_behind_forward,
+)
 from missions.fences import Fence
 
 
@@ -173,8 +178,8 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
     elif isinstance(event.message, messages.MissionCurrent | messages.LandedState | messages.Position):
         start = context.vehicles[event.vehicle].start
         folded = replace(folded, state=legs.track_legs(before, folded.state, now_s, start))
+    commands = _announce_link_findings(state, before, folded.state, event.message, now_s)
     state = state.put(folded.state)
-    commands = _announce_link_findings(before, folded.state, now_s)
     if folded.text is not None:
         state, more = status_texts.show_text(state, folded.state, folded.text, now_s)
         commands.extend(more)
@@ -198,10 +203,25 @@ def _apply_message(context: Context, state: FleetState, event: events.Heard, now
     return state, tuple(commands)
 
 
-def _announce_link_findings(before: VehicleState, after: VehicleState, now_s: float) -> list[Command]:
-    """Say who else is on its link, and that it has GPS again."""
-    strangers = describe_new_foreign_systems(before.link.strangers, after.link.strangers)
-    said: list[Command] = [flight.FOUND.say(vehicle=after.name, found=found) for found in strangers]
+FORWARD = "[forward]"
+"""Whom a line is about that is about the stations behind all vehicles."""
+
+
+def _announce_link_findings(
+    state: FleetState, before: VehicleState, after: VehicleState, message: messages.Message, now_s: float
+) -> list[Command]:
+    """Say who else is on its link and what they do, and that it has GPS again."""
+    known, now, said = before.link.strangers, after.link.strangers, list[Command]()
+    if now is not known:
+        behind = frozenset(filter(is_behind_forward, now))
+        new = describe_new_foreign_systems(known, now - behind)
+        said += [flight.FOUND.say(vehicle=after.name, found=found) for found in new]
+        # Of who is behind all vehicles it is said once.
+        known = frozenset[ForeignSystem]().union(*(one.link.strangers for one in state.vehicles.values()))
+        said += [flight.FOUND.say(vehicle=FORWARD, found=one) for one in describe_new_foreign_systems(known, behind)]
+    if isinstance(message, messages.StationActed) and message.passed:
+        whose = after.name if message.system else FORWARD
+        said.append(flight.FOUND.say(vehicle=whose, found=describe_foreign_system(message)))
     if regained := describe_gps_return(before, after, now_s):
         said.append(flight.FOUND.with_level(Level.INFO).say(vehicle=after.name, found=regained))
     return said

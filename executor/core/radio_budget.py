@@ -61,6 +61,8 @@ USUAL_BYTES_S = 1200.0
 correction and the firmware that it is sold with (SiK issue 97)."""
 STREAMS_SHARE = 0.7
 """Of what a radio carries; the rest is for orders, missions and parameters."""
+OTHERS_SHARE = 0.1
+"""Of what a radio carries, for what other stations send, where they may order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,8 @@ class RadioShare:
     signed: bool = False
     is_radio: bool = False
     """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
+    others_bytes_s: float | None = 0.0
+    """What other stations may send to the vehicles; None for the usual share of what it carries."""
     names: tuple[str, ...] = ()
     """Who is behind it."""
     least_step: int = 0
@@ -87,7 +91,9 @@ class RadioShare:
         """Return what is sent unasked and switched off for a flight: none of it where the radio has room for all."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
         more_bytes_s = self._sum_streams_bytes_s(dialect.unasked_hz)
-        if capacity_bytes_s is None or self.sum_bytes_s(dialect, 0) + more_bytes_s <= STREAMS_SHARE * capacity_bytes_s:
+        if capacity_bytes_s is None or self.sum_bytes_s(dialect, 0) + more_bytes_s <= self.find_room_bytes_s(
+            capacity_bytes_s
+        ):
             return ()
         return tuple(dialect.unasked_hz)
 
@@ -97,8 +103,16 @@ class RadioShare:
         steps = range(self.least_step, len(OWN_FACTORS))
         if capacity_bytes_s is None:
             return 0
-        most_bytes_s = STREAMS_SHARE * capacity_bytes_s
+        most_bytes_s = self.find_room_bytes_s(capacity_bytes_s)
         return next((step for step in steps if self.sum_bytes_s(dialect, step) <= most_bytes_s), steps[-1])
+
+    def find_others_bytes_s(self, capacity_bytes_s: float) -> float:
+        """Return what other stations may send."""
+        return OTHERS_SHARE * capacity_bytes_s if self.others_bytes_s is None else self.others_bytes_s
+
+    def find_room_bytes_s(self, capacity_bytes_s: float) -> float:
+        """Return what is left for streams."""
+        return max(0.0, STREAMS_SHARE * capacity_bytes_s - self.find_others_bytes_s(capacity_bytes_s))
 
     def choose_streams_hz(self, dialect: Dialect, *, on_radio: bool) -> dict[int, float]:
         """Return what a vehicle is asked to send, and how often."""
@@ -150,7 +164,7 @@ def check_radio(share: RadioShare, dialect: Dialect, found: tuple[LinkMeasures, 
     if capacity_bytes_s is None:
         return []
     step = share.choose_step(dialect, on_radio=on_radio)
-    asked_bytes_s, room_bytes_s = share.sum_bytes_s(dialect, step), STREAMS_SHARE * capacity_bytes_s
+    asked_bytes_s, room_bytes_s = share.sum_bytes_s(dialect, step), share.find_room_bytes_s(capacity_bytes_s)
     line = checklist.RADIO_THINNED if step else checklist.RADIO
     if asked_bytes_s > room_bytes_s:
         line = checklist.RADIO_FULL

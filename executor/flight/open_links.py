@@ -16,16 +16,20 @@ from executor.adapters.clock import FairEventLoop, FleetTime, SystemClock, stead
 from executor.adapters.extras import Extra, require_extra
 from executor.adapters.mavlink import endpoints
 from executor.adapters.mavlink.codec import MavlinkCodec
+from executor.adapters.mavlink.forward import Forwarder, open_station_ports
 from executor.adapters.mavlink.tlog_writer import TelemetryLog
 from executor.adapters.mavsdk import mavsdk_link as mavsdk
 from executor.adapters.mavsdk.mavsdk_link import WANTED_BY
 from executor.adapters.run_directory import RunDirectory
+from executor.core.forwarding import ForwardRules
 from executor.core.interface.commands import Level
 from executor.core.interface.connection import Scheme
 from executor.core.interface.ports import Keyring, LinkRequest, OpenLink
 from executor.flight.run_start import FlightRequest, MessageSink
+from executor.runtime.channel import channel_of
 from executor.runtime.flight_loop import send_heartbeats
 from executor.site.site_file import Site, read_signing_key
+from executor.site.site_model import radio_share_of
 from executor.supervised import run_beside
 
 CALL_AGAIN_S = 0.2
@@ -96,9 +100,15 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    request: FlightRequest, clock: SystemClock, *, recorded: bool = True
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, ports_first: bool = True
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
+
+    Args:
+        request: What is flown.
+        clock: The flight's.
+        recorded: Whether telemetry logs are written.
+        ports_first: Whether a port of `[forward]` that cannot be opened is an error: not where vehicles are in the air.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -114,16 +124,31 @@ async def open_links(
             wanted[table.backend][table.name] = order
         key = read_signing_key(request.site, request.base)
         keyring = None if key is None else Keyring(key, clock.steady_unix_s)
-        radios = request.site.link.senders
+        link = request.site.link
+        forwarder = build_forwarder(request.site, clock)
         native = await stack.enter_async_context(
-            endpoints.open_mavlink_links(wanted["native"], keyring, radios, one_radio=request.site.link.one_radio)
-        )
+            endpoints.open_mavlink_links(
+                wanted["native"], keyring, link.senders,
+                one_radio=link.one_radio, station=link.station, tap=forwarder.tap,
+            )
+        )  # fmt: skip
+        forwarder.links.update((one.sysid, one) for one in native.values())
+        ports = request.site.forward.ports
+        await stack.enter_async_context(open_station_ports(forwarder, ports, keyring, link.station, strict=ports_first))
         others = await stack.enter_async_context(
-            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=radios))
+            mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=link.senders, station=link.station))
         )
         links = {table.name: native.get(table.name) or others[table.name] for table in request.site.vehicle}
         async with run_beside("our heartbeat", partial(send_heartbeats, links, clock), at_once=True):
             yield links
+
+
+def build_forwarder(site: Site, clock: SystemClock) -> Forwarder:
+    """Return what passes frames between a site's vehicles and the stations beside us."""
+    systems = {table.sysid: table.name for table in site.vehicle}
+    rules = ForwardRules(site.link.station_sysid, frozenset(systems), site.forward.allow_orders)
+    shares = {sysid: radio_share_of(site, name) for sysid, name in systems.items()}
+    return Forwarder(rules, clock.now_s, shares, lambda link: channel_of(link).is_busy)
 
 
 T = TypeVar("T")

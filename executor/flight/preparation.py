@@ -118,12 +118,7 @@ def build_context_and_checklist(
     visits = {name: board.visits for name, board in boards.items() if board is not None}
     found += mission_checks.check_missions_and_areas(context.setup, list(paths.values()), visits, stated_m)
     found += _list_day_pads(context)
-    links = {table.name: table.link for table in site.vehicle}
-    found.append(vehicle_checks.check_signing(links, signed=site.signing is not None))
-    for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
-        behind = [name for name in facts if channel is None or links[name] == channel]
-        setup, measured = context.vehicles[behind[0]], tuple(facts[name].link for name in behind)
-        found += check_radio(setup.radio, setup.dialect, measured)
+    found += _check_links(site, context, facts)
     found.append(vehicle_checks.check_disk_space(shutil.disk_usage(request.run).free, paths, context))
     found += vehicle_checks.check_layer_separation(
         list(paths.values()), site.inspection.layer_m, context.setup.home_alt_m
@@ -140,7 +135,7 @@ def build_context_and_checklist(
                 fact, own[name], waited_s=setup.link_timeout_s, wanted_s=site.faults.link_timeout_s
             )
         )
-        found += vehicle_checks.check_ground_stations(fact, setup.dialect)
+        found += vehicle_checks.check_ground_stations(fact, setup.dialect, site.link.station_sysid)
         found += vehicle_checks.check_battery_failsafe_settings(
             fact, setup.dialect, vehicle_checks.charge_after_flight_pct(context, path, fact.remaining_pct)
         )
@@ -179,6 +174,20 @@ async def upload_first_missions(
         console.say(Level.INFO, f"{name}: {len(mission.items)} mission items on board, verified by read-back")
 
     await run_for_each(carried, load)
+
+
+def _check_links(site: Site, context: Context, facts: Mapping[str, VehicleFacts]) -> list[Check]:
+    """Say who may speak on the links, who else is there, and what radios have to carry."""
+    links, signed = {table.name: table.link for table in site.vehicle}, site.signing is not None
+    found = [vehicle_checks.check_signing(links, signed=signed)]
+    found += vehicle_checks.check_forwarding(
+        facts.values(), site.forward.ports, allow_orders=site.forward.allow_orders, signed=signed
+    )
+    for channel in dict.fromkeys(None if site.link.one_radio else link for link in links.values()):
+        behind = [name for name in facts if channel is None or links[name] == channel]
+        setup, measured = context.vehicles[behind[0]], tuple(facts[name].link for name in behind)
+        found += check_radio(setup.radio, setup.dialect, measured)
+    return found
 
 
 def _list_day_pads(context: Context) -> list[Check]:
@@ -230,7 +239,7 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
             found += vehicle_checks.check_identity(
                 fact, dialect, frame.to_local_m(fact.position.lat_deg, fact.position.lon_deg)
             )
-            found += vehicle_checks.check_ground_stations(fact, dialect)
+            found += vehicle_checks.check_ground_stations(fact, dialect, site.link.station_sysid)
             found += vehicle_checks.check_battery_failsafe_settings(fact, dialect, None)
     return found
 

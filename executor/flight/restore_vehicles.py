@@ -472,7 +472,7 @@ async def restore_from_run(run: Path, console: Console) -> tuple[tuple[KeptParam
             keyring = None if key is None else Keyring(key, clock.steady_unix_s)
             # One way for all: it is the same connection, whichever software spoke to the vehicle in flight.
             wanted = {table.name: LinkRequest(table.link, table.sysid) for table in site.vehicle if table.name in names}
-            async with endpoints.open_mavlink_links(wanted, keyring) as links:
+            async with endpoints.open_mavlink_links(wanted, keyring, station=site.link.station) as links:
                 return await restore_board(run, links, clock, console, site.flight.connect_timeout_s * clock.speedup)
 
 

@@ -50,6 +50,11 @@ class Channel:
         """Return whether the radio holds more than it can send."""
         return is_buffer_full(self.radio, self.radio_s, now_s)
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether transfers of ours are under way, or wait."""
+        return bool(self.under_way or self.waiting)
+
     def learn(self, round_trip: RoundTrip) -> None:
         """Take what a dialogue has measured, if it has."""
         if round_trip.mean_s is not None:

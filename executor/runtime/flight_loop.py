@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -387,18 +387,21 @@ class Flight:
                 return ended(False, False, "it has left its mission", Ending.LEFT_MISSION, fenced)
             self._whole.add(name)
         wanted, tell = partial(self._may_receive_mission, name), partial(self._report, name)
-        alike = self._count_proven_items(name, mission.items) if command.airborne else 0
-        need = UploadNeed(Rank.IN_FLIGHT, replan_cycle.estimate_need_s(self.state, name), alike)
+        before = self._list_proven_items(name) if command.airborne else ()
+        alike = sum(
+            1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, mission.items, strict=False))
+        )
+        need_s = replan_cycle.estimate_need_s(self.state, name)
+        need = UploadNeed(Rank.IN_FLIGHT, need_s, alike, on_board=len(before))
         done = await procedures.upload_and_verify(link, self._clock, dialect, mission.items, wanted, tell, need=need)
         return ended(done.accepted, done.mixed, done.reason, done.code, fenced)
 
-    def _count_proven_items(self, vehicle: str, items: Sequence[MissionItem]) -> int:
-        """Return how many items a mission has in common with the one that was read from this vehicle."""
+    def _list_proven_items(self, vehicle: str) -> tuple[MissionItem, ...]:
+        """Return the mission that was read from this vehicle; empty where it may carry another one."""
         known, dialect = self.state.vehicles[vehicle].assignment, self.context.vehicles[vehicle].dialect
         if known.board is None or known.carried.may_be_foreign():
-            return 0
-        before = flag_current(encode(known.board.path, dialect), None).items
-        return sum(1 for _ in itertools.takewhile(lambda pair: pair[0] == pair[1], zip(before, items, strict=False)))
+            return ()
+        return flag_current(encode(known.board.path, dialect), None).items
 
     def _report(self, vehicle: str, text: str) -> None:
         self._record_note(f"{vehicle}: {text}")

@@ -17,6 +17,7 @@ from executor.core.interface.ports import Clock, Link
 from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
+from executor.protocols.mission_file import MissionFileUpload
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.protocols.parameter_dialogue import ParameterDialogue
 from executor.protocols.turns import Rank
@@ -36,6 +37,7 @@ from missions.autopilots.dialect import ModeNumber
 from missions.fences import find_list_differences
 
 M = TypeVar("M", bound=DialogueMachine)
+AnyUpload = UploadDialogue | MissionFileUpload
 
 UPLOAD_TRIES = 3
 UPLOAD_PATIENCE_S = 60.0
@@ -97,6 +99,8 @@ class UploadNeed:
     """In how many seconds it should be over: who needs it first goes first."""
     alike: int = 0
     """How many items are, from the first one on, those that were read from the vehicle before."""
+    on_board: int = 0
+    """How many items were read then."""
 
 
 @count_awake_time
@@ -142,11 +146,11 @@ async def upload_and_verify(
                 )
             if waited and not attempt:
                 began_s, real_began_s = clock.now_s(), underlying(clock).now_s()
-            upload = await upload_once(link, clock, dialect, items, kind)
-            proof = await _prove_on_board(link, clock, dialect, upload, 0 if attempt else need.alike)
-        if upload.is_begun:
-            # Both autopilots take fences and rally points as a whole.
-            mixed = kind is MissionKind.MISSION and not dialect.upload_is_atomic
+            upload = await _upload_as_needed(link, clock, dialect, items, kind, need)
+            proof = await _prove_on_board(link, clock, dialect, upload, need.alike)
+        mixed = mixed or _may_leave_mixture(upload, dialect)
+        # Item by item, what stands before the new part is sent again, too.
+        need = replace(need, alike=0) if isinstance(upload, UploadDialogue) else need
         # A plain refusal does not become another answer by waiting.
         stalled |= upload.is_begun or not isinstance(upload.outcome, Rejected)
         broken_off = _is_broken_off(upload, broken=broken_off)
@@ -161,8 +165,24 @@ async def upload_and_verify(
     return ProcedureResult(accepted=False, reason=reason, mixed=mixed, code=code, broken_off=broken_off)
 
 
+_FILE_NUMBERS = itertools.count(step=4096)
+"""Of the first requests of mission files: an upload has fewer requests than that."""
+
+
+async def _upload_as_needed(
+    link: Link, clock: Clock, dialect: Dialect, items: tuple[MissionItem, ...], kind: MissionKind, need: UploadNeed
+) -> AnyUpload:
+    """Upload once: the new part alone, as a file, to a vehicle that takes it so; everything else item by item."""
+    if dialect.takes_mission_file and need.alike > 0 and need.on_board <= len(items):
+        first, number = min(need.alike, len(items) - 1), next(_FILE_NUMBERS) & 0xFFFF
+        file = await run_dialogue(MissionFileUpload(items, first, number), link, clock)
+        if file.is_open:
+            return file
+    return await upload_once(link, clock, dialect, items, kind)
+
+
 async def _prove_on_board(
-    link: Link, clock: Clock, dialect: Dialect, upload: UploadDialogue, alike: int
+    link: Link, clock: Clock, dialect: Dialect, upload: AnyUpload, alike: int
 ) -> ProcedureResult | None:
     """See that what was uploaded is on board; None where not all of it was even sent.
 
@@ -171,6 +191,8 @@ async def _prove_on_board(
     the rest is read. Where every item was sent, perhaps only the acknowledgement got lost: what is on board decides.
     """
     items, trip = upload.items, upload.round_trip
+    if isinstance(upload, MissionFileUpload) and upload.is_proven:
+        return ProcedureResult(accepted=True)
     if not upload.accepted and items and not upload.is_all_sent:
         return None
     reading = DownloadDialogue(upload.kind, ahead=MOST_AHEAD if dialect.reads_in_any_order else 1)
@@ -191,7 +213,13 @@ async def _prove_on_board(
     return _compare(upload, download, dialect)
 
 
-def _compare(upload: UploadDialogue, download: DownloadDialogue, dialect: Dialect) -> ProcedureResult:
+def _may_leave_mixture(upload: AnyUpload, dialect: Dialect) -> bool:
+    """Return whether a part of a new mission may be on board; fences and rally points are taken as a whole."""
+    one_by_one = isinstance(upload, UploadDialogue) and not dialect.upload_is_atomic
+    return one_by_one and upload.is_begun and upload.kind is MissionKind.MISSION
+
+
+def _compare(upload: AnyUpload, download: DownloadDialogue, dialect: Dialect) -> ProcedureResult:
     items = upload.items[download.first :]
     different = (
         find_mission_differences(items, download.items, dialect)
@@ -203,7 +231,7 @@ def _compare(upload: UploadDialogue, download: DownloadDialogue, dialect: Dialec
     return ProcedureResult(accepted=False, reason=f"read-back differs: {different[0]}", code=Ending.READ_BACK_DIFFERS)
 
 
-def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
+def _is_broken_off(upload: AnyUpload, *, broken: bool) -> bool:
     """Return whether an upload has come to no end since one began: who does not answer any more has ended nothing."""
     if upload.is_begun:
         return isinstance(upload.outcome, TimedOut | Rejected)
@@ -212,7 +240,7 @@ def _is_broken_off(upload: UploadDialogue, *, broken: bool) -> bool:
 
 
 def _count_busy(
-    upload: UploadDialogue, code: Ending | None, busy: int, dialect: Dialect, tell: Callable[[str], None]
+    upload: AnyUpload, code: Ending | None, busy: int, dialect: Dialect, tell: Callable[[str], None]
 ) -> int:
     """Return how often in a row the vehicle was busy; the first time is told."""
     if upload.is_begun or code not in BUSY:

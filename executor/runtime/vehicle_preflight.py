@@ -92,7 +92,7 @@ class _VehicleAnswers:
                 self.version = message
             case messages.Radio() | messages.Traffic():
                 self._note_link(message)
-            case messages.StationHeard() | messages.DoubleHeard():
+            case messages.StationHeard() | messages.StationActed() | messages.DoubleHeard():
                 self.strangers = add_foreign_system(self.strangers, message)
             case messages.StatusText(_, text):
                 self._note_prearm_text(text)
@@ -242,6 +242,7 @@ async def interview_vehicle(
         heard.gps,
         answers.unread,
         LinkMeasures(heard.radio, channel_of(link).round_trip.mean_s, heard.lost),
+        tuple(one for one in heard.strangers if isinstance(one, messages.StationActed)),
     )
 
 

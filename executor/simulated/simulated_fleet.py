@@ -23,7 +23,7 @@ from executor.site import site_model
 from executor.site.site_model import SiteModel
 from missions import default_network_path, dialect_for, read_network
 from simulator.camera import CapturedImage, format_picture_name
-from simulator.config import AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
+from simulator.config import OTHER_STATION, AutopilotKind, Signing, SimCamera, SimFleet, SimVehicle
 from simulator.fault_kinds import parse_fault
 from simulator.fleet import SimulatedVehicle, run_fleet
 from simulator.radio import parse_radio
@@ -100,7 +100,7 @@ def fleet_of(
         SimulatorError: a fault, a radio or a connection that cannot be simulated.
     """
     slow = bool(radio) and parse_radio(radio).profile.speaks
-    setup = ground.setup
+    setup, station = ground.setup, ground.site.link.station_sysid
     vehicles = []
     for number, table in enumerate(ground.site.vehicle):
         rule = dialect_for(table.autopilot).ground_station_failsafe
@@ -122,7 +122,9 @@ def fleet_of(
                 parameters={
                     rule.action: float(rule.action_return if failsafe else 0),
                     rule.timeout: max(rule.timeout_s, site_model.stall_s(speedup)),
+                    **dict.fromkeys(rule.station_sysid[:1], float(station)),
                 },
+                other_station=OTHER_STATION - (station == OTHER_STATION),
                 rate_bytes_s=PX4_RATE_BYTES_S if slow else math.inf,
                 seed=seed * 1000 + number,
                 signing=signing,

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from executor.core.fault_thresholds import Limits
+from executor.core.interface.connection import Connection, parse_connection
+from executor.core.interface.messages import GROUND_STATION
 from executor.site.site_keys import FileName, Positive, SiteTable, Speed
 
 
@@ -107,8 +109,11 @@ class RadioTable(SiteTable):
 
 
 class LinkTable(SiteTable):
-    """Other senders on the links."""
+    """Our own number, other senders, and what the links carry."""
 
+    station_sysid: Annotated[int, Field(ge=1, le=255)] = GROUND_STATION[0]
+    """MAVLink system id of faultline itself, one that no vehicle and no other ground station has. 255 is what
+    QGroundControl and Mission Planner use too; ArduPilot's MAV_GCS_SYSID (SYSID_MYGCS) must be the same number."""
     radios: tuple[RadioTable, ...] | None = None
     """Radios whose RADIO_STATUS is shown, though radios cannot sign. Without this key all reports are shown on an
     unsigned flight, and none on a signed one."""
@@ -130,9 +135,47 @@ class LinkTable(SiteTable):
         return self
 
     @property
+    def station(self) -> tuple[int, int]:
+        """Our own system and component."""
+        return self.station_sysid, GROUND_STATION[1]
+
+    @property
     def senders(self) -> frozenset[tuple[int, int]] | None:
         """System and component of each radio."""
         return None if self.radios is None else frozenset((radio.system, radio.component) for radio in self.radios)
+
+
+class ForwardTable(SiteTable):
+    """Other ground stations: what vehicles send goes to them, and what they send to the vehicles if that is allowed."""
+
+    to: tuple[str, ...] = ()
+    """Where stations are, as `connection` of a vehicle: `udpout://127.0.0.1:14550` calls QGroundControl on this
+    computer, `tcpin://0.0.0.0:5760` waits for stations. Each gets every frame of every vehicle as it came."""
+    allow_orders: bool = False
+    """Whether what the stations send goes to the vehicles. Who orders something is named, and not worked against."""
+    bytes_s: Annotated[float, Field(ge=0, le=1e7)] | None = None
+    """What they may send over each telemetry radio, in bytes a second, with RTCM corrections and Remote ID; the streams
+    of the vehicles get as much less. Without this key a tenth of what the radio carries."""
+
+    @model_validator(mode="after")
+    def _check_ports(self) -> ForwardTable:
+        if self.allow_orders and not self.to:
+            raise ValueError("to: expected at least one connection beside allow_orders, got none")
+        taken = set[str]()
+        for index, text in enumerate(self.to):
+            try:
+                port = parse_connection(text)
+            except ValueError as error:
+                raise ValueError(f"to[{index}]: {error}") from None
+            if port.exclusive_resource in taken:
+                raise ValueError(f"to[{index}]: expected a port of its own, got '{text}' again")
+            taken.add(port.exclusive_resource)
+        return self
+
+    @property
+    def ports(self) -> tuple[Connection, ...]:
+        """The connections, read."""
+        return tuple(map(parse_connection, self.to))
 
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]

@@ -41,6 +41,7 @@ class Site(site_keys.SiteTable):
     fence: flight_keys.FenceTable | None = None
     signing: flight_keys.SigningTable | None = None
     link: flight_keys.LinkTable = flight_keys.LinkTable()
+    forward: flight_keys.ForwardTable = flight_keys.ForwardTable()
     mqtt: mqtt_and_web_keys.MqttTable | None = None
     web: mqtt_and_web_keys.WebTable = mqtt_and_web_keys.WebTable()
     map: site_keys.MapTable | None = None
@@ -62,7 +63,7 @@ class Site(site_keys.SiteTable):
         checks = (
             self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(),
             self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
-            self._check_connections(),
+            self._check_connections(), self._check_forward(),
         )  # fmt: skip
         for text in chain.from_iterable(checks):
             raise ValueError(text)
@@ -149,6 +150,11 @@ class Site(site_keys.SiteTable):
 
     def _check_radios(self) -> Iterator[str]:
         names = {vehicle.sysid: vehicle.name for vehicle in self.vehicle}
+        if (ours := self.link.station_sysid) in names:
+            yield (
+                f"link.station_sysid: expected a number that no vehicle has, got {ours}, the sysid of vehicle "
+                f"'{names[ours]}'"
+            )
         for index, radio in enumerate(self.link.radios or ()):
             if radio.component == AUTOPILOT and radio.system in names:
                 yield (
@@ -165,11 +171,19 @@ class Site(site_keys.SiteTable):
                     f"vehicle[{index}].connection: expected a port of its own, or '{other.link}' as vehicle "
                     f"'{other.name}' has it, got '{vehicle.connection}'"
                 )
+            if self.forward.to and vehicle.backend == "mavsdk":
+                yield f"vehicle[{index}].backend: expected 'native' beside [forward], got 'mavsdk', which has no frames"
             if other.backend != vehicle.backend:
                 yield (
                     f"vehicle[{index}].backend: expected '{other.backend}', as vehicle '{other.name}' on the same "
                     f"connection has it, got '{vehicle.backend}'"
                 )
+
+    def _check_forward(self) -> Iterator[str]:
+        first = {vehicle.link.exclusive_resource: vehicle.name for vehicle in self.vehicle}
+        for index, port in enumerate(self.forward.ports):
+            if (name := first.get(port.exclusive_resource)) is not None:
+                yield f"forward.to[{index}]: expected a port of its own, got '{port}', that of vehicle '{name}'"
 
 
 def _check_own_names(table: str, names: Sequence[str]) -> Iterator[str]:

@@ -380,7 +380,8 @@ def radio_share_of(site: Site, name: str) -> RadioShare:
     links = {table.name: table.link for table in site.vehicle}
     names = tuple(other for other, link in links.items() if site.link.one_radio or link == links[name])
     is_radio = site.link.one_radio or links[name].scheme is Scheme.SERIAL
-    return RadioShare(len(names), site.link.bytes_s, site.signing is not None, is_radio, names)
+    others_bytes_s = site.forward.bytes_s if site.forward.allow_orders else 0.0
+    return RadioShare(len(names), site.link.bytes_s, site.signing is not None, is_radio, others_bytes_s, names)
 
 
 def build_limits(site: Site) -> Limits:

@@ -267,6 +267,8 @@ class Dialect:
     """Whether items of a list can be asked for in any order, several at a time."""
     says_checksum: bool
     """Whether it says a checksum of a list as it takes it, and when it is asked for it."""
+    takes_mission_file: bool
+    """Whether it takes the last part of a mission as a file, over MAVFTP."""
     upload_is_atomic: bool
     """Whether a new list takes effect as a whole, at its last item."""
     upload_silence_s: float

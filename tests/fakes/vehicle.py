@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from executor.core.interface.messages import (
     CommandAck,
+    FileRequest,
     Heartbeat,
     Message,
     MissionAck,
@@ -26,6 +27,7 @@ from executor.core.interface.messages import (
 )
 from executor.protocols import vehicle_commands
 from missions import Command, Dialect, Frame, MissionItem, MissionKind, ModeNumber, compute_list_checksum
+from tests.fakes.mission_file import FakeMissionFile
 
 ACCEPTED, ERROR, INVALID_SEQUENCE, DENIED, CANCELLED = 0, 1, 13, 14, 15
 HEARTBEAT_S = 1.0
@@ -58,6 +60,7 @@ class FakeMissions:
         """Whether the next final acknowledgement gets lost."""
         self.other_until_s = float("-inf")
         """Until then another ground station's transfer, which is dead, keeps it busy."""
+        self.file = FakeMissionFile(self._put_part, lambda: self.items)
         self._upload: _Transfer | None = None
         self._reading_until_s = float("-inf")
         self._last_count = 0
@@ -94,6 +97,8 @@ class FakeMissions:
                 return self._list(now_s)
             case MissionRequest(seq):
                 return self._read(seq, now_s)
+            case FileRequest() if self.dialect.takes_mission_file:
+                return [self.file.hear(message, now_s)]
             case MissionAck(result):
                 self._reading_until_s = float("-inf")
                 if self.dialect.upload_is_atomic and result == CANCELLED:
@@ -140,18 +145,24 @@ class FakeMissions:
             return []
         return [MissionAck(ACCEPTED, checksum=self._checksum)]
 
+    def _put_part(self, first: int, part: list[MissionItem]) -> None:
+        for at, item in enumerate(part, start=first):
+            stored = replace(self._stored(item), z=item.z + 1.0) if at == self.spoils else self._stored(item)
+            self.items[at : at + 1] = [stored]
+
     @property
     def _checksum(self) -> int | None:
         return compute_list_checksum(self.items) if self.dialect.says_checksum else None
 
     def _stored(self, item: MissionItem) -> MissionItem:
-        """What ArduPilot makes of an item: its own home, no `current`, speeds without a frame."""
+        """What ArduPilot makes of an item: its own home, no `current`, speeds without a frame, a landing's turn."""
         if self.dialect.upload_is_atomic:
             return item
         if item.seq == 0:
             return MissionItem(0, Frame.GLOBAL, Command.NAV_WAYPOINT, x=496000000, y=156000000, z=450.0)
         frame = Frame.GLOBAL if item.command == Command.DO_CHANGE_SPEED else item.frame
-        return replace(item, current=False, frame=frame)
+        turn = 1.0 if item.command == Command.NAV_LAND else item.param4
+        return replace(item, current=False, frame=frame, param4=turn)
 
     def _list(self, now_s: float) -> list[Message]:
         if self.dialect.upload_is_atomic and self._upload is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -28,7 +29,8 @@ from planner import Cost
 from tests.e2e.flights import began_unix_s, log_lines
 from tests.e2e.tlog import messages
 from tests.sitl.eye import Eye, all_looking
-from tests.sitl.real import RELAYED, Autopilot, RealVehicle, Wanted, running
+from tests.sitl.radio import RadioRelay, slowed
+from tests.sitl.real import PX4, RELAYED, Autopilot, RealVehicle, Wanted, running
 
 VICTIM = "uav2"
 NAMES = ("uav1", VICTIM, "uav3")
@@ -73,6 +75,8 @@ class Story:
     """The site file's table of that name."""
     relayed: tuple[str, ...] = ()
     """Whose link goes through a relay."""
+    radio: str = ""
+    """The emulated radio that all vehicles share."""
     signed: bool = False
     """Whether frames are signed, and a SiK radio is named, which cannot sign."""
     backends: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -221,10 +225,15 @@ def flown(autopilot: Autopilot, story: Story, folder: Path) -> Flown:
     wanted = Wanted(
         pads, ground.network.frame, story.speedup, story.settings, frozenset(story.relayed), story.own, story.packs_ah
     )
-    with (
-        running(autopilot, Path(binary), folder / "sim", wanted) as console.running,
-        all_looking(story.eyes),
-    ):
+    with ExitStack() as stack:
+        if story.radio:
+            ports = range(autopilot.port, autopilot.port + len(NAMES))
+            stack.enter_context(RadioRelay(ports, _above_ports(ports), story.radio).running())
+        console.running = stack.enter_context(running(autopilot, Path(binary), folder / "sim", wanted))
+        stack.enter_context(all_looking(story.eyes))
+        if story.radio and autopilot is PX4:
+            for number, name in enumerate(NAMES):
+                slowed(number, folder / "sim" / name)
         if story.signed:
             (folder / KEY_FILE).write_text(KEY.hex())
             for vehicle in console.running.values():
@@ -280,4 +289,8 @@ def site_of(autopilot: Autopilot, story: Story) -> Site:
 
 
 def _above(name: str, story: Story) -> int:
-    return RELAYED if name in story.relayed else 0
+    return RELAYED if story.radio or name in story.relayed else 0
+
+
+def _above_ports(ports: range) -> range:
+    return range(ports.start + RELAYED, ports.stop + RELAYED)

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
+import subprocess
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+import pytest
 from pymavlink.dialects.v20 import common as mav
 
 from simulator.radio import build_radios, parse_radio
+from tests.sitl.real import PX4, START_REAL_S
 
+PX4_RATE = 600
+"""MAV_0_RATE of a radio that three share; without one PX4 in simulation sends ten times what passes."""
 HOST = "127.0.0.1"
 DATAGRAM = 65536
 LOOKS_S = 0.005
@@ -97,3 +104,20 @@ class RadioRelay:
         for message in parser.parse_buffer(data) or ():
             if message.get_type() == "MISSION_ITEM_INT":
                 self.items[vehicle, message.seq] += 1
+
+
+def slowed(number: int, folder: Path) -> None:
+    """Have a PX4 speak as over a radio: it does not throttle itself on a network."""
+    client = Path(os.environ.get("FAULTLINE_PX4_BUILD", "")) / "bin" / "px4-mavlink"
+    if not client.exists():
+        pytest.skip("FAULTLINE_PX4_BUILD: expected the build directory of PX4, with bin/px4-mavlink")
+    until_s = time.monotonic() + START_REAL_S
+    while b"Startup script returned" not in (folder / "out.txt").read_bytes():
+        assert time.monotonic() < until_s, f"PX4 has not started within {START_REAL_S:g} s"
+        time.sleep(0.5)
+    port = str(14580 + number)
+    for arguments in (
+        ["stop", "-u", port],
+        ["start", "-x", "-u", port, "-r", str(PX4_RATE), "-f", "-o", str(PX4.port + number)],
+    ):
+        subprocess.run([client, "--instance", str(number), *arguments], cwd=folder, check=True, capture_output=True)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import subprocess
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,14 +28,12 @@ from executor.site.site_model import SiteModel
 from missions import dialect_for
 from tests.benchmarks.virtual.short_line import shared, write_line
 from tests.sitl.flights import Story, WatchfulConsole
-from tests.sitl.radio import RadioRelay
-from tests.sitl.real import BOTH, PX4, RELAYED, START_REAL_S, Autopilot, RealVehicle, Wanted, running
+from tests.sitl.radio import RadioRelay, slowed
+from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, RealVehicle, Wanted, running
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(590)]
 
 PROFILE = "sik-ecc-mended"
-PX4_RATE = 600
-"""MAV_0_RATE of a radio that three share; without one PX4 in simulation sends ten times what passes."""
 
 
 def ground_of(folder: Path, autopilot: Autopilot) -> SiteModel:
@@ -48,23 +44,6 @@ def ground_of(folder: Path, autopilot: Autopilot) -> SiteModel:
     )  # fmt: skip
     site["flight"] = {"speedup": 1.0, "connect_timeout_s": 120.0, "ready_timeout_s": 240.0}
     return site_model.load_site_model(check_site(site, "test"), folder)
-
-
-def slowed(number: int, folder: Path) -> None:
-    """Have a PX4 speak as over a radio: it does not throttle itself on a network."""
-    client = Path(os.environ.get("FAULTLINE_PX4_BUILD", "")) / "bin" / "px4-mavlink"
-    if not client.exists():
-        pytest.skip("FAULTLINE_PX4_BUILD: expected the build directory of PX4, with bin/px4-mavlink")
-    until_s = time.monotonic() + START_REAL_S
-    while b"Startup script returned" not in (folder / "out.txt").read_bytes():
-        assert time.monotonic() < until_s, f"PX4 has not started within {START_REAL_S:g} s"
-        time.sleep(0.5)
-    port = str(14580 + number)
-    for arguments in (
-        ["stop", "-u", port],
-        ["start", "-x", "-u", port, "-r", str(PX4_RATE), "-f", "-o", str(PX4.port + number)],
-    ):
-        subprocess.run([client, "--instance", str(number), *arguments], cwd=folder, check=True, capture_output=True)
 
 
 @BOTH

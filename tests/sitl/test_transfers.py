@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from executor.adapters.mavlink import endpoints
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import Heartbeat, Message
 from executor.core.interface.ports import Link, LinkRequest
+from executor.protocols.machine import Accepted
+from executor.protocols.mission_file import MissionFileUpload
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
 from executor.runtime import procedures
 from executor.runtime.dialogue import run_dialogue
@@ -28,9 +31,8 @@ from missions import (
     plan_flight_setup,
 )
 from tests.missions.builders import line_east
-from tests.sitl.radio import RadioRelay
+from tests.sitl.radio import RadioRelay, slowed
 from tests.sitl.real import BOTH, PX4, RELAYED, Autopilot, Wanted, running
-from tests.sitl.test_slow_radio import slowed
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
@@ -80,11 +82,27 @@ async def _transfer(autopilot: Autopilot, port: int, radio: RadioRelay) -> None:
             print(f"{autopilot.name}: read in {time.monotonic() - began_s:.1f} s")
             assert read.accepted
             assert find_mission_differences(items, read.items, dialect) == ()
+            if dialect.takes_mission_file:
+                await _replace_part(link, clock, dialect, items)
             if dialect.says_checksum:
                 proven = await run_dialogue(DownloadDialogue(checksum=compute_list_checksum(items)), link, clock)
                 assert (proven.accepted, proven.proven, proven.items) == (True, True, ())
                 other = await run_dialogue(DownloadDialogue(checksum=1), link, clock)
                 assert (other.proven, len(other.items)) == (False, len(items))
+
+
+async def _replace_part(link: Link, clock: SystemClock, dialect: Dialect, items: tuple[MissionItem, ...]) -> None:
+    """Put other items in the place of the last ones, and more behind them, as a file."""
+    first = len(items) - 4
+    higher = (replace(item, z=item.z + 1.37 if item.z else 0.0) for item in mission(dialect, 15)[first:])
+    newer = (*items[:first], *higher)
+    began_s = time.monotonic()
+    upload = await run_dialogue(MissionFileUpload(newer, first, first * 4096), link, clock)
+    took_s = time.monotonic() - began_s
+    print(f"{dialect.name}: the last {len(newer) - first} of {len(newer)} items as a file in {took_s:.1f} s")
+    assert (upload.outcome, upload.is_proven) == (Accepted(), True)
+    read = await run_dialogue(DownloadDialogue(ahead=MOST_AHEAD), link, clock)
+    assert find_mission_differences(newer, read.items, dialect) == ()
 
 
 def _is_started(said: Message) -> bool:

@@ -10,8 +10,10 @@ import math
 import re
 import struct
 import sys
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from operator import attrgetter
 from typing import Any
 
@@ -44,6 +46,10 @@ from missions.cameras import FIRST_COMPONENT
 SIGNATURE, SIGNED = 13, 1
 """Bytes of a signature, and the one flag that a receiver may not know (mavlink.io, Serialization)."""
 MARK = re.compile(b"[%c%c]" % (V1, V2))
+
+FILE_HEAD, FILE_BYTES = struct.Struct("<HBBBBBxI"), 251
+"""FILE_TRANSFER_PROTOCOL: number, session, opcode, size, opcode of the request, end of a burst, offset; then data."""
+FILE_ACK, FILE_NAK = 128, 129
 
 OF_ANYBODY = frozenset({mav.MAVLINK_MSG_ID_HEARTBEAT, mav.MAVLINK_MSG_ID_RADIO_STATUS})
 """Messages that are read from any sender; of the rest it is enough that they are whole."""
@@ -151,6 +157,8 @@ _RELEASES = {0: "dev", 64: "alpha", 128: "beta", 192: "rc"}
 
 Sender = tuple[int, int]
 """System and component that a frame names as its sender."""
+KEPT_BEATS = 8
+"""An echo comes at once. Another station with our number says nearly the same in frames of other numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +192,12 @@ class MavlinkCodec:
     """Whose frames are read, everybody's if None; see `FrameParser`."""
     overhears: bool = False
     """Whether what others say to each other is read as well, as in a log: nobody is us."""
-    _mav: mav.MAVLink = field(default_factory=lambda: mav.MAVLink(None, *messages.GROUND_STATION))
+    station: Sender = messages.GROUND_STATION
+    """Who we are."""
+    _mav: mav.MAVLink = field(init=False)
     _datagrams: FrameParser = field(init=False)
+    _beats: deque[bytes] = field(default_factory=lambda: deque(maxlen=KEPT_BEATS))
+    """Our last HEARTBEATs as they went out."""
     texts: StatusTextAssembler = field(default_factory=StatusTextAssembler)
     _sent: dict[int, int] = field(default_factory=dict)
     """How many frames went to each system: each is numbered as a stream of its own."""
@@ -196,6 +208,7 @@ class MavlinkCodec:
 
     def __post_init__(self) -> None:
         """Begin knowing nobody."""
+        self._mav = mav.MAVLink(None, *self.station)
         self._datagrams = FrameParser(in_datagrams=True, systems=self.systems)
 
     def decode(self, data: bytes) -> Iterator[DecodedFrame]:
@@ -250,13 +263,20 @@ class MavlinkCodec:
         if speaker.component == component:
             self.autopilots[system] = beat.autopilot
 
+    def parse_whole(self, frame: bytes) -> Frame:
+        """Return a frame, of which it is known that it is whole, with its fields by MAVLink's names."""
+        return self._mav.decode(bytearray(frame))
+
     def encode(self, message: messages.Outgoing, sysid: int, compid: int) -> bytes:
         """Return the frame of a message to one vehicle."""
         self._mav.seq = self._sent.get(sysid, 0)
         self._sent[sysid] = (self._mav.seq + 1) % 256
         if self._signing is not None:
             self._signing.prepare(self._mav)
-        return bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
+        frame = bytes(_to_mavlink(message, sysid, compid, self.autopilots.get(sysid)).pack(self._mav))
+        if isinstance(message, messages.SendHeartbeat):
+            self._beats.append(frame)
+        return frame
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Mapping[str, object]
@@ -307,6 +327,8 @@ class MavlinkCodec:
             )
         if frame.get_type() == RADIO and not self._is_accepted_radio(frame):
             return None
+        if frame.get_type() == "HEARTBEAT" and bytes(frame.get_msgbuf()) in self._beats:
+            return None  # a router's echo of ours
         read = _READERS.get(frame.get_type())
         message = None if read is None else read(frame)
         return None if message is None else filter_implausible(message)
@@ -318,7 +340,7 @@ class MavlinkCodec:
         ordered = message_readers.read_mode_order(frame, self.autopilots.get(target))
         if ordered is None:
             return None
-        is_ours = source == messages.GROUND_STATION and not self.overhears
+        is_ours = source == self.station and not self.overhears
         return messages.OrderSeen(*ordered, None if is_ours else source[0], target)
 
     def _parse_acknowledged_order(self, ack: Frame) -> Iterator[messages.OrderSeen]:
@@ -345,7 +367,7 @@ class MavlinkCodec:
 
     def _is_for_us(self, frame: Frame) -> bool:
         """Return whether a message is not addressed to another ground station's dialogue; 0 is everybody."""
-        ours = zip(("target_system", "target_component"), messages.GROUND_STATION, strict=True)
+        ours = zip(("target_system", "target_component"), self.station, strict=True)
         return self.overhears or all(getattr(frame, field, 0) in {0, number} for field, number in ours)
 
     def _is_accepted_radio(self, radio: Frame) -> bool:
@@ -354,6 +376,31 @@ class MavlinkCodec:
 
 
 _ORDERS = frozenset({"COMMAND_LONG", "COMMAND_INT", "SET_MODE"})
+_COMMANDS = mav.enums["MAV_CMD"]
+
+
+def name_command(number: int) -> str:
+    """Return MAVLink's name of a MAV_CMD."""
+    return str(_COMMANDS[number].name) if number in _COMMANDS else f"command {number}"
+
+
+@cache
+def _find_target_offset(number: int) -> int | None:
+    kind = mav.mavlink_map.get(number)
+    if kind is None or "target_system" not in kind.fieldnames:
+        return None
+    at = kind.ordered_fieldnames.index("target_system")
+    parts = zip(kind.native_format.decode()[1:], kind.array_lengths, strict=True)
+    offset: int = sum(struct.calcsize(part) * max(1, length) for part, length in list(parts)[:at])
+    return offset
+
+
+def target_of(frame: bytes) -> int:
+    """Return the system that a whole frame is for; 0 for everybody."""
+    at = _find_target_offset(message_id_of(frame))
+    return 0 if at is None else payload_of(frame, at + 1)[at]
+
+
 _BY_NAME = {kind.msgname: kind for kind in mav.mavlink_map.values()}
 
 
@@ -419,6 +466,15 @@ def _read_version(frame: Frame) -> messages.Version | None:
     return messages.Version(packed >> 24 & 255, packed >> 16 & 255, packed >> 8 & 255, _RELEASES.get(packed & 255, ""))
 
 
+def _read_file_reply(frame: Frame) -> messages.FileReply | None:
+    payload = bytes(frame.payload)
+    number, session, opcode, size, *_ = FILE_HEAD.unpack_from(payload)
+    data = payload[FILE_HEAD.size :][:size]
+    if opcode == FILE_ACK:
+        return messages.FileReply(number - 1 & 0xFFFF, session, data=data)
+    return messages.FileReply(number - 1 & 0xFFFF, session, data[0]) if opcode == FILE_NAK and data else None
+
+
 _READERS: dict[str, Any] = {
     **message_readers.READERS,
     "HEARTBEAT": _read_heartbeat,
@@ -433,11 +489,17 @@ _READERS: dict[str, Any] = {
     "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
     "MESSAGE_INTERVAL": lambda frame: messages.MessageInterval(frame.message_id, frame.interval_us > 0),
+    "FILE_TRANSFER_PROTOCOL": _read_file_reply,
 }
 
 
 NOBODY = 255
 """To whom a filler is addressed: a vehicle answers only what is for itself, or for all."""
+
+
+def _build_file_payload(request: messages.FileRequest) -> list[int]:
+    head = FILE_HEAD.pack(request.number, request.session, request.operation, len(request.data), 0, 0, request.offset)
+    return list((head + request.data).ljust(FILE_BYTES, b"\0"))
 
 
 def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: int | None) -> Any:  # noqa: ANN401, C901, PLR0911
@@ -461,6 +523,8 @@ def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: 
             return mav.MAVLink_mission_request_int_message(sysid, compid, seq, kind)
         case messages.MissionAck(result, kind):
             return mav.MAVLink_mission_ack_message(sysid, compid, result, kind)
+        case messages.FileRequest():
+            return mav.MAVLink_file_transfer_protocol_message(0, sysid, compid, _build_file_payload(message))
         case messages.SendCommand(command, params, confirmation):
             target = compid if message.component is None else message.component
             return mav.MAVLink_command_long_message(sysid, target, command, confirmation, *params)

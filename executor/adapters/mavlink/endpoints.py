@@ -94,9 +94,13 @@ class VehicleLink:
         if self.write is discard_frame:
             return
         frame = self._codec.encode(message, self.sysid, self.component)
+        self.send_frame(frame, to_all=isinstance(message, messages.SendHeartbeat))
+
+    def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
+        """Send a frame as it is; `to_all` if it is for everybody behind the same port."""
         self._bytes += len(frame)
         if self.write(frame):
-            for one in self.beside if isinstance(message, messages.SendHeartbeat) else (self,):
+            for one in self.beside if to_all else (self,):
                 if one.write == self.write:
                     one.record_sent(frame)
 
@@ -165,6 +169,10 @@ class VehicleLink:
         if told is not None and (ordered or isinstance(told, messages.StationHeard | messages.Radio)):
             self._dispatch(told, received.compid)
 
+    def hear(self, message: messages.Message) -> None:
+        """Hand on what did not come over this link, and is about its vehicle."""
+        self._dispatch(message, self.component)
+
     def _dispatch(self, message: messages.Message, component: int) -> None:
         if isinstance(message, messages.Heartbeat):
             self.component = component
@@ -223,12 +231,21 @@ RECEIVE_BYTES = 1 << 19
 four times real time, and the rest would be lost."""
 
 
+Tap = Callable[[DecodedFrame, Collection[int]], None]
+"""Is shown every frame of vehicles and radios, with the vehicles that it is about."""
+
+
+def leave_frame(received: DecodedFrame, about: Collection[int]) -> None:
+    """Do nothing with a frame."""
+
+
 class Router:
     """The vehicles behind one endpoint: frames to the right link, and the way back from each."""
 
-    def __init__(self, links: Iterable[VehicleLink], codec: MavlinkCodec) -> None:
-        """Route to these links."""
+    def __init__(self, links: Iterable[VehicleLink], codec: MavlinkCodec, tap: Tap = leave_frame) -> None:
+        """Route to these links, and show what comes of their vehicles and their radio to a tap."""
         self.codec = codec
+        self._tap = tap
         self._links = {link.sysid: link for link in links}
         for link in self._links.values():
             link.beside = tuple(self._links.values())
@@ -244,13 +261,19 @@ class Router:
             if link is None:
                 for other in self._links.values():
                     other.receive_foreign(received, source)
+                if isinstance(received.message, messages.Radio):
+                    self._tap(received, self._links)
                 continue
             link.receive(received, source, write)
+            self._tap(received, (received.sysid,))
 
     def connect_all(self, write: Write) -> None:
         """Note that all vehicles are at the other end, before they have said anything."""
         for link in self._links.values():
             link.write = write
+
+    def accept(self, write: Write) -> None:
+        """Note that somebody has called: which vehicles that are is known by what they say."""
 
     def disconnect(self, write: Write) -> None:
         """Note that nobody is reached with `write` any more."""
@@ -312,6 +335,8 @@ class _TcpPeer(asyncio.Protocol):
         _end_when_unacknowledged(transport.get_extra_info("socket"))
         if self._we_called:
             self._router.connect_all(self._write)
+        else:
+            self._router.accept(self._write)
 
     def data_received(self, data: bytes) -> None:
         call_safely("reading a connection", self._receive, data)
@@ -401,6 +426,8 @@ async def open_mavlink_links(
     radios: Collection[Sender] | None = None,
     *,
     one_radio: bool = False,
+    station: Sender = messages.GROUND_STATION,
+    tap: Tap = leave_frame,
 ) -> AsyncIterator[Mapping[str, VehicleLink]]:
     """Open the links to vehicles by name; those with the same connection share one endpoint.
 
@@ -409,6 +436,8 @@ async def open_mavlink_links(
         keyring: Frames are signed, and those of others that are not are refused.
         radios: Whose RADIO_STATUS is heard without a signature, as for `Codec`.
         one_radio: Whether they all lead to one radio.
+        station: Our own system and component.
+        tap: Is shown what comes.
 
     Raises:
         ConnectionFailed: a port is taken, a device is not there, or a host is not known.
@@ -418,7 +447,7 @@ async def open_mavlink_links(
         for number, connection in enumerate(dict.fromkeys(order.connection for order in orders.values())):
             behind_it = [order for order in orders.values() if order.connection == connection]
             signing = None if keyring is None else LinkSigning(keyring.key, number, keyring.unix_s)
-            codec = MavlinkCodec(signing, radios, frozenset(order.sysid for order in behind_it))
+            codec = MavlinkCodec(signing, radios, frozenset(order.sysid for order in behind_it), station=station)
             behind = {
                 name: VehicleLink(order.sysid, codec, order.log)
                 for name, order in orders.items()
@@ -428,14 +457,14 @@ async def open_mavlink_links(
             for link in behind.values():
                 link.radio = "the one radio" if one_radio else None
             try:
-                await _open(connection, Router(behind.values(), codec), stack)
+                await open_endpoint(connection, Router(behind.values(), codec, tap), stack)
             except (OSError, ValueError) as error:
-                raise ConnectionFailed(f"{connection}: cannot be opened: {_describe_error(error)}") from error
+                raise ConnectionFailed(f"{connection}: cannot be opened: {describe_open_error(error)}") from error
         yield {name: links[name] for name in orders}
     await asyncio.sleep(0)  # a closed transport lets go of its socket in the loop's next round
 
 
-async def _open(connection: Connection, router: Router, stack: AsyncExitStack) -> None:
+async def open_endpoint(connection: Connection, router: Router, stack: AsyncExitStack) -> None:
     """Open an endpoint, and keep it open until the stack is unwound."""
     loop, address = asyncio.get_running_loop(), (connection.where, connection.number)
     match connection.scheme:
@@ -483,7 +512,8 @@ async def _keep_open(opens: Callable[[], Awaitable[_TcpPeer | _SerialPort]]) -> 
         await asyncio.sleep(AGAIN_S)
 
 
-def _describe_error(error: Exception) -> str:
+def describe_open_error(error: Exception) -> str:
+    """Return in words why a connection cannot be opened."""
     number = error.errno if isinstance(error, OSError) else None
     if isinstance(error, socket.gaierror) or not number:
         return str(error.args[-1] if error.args else error)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from executor.adapters.extras import Extra, require_extra
 from executor.core.interface.connection import Connection, Scheme
-from executor.core.interface.messages import GROUND_STATION, Heartbeat, Message, Outgoing, StationHeard
+from executor.core.interface.messages import Heartbeat, Message, Outgoing, StationHeard
 from executor.core.interface.ports import LinkCounts, LinkRequest
 from executor.core.telemetry.vehicle_identity import AUTOPILOT
 from executor.errors import ConnectionFailed
@@ -63,12 +63,15 @@ def _silence_mavsdk_log() -> None:
     atexit.register(chatter.log_unsubscribe)
 
 
-def create_ground_station() -> Mavsdk:
-    """Return a MAVSDK of its own threads; `destroy` ends them. Both block: not for the event loop."""
+def create_ground_station(station: tuple[int, int]) -> Mavsdk:
+    """Return a MAVSDK of its own threads with this system and component; `destroy` ends them.
+
+    Both block: not for the event loop.
+    """
     from mavsdk import Configuration, Mavsdk
 
     # MAVSDK's own default, system 245, would not hold ArduPilot's ground-station failsafe (measured).
-    return Mavsdk(Configuration.create_manual(*GROUND_STATION, True))
+    return Mavsdk(Configuration.create_manual(*station, True))
 
 
 def add_mavsdk_connection(mavsdk: Mavsdk, connection: str) -> None:
@@ -92,6 +95,10 @@ Fields = Mapping[str, object]
 
 class Translator(Protocol):
     """Turns MAVLink fields into our messages and back."""
+
+    @property
+    def station(self) -> tuple[int, int]:
+        """Our own system and component."""
 
     def read_fields(
         self, name: str, sysid: int, compid: int, fields: Fields
@@ -145,7 +152,7 @@ class MavsdkLink:
         name, fields, frame = written
         try:
             self._direct.send_message(
-                MavlinkMessage(name, *GROUND_STATION, self.sysid, self.component, json.dumps(fields))
+                MavlinkMessage(name, *self._translator.station, self.sysid, self.component, json.dumps(fields))
             )
         except MavlinkDirectError:
             return  # what cannot be sent is lost, as on the air
@@ -257,7 +264,7 @@ async def open_mavsdk_links(
         return
     load_mavsdk()
     loop = asyncio.get_running_loop()
-    mavsdk = await asyncio.to_thread(create_ground_station)
+    mavsdk = await asyncio.to_thread(create_ground_station, translator.station)
 
     systems = _Systems(mavsdk, links.values(), translator)
     try:

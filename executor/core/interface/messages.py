@@ -12,7 +12,8 @@ from missions.cameras import PictureProof
 from missions.items import MissionItem, MissionKind
 
 GROUND_STATION = (255, 190)
-"""Our system and component: ArduPilot's failsafe counts only heartbeats of MAV_GCS_SYSID, 255 by default."""
+"""Our system and component where the site file has no `station_sysid`: ArduPilot's GCS failsafe counts only heartbeats
+of MAV_GCS_SYSID, 255 by default."""
 
 
 BOOT = 1
@@ -376,6 +377,21 @@ class StationHeard:
 
     system: int
     component: int
+    behind: bool = False
+    """Whether it is behind `[forward]`: nobody hears it but through us."""
+
+
+@dataclass(frozen=True, slots=True)
+class StationActed:
+    """A ground station behind `[forward]` changes something on board, or is kept from it."""
+
+    system: int
+    """0 where it is about a port, and no station."""
+    component: int
+    words: str
+    """What it does, or why it may not."""
+    passed: bool = True
+    """Whether the vehicle gets it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,7 +475,7 @@ PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
 
-LinkMessage = Traffic | Radio | StationHeard | DoubleHeard
+LinkMessage = Traffic | Radio | StationHeard | StationActed | DoubleHeard
 """What others say about a vehicle, which does not mean that it was heard."""
 EvidenceMessage = OrderSeen | ModeChange | RcChannels | VehicleSetting | OwnFailsafe
 """What is about a vehicle and says nothing of where it is or what it does."""
@@ -472,9 +488,22 @@ TextMessage = StatusText | ComponentText
 FlightMessage = SensorMessage | StatusMessage | TextMessage | LinkMessage | EvidenceMessage | PayloadMessage
 """What the core follows in flight; it is logged and replayed."""
 
+
+@dataclass(frozen=True, slots=True)
+class FileReply:
+    """FILE_TRANSFER_PROTOCOL from the vehicle: the answer to a `FileRequest`."""
+
+    number: int
+    """Of the request."""
+    session: int
+    error: int | None = None
+    """Why it was refused, by MAVFTP's numbers; None where it was not."""
+    data: bytes = b""
+
+
 TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
 """Of transfers of a mission, or of another list of items; both sides say the same."""
-DialogueMessage = TransferMessage | CommandAck | ParamValue | ParamRefused | Version | MessageInterval
+DialogueMessage = TransferMessage | FileReply | CommandAck | ParamValue | ParamRefused | Version | MessageInterval
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage
@@ -515,6 +544,19 @@ class SendParamSet:
 
 
 @dataclass(frozen=True, slots=True)
+class FileRequest:
+    """FILE_TRANSFER_PROTOCOL to the vehicle."""
+
+    session: int
+    operation: int
+    """MAVFTP's opcode."""
+    offset: int = 0
+    data: bytes = b""
+    number: int = 0
+    """MAVFTP's sequence number; the answer has the next one."""
+
+
+@dataclass(frozen=True, slots=True)
 class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
@@ -525,5 +567,12 @@ class SendFiller:
 
 
 Outgoing = (
-    TransferMessage | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat | SendFiller
+    TransferMessage
+    | FileRequest
+    | MissionRequestList
+    | SendCommand
+    | SendParamRequest
+    | SendParamSet
+    | SendHeartbeat
+    | SendFiller
 )

@@ -40,14 +40,28 @@ DECLARED_LATER = ChecklistLine(
 STATION_UNKNOWN = ChecklistLine(WARNING, CheckCode.WATCHED_STATION, "{what} not known: it has no {names}")
 STATION_OTHER = ChecklistLine(
     WARNING, CheckCode.WATCHED_STATION,
-    "its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not act when we are lost",
+    "its GCS failsafe watches system {value} ({name}), ours is {ours}: it will not act when we are lost; set "
+    "{name} to {ours}, or link.station_sysid to {value}",
 )  # fmt: skip
 STATION_HIDES = ChecklistLine(
     WARNING, CheckCode.OTHER_STATION,
     "another ground station is on its link, system {system} component {component}: {then}",
 )  # fmt: skip
+FORWARD, NOBODY = "[forward]", "nobody yet"
+FORWARD_LISTENS = ChecklistLine(
+    OK, CheckCode.OTHER_STATION, "what vehicles send goes to {ports}; stations may not order; heard: {who}"
+)
+FORWARD_ORDERS = ChecklistLine(
+    OK, CheckCode.OTHER_STATION, "what vehicles send goes to {ports}; stations may order; heard: {who}"
+)
+FORWARD_OPEN = ChecklistLine(
+    WARNING, CheckCode.OTHER_STATION,
+    "stations may order, unsigned: who reaches {open} can command all vehicles; heard: {who}",
+)  # fmt: skip
+FORWARD_ACT = ChecklistLine(WARNING, CheckCode.OTHER_STATION, "{found}")
 HIDES_OURS = "its HEARTBEATs would hide the loss of ours"
 MAY_COMMAND = "it may command the vehicle too"
+HAS_OUR_NUMBER = ", and its orders look like ours; set link.station_sysid to a number of our own, such as 254"
 BATTERY_FAILSAFE = ChecklistLine(OK, CheckCode.BATTERY_FAILSAFE, "battery failsafe: {actions}")
 FAILSAFE_LACKS = "; it has no {absent}"
 BATTERY_FAILSAFE_UNKNOWN = ChecklistLine(WARNING, CheckCode.BATTERY_FAILSAFE, "battery failsafe not known ({settings})")

@@ -59,3 +59,25 @@ OTHERS_NOT_LISTED = "; further ones are not listed"
 TEXT = CrewLine(Level.WARNING, "{vehicle} says: {text}")
 COMPONENT_TEXT = CrewLine(Level.WARNING, "{vehicle}, its component {component} says: {text}")
 MORE_TEXTS = CrewLine(Level.WARNING, "{vehicle}: {texts} in {time_s:.0f} s")
+
+STATION_BEHIND = "ground station heard, system {system} component {component}"
+STATION_WORDS = "the ground station of system {system} component {component} {words}"
+PORT_LOST = "{port} is lost; it is opened again"
+PORT_OPENED = "{port} is open again"
+ORDERS_NOT_ALLOWED = "only listens: what it sends is not passed on (forward.allow_orders is false)"
+HAS_OUR_SYSTEM = (
+    "has our own number: what it sends is not passed on; set link.station_sysid or its number to another than {ours}"
+)
+HAS_VEHICLES_SYSTEM = "has the number of a vehicle: what it sends is not passed on; does it send back what it is sent?"
+NOT_SIGNED = "does not sign with the vehicles' key: what it sends is not passed on"
+WOULD_FILL_RADIO = "asks for streams, all parameters, files or logs: not passed on, they would fill the radio"
+TRANSFER_UNDER_WAY = "transfers a mission: not passed on while a transfer of ours is under way"
+MORE_THAN_SHARE = "sends more than other stations' share of the channel: a part is not passed on"
+SETS = "sets {name} to {value:g}"
+UPLOADS = "uploads {list}, {count}"
+CLEARS = "clears {list}"
+MOVES_MISSION = "moves its mission to item {seq}"
+CHANGES_ITEMS = "changes items {first} to {last} of its mission"
+SENDS_COMMAND = "sends {command}"
+ORDERS_MODE = "orders mode {mode}"
+STEERS = "steers it with a joystick, or by set points"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from executor.core.interface.messages import (
     Gps,
     Heartbeat,
     Position,
+    StationActed,
     StationHeard,
     SystemStatus,
     Version,
@@ -85,6 +86,8 @@ class VehicleFacts:
     unread: frozenset[str] = frozenset()
     """Parameters of which nobody knows; what is in neither, the vehicle does not have."""
     link: LinkMeasures = UNMEASURED
+    acts: tuple[StationActed, ...] = ()
+    """What stations behind `[forward]` did, or may not do."""
 
     def check_parameters_read(self, names: Iterable[str], what: str, code: CheckCode) -> list[Check]:
         """Return the reason not to fly where something cannot be checked, as a parameter of it was not read."""
@@ -182,9 +185,15 @@ def check_link_failsafe(facts: VehicleFacts, own: LinkFailsafe, *, waited_s: flo
     return checklist.DECLARED_LOST.say(facts.name, severity, failsafe=own.words, waited_s=waited_s)
 
 
-def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
-    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for."""
-    ours, names = GROUND_STATION[0], dialect.ground_station_failsafe.station_sysid
+def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = GROUND_STATION[0]) -> list[Check]:
+    """Check that it is our heartbeat, and ours alone, that the vehicle's failsafe waits for.
+
+    Args:
+        facts: What the vehicle said.
+        dialect: Of its autopilot.
+        ours: Our own system number.
+    """
+    names = dialect.ground_station_failsafe.station_sysid
     what = "whose HEARTBEATs its GCS failsafe watches is"
     found = facts.check_parameters_read(names, what, CheckCode.WATCHED_STATION)
     counted = onboard_failsafes.find_watched_station(dialect, facts.parameters)
@@ -194,10 +203,41 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect) -> list[Check]:
         name, value = counted
         found.append(checklist.STATION_OTHER.say(facts.name, value=value, name=name, ours=ours))
     for station in facts.stations:
+        if station.behind:
+            continue  # its HEARTBEATs come through us, and end with ours
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
+        if station.system == ours:
+            then += checklist.HAS_OUR_NUMBER
         found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
+
+
+def check_forwarding(
+    facts: Iterable[VehicleFacts], ports: Sequence[Connection], *, allow_orders: bool, signed: bool
+) -> list[Check]:
+    """Say who is behind `[forward]`, and what they may do.
+
+    Args:
+        facts: What the vehicles said.
+        ports: Where other stations are given the vehicles' frames.
+        allow_orders: Whether their frames go to the vehicles.
+        signed: Whether those must be signed.
+    """
+    if not ports:
+        return []
+    known, subject = tuple(facts), checklist.FORWARD
+    senders = sorted({one.system for fact in known for one in fact.stations if one.behind})
+    who = ", ".join(map(str, senders)) or checklist.NOBODY
+    open_ = [str(port) for port in ports if port.is_on_a_network]
+    line = checklist.FORWARD_ORDERS if allow_orders else checklist.FORWARD_LISTENS
+    if allow_orders and open_ and not signed:
+        line = checklist.FORWARD_OPEN
+    acts = sorted({describe_foreign_system(act) for fact in known for act in fact.acts})
+    return [
+        line.say(subject, ports=", ".join(map(str, ports)), who=who, open=", ".join(open_)),
+        *(checklist.FORWARD_ACT.say(subject, found=found) for found in acts),
+    ]
 
 
 def check_battery_failsafe_settings(facts: VehicleFacts, dialect: Dialect, left_pct: float | None) -> list[Check]:

@@ -17,6 +17,7 @@ from executor.core.interface.messages import (
     ModeChange,
     OrderSeen,
     OwnFailsafe,
+    StationActed,
     StationHeard,
     Wind,
 )
@@ -218,8 +219,8 @@ class LinkState:
     excused_s: float = float("-inf")
     """Until when nothing that is missing is held against it: we did not listen, or it was silent altogether."""
     quality: LinkQuality = field(default_factory=LinkQuality)
-    strangers: frozenset[StationHeard | DoubleHeard] = frozenset()
-    """Other ground stations on its link, and other vehicles with its number."""
+    strangers: frozenset[StationHeard | StationActed | DoubleHeard] = frozenset()
+    """Other ground stations on its link, what is not passed on of theirs, and other vehicles with its number."""
     twins: DuplicateIdWatch = field(default_factory=DuplicateIdWatch)
     """Whether its positions are those of one vehicle."""
 

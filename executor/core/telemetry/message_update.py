@@ -239,7 +239,9 @@ def _apply_link_report(
     """Take what others say about a vehicle, which does not mean that it was heard."""
     known = state.link.quality
     match message:
-        case messages.StationHeard() | messages.DoubleHeard():
+        case messages.StationActed(passed=True):
+            return state  # the crew is told, whatever is known already
+        case messages.StationHeard() | messages.StationActed() | messages.DoubleHeard():
             return state.with_link(strangers=add_foreign_system(state.link.strangers, message))
         case messages.Traffic():
             window_s = context.limits.loss_window_s

@@ -18,6 +18,7 @@ from executor.core.interface.messages import (
     OrderSeen,
     PayloadMessage,
     Radio,
+    StationActed,
     StationHeard,
     StatusText,
     Version,
@@ -98,7 +99,7 @@ def select_component_message(known: AutopilotComponent, component: int, message:
     return ComponentText(component, message.severity, message.text) if isinstance(message, StatusText) else None
 
 
-ForeignSystem = StationHeard | DoubleHeard
+ForeignSystem = StationHeard | StationActed | DoubleHeard
 MOST_NAMED = 8
 """Of each kind: anybody can send in the name of any number of systems."""
 
@@ -115,11 +116,20 @@ def describe_new_foreign_systems(before: frozenset[ForeignSystem], now: frozense
         yield f"{describe_foreign_system(stranger)}{more}"
 
 
+def is_behind_forward(heard: ForeignSystem) -> bool:
+    """Return whether a station is heard through us alone: it is said once, and not of every vehicle."""
+    return isinstance(heard, StationActed) or (isinstance(heard, StationHeard) and heard.behind)
+
+
 def describe_foreign_system(heard: ForeignSystem) -> str:
     """Return who was heard that should not be there."""
     match heard:
-        case StationHeard(system, component):
-            return link.OTHER_STATION.format(system=system, component=component)
+        case StationHeard(system, component, behind):
+            return (link.STATION_BEHIND if behind else link.OTHER_STATION).format(system=system, component=component)
+        case StationActed(0, _, words):
+            return words
+        case StationActed(system, component, words):
+            return link.STATION_WORDS.format(system=system, component=component, words=words)
         case DoubleHeard(system, ()):
             which = link.SYSTEM_ID.format(system=system) if system else link.ITS_SYSTEM_ID
             return link.TWO_VEHICLES.format(which=which)

@@ -69,6 +69,10 @@ def test_signatures_count_and_what_the_site_says_counts_more_than_a_guess() -> N
     assert signed.sum_bytes_s(PX4, 0) - plain.sum_bytes_s(PX4, 0) == pytest.approx(13 * frames_s)
     assert RadioShare(4, bytes_s=10_000.0).choose_step(PX4, on_radio=True) == 0
     assert RadioShare(1, bytes_s=300.0).choose_step(PX4, on_radio=False) > 0
+    assert RadioShare(1, bytes_s=500.0).choose_step(PX4, on_radio=False) < RadioShare(
+        1, bytes_s=500.0, others_bytes_s=100.0
+    ).choose_step(PX4, on_radio=False), "other stations' share is not for streams"
+    assert RadioShare(others_bytes_s=None).find_others_bytes_s(1200.0) == 120.0
     assert RadioShare(4, is_radio=True).choose_step(PX4, on_radio=False) > 0, "a serial port is one, unsaid"
 
 

@@ -15,6 +15,7 @@ from executor.core.interface.messages import (
     Outgoing,
     Position,
     SendCommand,
+    StationActed,
     StationHeard,
     StatusText,
     SystemStatus,
@@ -102,7 +103,10 @@ async def test_another_ground_station_on_the_link_is_noticed() -> None:
     ready = Ready(PX4)
     for after_s in (0.5, 1.5):
         ready.says(StationHeard(254, 190), after_s)
-    assert (await ready.interview()).stations == (StationHeard(254, 190),)
+        ready.says(StationActed(254, 190, "sets RTL_ALT to 3000"), after_s)
+    facts = await ready.interview()
+    assert facts.stations == (StationHeard(254, 190),)
+    assert facts.acts == (StationActed(254, 190, "sets RTL_ALT to 3000"),)
 
 
 async def test_another_vehicle_of_its_number_behind_its_address_is_noticed() -> None:

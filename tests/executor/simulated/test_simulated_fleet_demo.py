@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from executor.simulated.simulated_fleet import build_demo_site, find_free_ports
+import pytest
+
+from executor.simulated.simulated_fleet import build_demo_site, find_free_ports, fleet_of
 from executor.site import site_model
 from executor.site.site_file import check_site
 from missions import default_network_path, read_network
@@ -51,6 +53,14 @@ def test_a_graph_file_is_put_where_the_default_network_is(tmp_path: Path) -> Non
     ground = site_over(network)
     assert ground.network.frame == read_network(default_network_path()).frame
     assert len(ground.network.segments) == 1
+
+
+@pytest.mark.parametrize(("ours", "other"), [(255, 254), (254, 253), (7, 254)])
+def test_simulated_vehicles_watch_our_own_number_and_another_station_has_another(ours: int, other: int) -> None:
+    content = build_demo_site(network=None, radius_m=700, vehicles=2, speedup=10, autopilot="ardupilot", flat=False)
+    ground = site_model.load_site_model(check_site(content | {"link": {"station_sysid": ours}}, "demo"), Path())
+    fleet = fleet_of(ground, speedup=10, faults=(), seed=0, wind=1.0, failsafe=True)
+    assert [(one.parameters["MAV_GCS_SYSID"], one.other_station) for one in fleet.vehicles] == [(ours, other)] * 2
 
 
 def test_the_ports_of_a_fleet_are_none_that_the_system_chooses() -> None:

@@ -97,7 +97,8 @@ class Loaded:
         waits = (flight.connect_timeout_s, flight.ready_timeout_s, flight.speedup, flight.solve_s)
         ca_file = None if site.mqtt is None else site.mqtt.ca_file
         return as_text((
-            mqtt, ca_file, links, waits, read_signing_key(site, self.folder), site.link.senders, site.web,
+            mqtt, ca_file, links, waits, read_signing_key(site, self.folder), site.link.senders, site.link.station,
+            site.forward, site.web,
         ))  # fmt: skip
 
     @property
@@ -387,6 +388,7 @@ FENCE = (("fence", {"enabled": True}),)
 LEARNED = (("learned", {"logs": 1, "minutes": 10.0}),)
 FIGURE = {"mean": 9.0, "sd": 1.0, "samples": 4}
 LEVEL = {"speed_m_s": 5.0, "current_a": FIGURE}
+STATION = "udpout://127.0.0.1:14590"
 RADIO = {"system": 51, "component": 68}
 QUIET = (("day.quiet", [{"begin": "08:00", "end": "08:30"}]),)
 ROAD = (
@@ -443,9 +445,11 @@ KEYS: dict[str, tuple[Changes, object]] = {
     **_of_table("fence", FENCE, enabled=False, margin_m=40.0, height_margin_m=20.0, action="return", rally="keep"),
     "signing.key_file": ((("signing", {"key_env": "KEY"}),), "key.txt"),
     "signing.key_env": ((("signing", {"key_file": "key.txt"}),), "KEY"),
-    **_of_table("link", (), bytes_s=900.0, one_radio=True),
+    **_of_table("link", (), station_sysid=254, bytes_s=900.0, one_radio=True),
     "link.radios": ((), [RADIO]),
     **_of_table("link.radios[0]", (("link", {"radios": [RADIO]}),), system=52, component=69),
+    **_of_table("forward", (("forward", {"to": [STATION]}),), to=["tcpin://127.0.0.1:5761"], allow_orders=True),
+    "forward.bytes_s": ((("forward", {"to": [STATION], "allow_orders": True}),), 100.0),
     **_of_table("mqtt", MQTT, host="localhost", port=1884, prefix="line", telemetry_rate_hz=2.0, tls=True,
                 username_env="CREW", token_env="TOKEN", intent_max_age_s=5.0),  # noqa: S106 - a variable's name
     "mqtt.ca_file": ((("mqtt", {"tls": True}),), "ca.pem"),

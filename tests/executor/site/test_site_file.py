@@ -293,6 +293,57 @@ def test_a_radio_that_cannot_be(radios: list[dict[str, int]], why: str) -> None:
     assert "\n" not in said
 
 
+@pytest.mark.parametrize(
+    ("ours", "why"),
+    [
+        (0, "link.station_sysid: expected greater than or equal to 1, got 0"),
+        (256, "link.station_sysid: expected less than or equal to 255, got 256"),
+        (2, "link.station_sysid: expected a number that no vehicle has, got 2, the sysid of vehicle 'uav2'"),
+    ],
+)
+def test_our_own_number_is_nobody_elses(ours: int, why: str) -> None:
+    two = (vehicle(1), vehicle(2, connection="udpin://127.0.0.1:14552"))
+    assert reason(content(*two, link={"station_sysid": ours})) == why
+    assert check_site(content(*two), "site.toml").link.station == (255, 190)
+    assert check_site(content(*two, link={"station_sysid": 254}), "site.toml").link.station == (254, 190)
+
+
+@pytest.mark.parametrize(
+    ("forward", "why"),
+    [
+        ({"to": ["udpout:127.0.0.1"]}, "forward.to[0]: expected udpin://, udpout://, tcpin:// or tcpout://HOST:PORT"),
+        ({"to": ["tcpin://0.0.0.0:0"]}, "forward.to[0]: expected udpin://, udpout://, tcpin:// or tcpout://HOST:PORT"),
+        (
+            {"to": ["tcpin://0.0.0.0:5760", "tcpin://127.0.0.1:5760"]},
+            "forward.to[1]: expected a port of its own, got 'tcpin://127.0.0.1:5760' again",
+        ),
+        (
+            {"to": ["udpout://127.0.0.1:14551"]},
+            "forward.to[0]: expected a port of its own, got 'udpout://127.0.0.1:14551', that of vehicle 'uav1'",
+        ),
+        ({"allow_orders": True}, "forward.to: expected at least one connection beside allow_orders, got none"),
+        ({"to": [], "bytes_s": -1}, "forward.bytes_s: expected greater than or equal to 0, got -1"),
+        ({"port": 5760}, "forward.port: unknown key"),
+    ],
+)
+def test_a_port_for_other_stations_that_cannot_be(forward: dict[str, object], why: str) -> None:
+    said = reason(content(vehicle(1), forward=forward))
+    assert said.startswith(why)
+    assert "\n" not in said
+
+
+def test_other_stations_get_nothing_unless_the_site_says_so() -> None:
+    assert check_site(content(), "site.toml").forward.ports == ()
+    site = check_site(content(forward={"to": ["tcpin://127.0.0.1:5760"]}), "site.toml")
+    assert [str(port) for port in site.forward.ports] == ["tcpin://127.0.0.1:5760"]
+    assert site.forward.allow_orders is False
+
+
+def test_frames_are_forwarded_of_what_has_frames_alone() -> None:
+    said = reason(content(vehicle(1, backend="mavsdk"), forward={"to": ["tcpin://127.0.0.1:5760"]}))
+    assert said == "vehicle[0].backend: expected 'native' beside [forward], got 'mavsdk', which has no frames"
+
+
 def test_a_key_comes_from_a_file_or_from_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     digits = "0f" * 32
     (tmp_path / "key").write_text(f"{digits}\n")

@@ -376,6 +376,31 @@ def test_an_order_under_our_own_number_may_be_a_routers_echo() -> None:
     assert found == [OrderSeen(176, 6, None, 7), OrderSeen(20, None, None, 7)]
 
 
+def test_with_a_number_of_our_own_nobody_elses_order_is_taken_for_ours() -> None:
+    codec, other = MavlinkCodec(station=(254, 190)), mav.MAVLink(None, srcSystem=255, srcComponent=190)
+    orders = (
+        mav.MAVLink_set_mode_message(7, 1, 6).pack(other),
+        mav.MAVLink_command_ack_message(176, 0, 0, 0, 255, 190).pack(Vehicle().mav),
+        mav.MAVLink_command_ack_message(400, 0, 0, 0, 254, 190).pack(Vehicle().mav),
+    )
+    found = [(received.message, *received.more) for order in orders for received in codec.decode(bytes(order))]
+    assert found == [
+        (OrderSeen(176, 6, 255, 7),),
+        (OrderSeen(176, None, 255, 7),),
+        (CommandAck(400, 0), OrderSeen(400, None, None, 7)),
+    ]
+    [parsed] = mav.MAVLink(None).parse_buffer(codec.encode(SendHeartbeat(), 7, 1))
+    assert (parsed.get_srcSystem(), parsed.get_srcComponent()) == (254, 190)
+
+
+def test_our_own_heartbeat_that_comes_back_is_no_other_station() -> None:
+    codec, twin = MavlinkCodec(), mav.MAVLink(None, srcSystem=255, srcComponent=190)
+    ours = [codec.encode(SendHeartbeat(), 7, 1) for _ in range(5)]
+    assert [received.message for frame in ours for received in codec.decode(frame)] == [None] * 5
+    theirs = bytes(mav.MAVLink_heartbeat_message(6, mav.MAV_AUTOPILOT_INVALID, 192, 0, 4, 3).pack(twin))
+    assert [received.message for received in codec.decode(theirs)] == [StationHeard(255, 190)]
+
+
 def test_the_modes_of_px4_have_two_numbers() -> None:
     codec, other = MavlinkCodec(), mav.MAVLink(None, srcSystem=254, srcComponent=190)
     codec.autopilots[7] = mav.MAV_AUTOPILOT_PX4

@@ -21,6 +21,7 @@ from executor.core.interface.messages import (
     ComponentText,
     Heartbeat,
     Message,
+    MissionCount,
     MissionItemInt,
     ParamRefused,
     ParamValue,
@@ -80,11 +81,11 @@ class Air:
 
 
 @asynccontextmanager
-async def found(log: Frames | None = None) -> AsyncIterator[Air]:
+async def found(log: Frames | None = None, codec: MavlinkCodec | None = None) -> AsyncIterator[Air]:
     port = free_port()
     order = LinkRequest(parse_connection(f"udpin://127.0.0.1:{port}"), 7, (log or Frames()).write)
     with socket_on_loopback() as plug:
-        async with open_mavsdk_links({"uav1": order}, MavlinkCodec()) as links:
+        async with open_mavsdk_links({"uav1": order}, codec or MavlinkCodec()) as links:
             air = Air(links["uav1"], plug, port)
             async with asyncio.timeout(PATIENCE_S):
                 while not air.link.is_found:
@@ -92,6 +93,13 @@ async def found(log: Frames | None = None) -> AsyncIterator[Air]:
                     await asyncio.sleep(0.02)
             await air.passed(BEAT)
             yield air
+
+
+async def test_we_speak_under_a_number_of_our_own() -> None:
+    async with found(codec=MavlinkCodec(station=(254, 190))) as air:
+        air.link.send(MissionCount(3))
+        sent = [await air.hear("MISSION_COUNT"), await air.hear("HEARTBEAT")]
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in sent} == {(254, 190)}
 
 
 async def test_numbers_come_through_exactly() -> None:

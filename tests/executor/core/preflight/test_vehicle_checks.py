@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from executor.core.interface.codes import Check, Severity
-from executor.core.interface.connection import parse_connection
-from executor.core.interface.messages import Heartbeat, Position, StationHeard, SystemStatus, Version
+from executor.core.interface.connection import Connection, parse_connection
+from executor.core.interface.messages import Heartbeat, Position, StationActed, StationHeard, SystemStatus, Version
 from executor.core.preflight import onboard_failsafes
 from executor.core.preflight import vehicle_checks as checks
 from executor.core.preflight.onboard_failsafes import Parameters
@@ -190,6 +190,56 @@ def test_a_failsafe_that_waits_for_another_station_does_not_watch_us() -> None:
         assert check.severity is Severity.WARNING
         assert "watches system 252" in check.text
         assert "ours is 255" in check.text
+
+
+def test_a_failsafe_that_waits_for_our_own_number_watches_us_whichever_it_is() -> None:
+    assert checks.check_ground_stations(said(MAV_GCS_SYSID=254.0), ARDUPILOT, 254) == []
+    [check] = checks.check_ground_stations(said(MAV_GCS_SYSID=255.0), ARDUPILOT, 254)
+    assert check.text.endswith("; set MAV_GCS_SYSID to 254, or link.station_sysid to 255")
+
+
+PORTS = [parse_connection(text) for text in ("udpout://127.0.0.1:14550", "tcpin://0.0.0.0:5760")]
+
+
+def test_without_a_port_for_other_stations_nothing_is_said_of_them() -> None:
+    assert checks.check_forwarding([said(PX4)], [], allow_orders=False, signed=False) == []
+
+
+@pytest.mark.parametrize(
+    ("ports", "allow", "signed", "severity", "words"),
+    [
+        (PORTS, False, False, Severity.OK, "stations may not order"),
+        (PORTS[:1], True, False, Severity.OK, "stations may order"),
+        (PORTS, True, True, Severity.OK, "stations may order"),
+        (PORTS, True, False, Severity.WARNING, "who reaches tcpin://0.0.0.0:5760 can command all vehicles"),
+    ],
+)
+def test_who_is_behind_our_ports_is_one_line(
+    ports: list[Connection], allow: bool, signed: bool, severity: Severity, words: str
+) -> None:
+    heard = replace(said(PX4), stations=(StationHeard(255, 190, behind=True), StationHeard(250, 1, behind=True)))
+    [check] = checks.check_forwarding([said(PX4), heard], ports, allow_orders=allow, signed=signed)
+    assert (check.severity, check.subject) == (severity, "[forward]")
+    assert words in check.text
+    assert check.text.endswith("heard: 250, 255")
+    [nobody] = checks.check_forwarding([said(PX4)], ports, allow_orders=allow, signed=signed)
+    assert nobody.text.endswith("heard: nobody yet")
+
+
+def test_a_station_behind_us_hides_nothing_and_what_it_does_before_the_flight_is_a_warning() -> None:
+    act = StationActed(255, 190, "sets RTL_ALT to 3000")
+    facts = replace(said(PX4), stations=(StationHeard(255, 190, behind=True),), acts=(act,))
+    assert checks.check_ground_stations(facts, PX4) == []
+    _, warned = checks.check_forwarding([facts, facts], PORTS, allow_orders=True, signed=True)
+    assert warned.severity is Severity.WARNING
+    assert warned.text == "the ground station of system 255 component 190 sets RTL_ALT to 3000"
+
+
+@pytest.mark.parametrize(("ours", "like_ours"), [(255, True), (254, False)])
+def test_a_station_with_our_own_number_is_named_with_what_to_do(ours: int, like_ours: bool) -> None:
+    facts = replace(said(PX4), stations=(StationHeard(255, 190),))
+    [check] = checks.check_ground_stations(facts, PX4, ours)
+    assert ("set link.station_sysid to a number of our own" in check.text) is like_ours
 
 
 @pytest.mark.parametrize(

@@ -195,7 +195,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 (
                     "warning: its GCS failsafe watches system 254 (SYSID_MYGCS), ours is 255: it will not act when "
-                    "we are lost"
+                    "we are lost; set SYSID_MYGCS to 255, or link.station_sysid to 254"
                 )
             ],
             [
@@ -204,7 +204,10 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             ],
             [
                 f"warning: {OTHER.format(3)}: it may command the vehicle too",
-                f"warning: {OTHER.format(255)}: its HEARTBEATs would hide the loss of ours",
+                (
+                    f"warning: {OTHER.format(255)}: its HEARTBEATs would hide the loss of ours, and its orders look "
+                    "like ours; set link.station_sysid to a number of our own, such as 254"
+                ),
             ],
         ],
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from executor.core import fleet_step
 from executor.core.interface.commands import Level, Say
 from executor.core.interface.events import Heard, Tick
-from executor.core.interface.messages import ComponentText, DoubleHeard, StationHeard, StatusText
+from executor.core.interface.messages import ComponentText, DoubleHeard, StationActed, StationHeard, StatusText
 from executor.core.telemetry.status_texts import MOST_LINES, WINDOW_S, TextRank
 from executor.core.telemetry.vehicle_identity import MOST_NAMED
 from tests.executor.builders import with_facts
@@ -104,6 +104,41 @@ def test_two_hundred_strangers_are_a_few_lines_and_no_room_is_taken_from_a_secon
     assert len(flight.state.vehicles["uav1"].link.strangers) == MOST_NAMED
     flight.happen(Heard("uav1", DoubleHeard(1, ("A", "B"))))
     assert "uav1: sysid 1 is used at A and B: duplicate system id" in flight.said()
+
+
+def behind(flight: Story) -> list[str]:
+    return [line for line in flight.said() if line.startswith("[forward]")]
+
+
+def test_who_is_behind_all_vehicles_is_told_once_and_so_is_what_is_not_passed_on() -> None:
+    flight = story()
+    refused = StationActed(255, 190, "asks for streams: not passed on", passed=False)
+    for vehicle in ("uav1", "uav2", "uav1"):
+        flight.happen(Heard(vehicle, StationHeard(255, 190, behind=True)))
+        flight.happen(Heard(vehicle, refused))
+    assert behind(flight) == [
+        "[forward]: ground station heard, system 255 component 190",
+        "[forward]: the ground station of system 255 component 190 asks for streams: not passed on",
+    ]
+    assert strangers(flight) == []
+
+
+def test_what_a_station_does_to_a_vehicle_is_told_of_that_vehicle_each_time() -> None:
+    flight = story()
+    for _ in range(2):
+        flight.happen(Heard("uav2", StationActed(255, 190, "sets RTL_ALT to 3000")))
+    flight.happen(Heard("uav1", StationActed(0, 0, "tcpout://127.0.0.1:5760 is lost; it is opened again")))
+    assert [line for line in flight.said() if "ground station of" in line] == [
+        "uav2: the ground station of system 255 component 190 sets RTL_ALT to 3000"
+    ] * 2
+    assert behind(flight) == ["[forward]: tcpout://127.0.0.1:5760 is lost; it is opened again"]
+
+
+def test_what_a_station_does_is_no_sign_of_life_of_its_vehicle() -> None:
+    flight = story()
+    before = flight.state.vehicles["uav1"]
+    flight.happen(Heard("uav1", StationActed(255, 190, "sets RTL_ALT to 3000")))
+    assert flight.state.vehicles["uav1"].link == before.link
 
 
 def test_a_dozen_important_lines_half_of_that_warnings_and_three_of_other_components() -> None:

@@ -1,0 +1,325 @@
+"""Other ground stations beside us: frames of the vehicles go to them, and theirs to the vehicles where that is allowed.
+
+Their ports are endpoints like those of vehicles. What they send to a vehicle is heard here as on its own link: an order
+is attributed to its station.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+from executor.adapters.mavlink import frame_layout
+from executor.adapters.mavlink.codec import DecodedFrame, MavlinkCodec, Sender, name_command, target_of
+from executor.adapters.mavlink.endpoints import Router, VehicleLink, Write, describe_open_error, open_endpoint
+from executor.adapters.mavlink.frame_layout import LinkSigning
+from executor.adapters.mavlink.message_readers import Frame
+from executor.core.formatting import escape_controls, format_count
+from executor.core.forwarding import (
+    HEARTBEAT,
+    Allowance,
+    Bucket,
+    ForwardRules,
+    StationFrame,
+    fill_bucket,
+    make_allowance,
+)
+from executor.core.interface import messages
+from executor.core.interface.connection import Connection, Scheme
+from executor.core.interface.ports import Keyring
+from executor.core.lines import link
+from executor.core.radio_budget import ALONE, RadioShare
+from executor.errors import ConnectionFailed
+from executor.supervised import call_safely, run_beside
+from missions import MissionKind
+
+FIRST_LINK_ID = 128
+"""Of signatures: the vehicles' own links count from 0."""
+GONE_S = 30.0
+"""A station that calls us by UDP and was silent for so long is not sent anything more."""
+MOST_STATIONS, MOST_CHANNELS = 32, 200
+SAME_S = 10.0
+"""What a station does again and again is told once in this time."""
+TOLD_HZ, TOLD_AT_ONCE = 0.1, 6.0
+"""Lines about one station: one that sets a thousand parameters is a few lines."""
+AGAIN_S = 5.0
+"""Real seconds between two attempts to open a port."""
+LISTS = {
+    int(MissionKind.MISSION): "a mission", int(MissionKind.FENCE): "a fence", int(MissionKind.RALLY): "rally points",
+}  # fmt: skip
+STEERING = frozenset({"RC_CHANNELS_OVERRIDE", "MANUAL_CONTROL", "SET_ATTITUDE_TARGET"})
+ASKS = ("MAV_CMD_REQUEST_", "MAV_CMD_GET_", "MAV_CMD_SET_MESSAGE_INTERVAL", "MAV_CMD_RUN_PREARM_CHECKS")
+
+
+def read_station_frame(codec: MavlinkCodec, raw: bytes) -> StationFrame:
+    """Return what the rules go by, of a whole frame."""
+    frame = codec.parse_whole(raw)
+    system = 3 if raw[0] == frame_layout.V1 else 5
+    target = getattr(frame, "target", 0) if frame.get_type() == "MANUAL_CONTROL" else target_of(raw)
+    return StationFrame(
+        raw[system], raw[system + 1], frame_layout.message_id_of(raw), len(raw), target,
+        frame.command if frame.get_type() in {"COMMAND_LONG", "COMMAND_INT"} else None,
+        describe_act(frame, codec.autopilots.get(target)),
+    )  # fmt: skip
+
+
+def describe_act(frame: Frame, autopilot: int | None) -> str:  # noqa: PLR0911 - one line for each kind
+    """Return in words what a frame changes on board; empty if nothing."""
+    match frame.get_type():
+        case "PARAM_SET":
+            value = frame_layout.from_wire(frame.param_value, frame.param_type, autopilot)
+            return link.SETS.format(name=escape_controls(frame.param_id), value=value)
+        case "MISSION_COUNT" | "MISSION_CLEAR_ALL" as kind:
+            named = LISTS.get(frame.mission_type, "all lists")
+            if kind == "MISSION_CLEAR_ALL":
+                return link.CLEARS.format(list=named)
+            return link.UPLOADS.format(list=named, count=format_count(frame.count, "item"))
+        case "MISSION_SET_CURRENT":
+            return link.MOVES_MISSION.format(seq=frame.seq)
+        case "MISSION_WRITE_PARTIAL_LIST":
+            return link.CHANGES_ITEMS.format(first=frame.start_index, last=frame.end_index)
+        case "SET_MODE":
+            return link.ORDERS_MODE.format(mode=frame.custom_mode)
+        case "COMMAND_LONG" | "COMMAND_INT":
+            name = name_command(frame.command)
+            return "" if name.startswith(ASKS) else link.SENDS_COMMAND.format(command=name)
+        case kind if kind in STEERING or kind.startswith("SET_POSITION_TARGET"):
+            return link.STEERS
+        case _:
+            return ""
+
+
+@dataclass(eq=False, slots=True)
+class _Peer:
+    """One way to stations."""
+
+    calls_us: bool
+    heard_s: float
+    stations: set[int] = field(default_factory=set)
+    """Systems that speak from there."""
+
+
+@dataclass(eq=False, repr=False)
+class Forwarder:
+    """Passes frames between vehicles and stations; all times are those of `now_s`, in seconds."""
+
+    rules: ForwardRules
+    now_s: Callable[[], float]
+    shares: Mapping[int, RadioShare] = field(default_factory=dict)
+    """What each vehicle has of its radio, by its system."""
+    is_busy: Callable[[VehicleLink], bool] = lambda _: False
+    """Whether a transfer of ours is under way on its channel."""
+    links: dict[int, VehicleLink] = field(default_factory=dict)
+    """Of the vehicles, by their systems, once they are open."""
+    _peers: dict[Write, _Peer] = field(default_factory=dict)
+    _on_radio: set[int] = field(default_factory=set)
+    """Vehicles behind a radio that reports itself."""
+    autopilots: dict[int, int] = field(default_factory=dict)
+    """MAV_AUTOPILOT of vehicles, by their systems."""
+    _allowances: dict[object, tuple[float | None, Allowance]] = field(default_factory=dict)
+    """Of each channel, with the share that it was made for."""
+    _told_s: dict[tuple[object, ...], float] = field(default_factory=dict)
+    _lines: dict[Sender, Bucket] = field(default_factory=dict)
+    """What may still be told of each station."""
+
+    def tap(self, received: DecodedFrame, about: Collection[int]) -> None:
+        """Hand a frame of a vehicle, or of a radio, on to the stations."""
+        if isinstance(received.message, messages.Radio):
+            self._on_radio.update(about)
+        elif isinstance(received.message, messages.Heartbeat):
+            self.autopilots[received.sysid] = received.message.autopilot
+        if not self._peers:
+            return
+        target, now_s = target_of(received.frame), self.now_s()
+        for write, peer in tuple(self._peers.items()):
+            if peer.calls_us and now_s - peer.heard_s > GONE_S:
+                del self._peers[write]
+            elif self.rules.is_for_station(target, peer.stations):
+                call_safely("handing a frame on", write, received.frame)
+
+    def add_peer(self, write: Write, *, calls_us: bool) -> _Peer:
+        """Note where a station is."""
+        known = self._peers
+        if write not in known and len(known) >= MOST_STATIONS:
+            del known[min(known, key=lambda one: (not known[one].calls_us, known[one].heard_s))]
+        return self._peers.setdefault(write, _Peer(calls_us, self.now_s()))
+
+    def remove_peer(self, write: Write) -> None:
+        """Note that nobody is there any more."""
+        self._peers.pop(write, None)
+
+    def take(self, codec: MavlinkCodec, received: DecodedFrame, write: Write) -> None:
+        """Take a frame of a station."""
+        peer = self._peers.get(write) or self.add_peer(write, calls_us=True)
+        peer.heard_s = self.now_s()
+        frame = read_station_frame(codec, received.frame)
+        if frame.system not in self.rules.vehicles and len(peer.stations) < MOST_STATIONS:
+            peer.stations.add(frame.system)
+        why = self.rules.find_refusal(frame, signed=received.refused is None)
+        if why:
+            if frame.number != HEARTBEAT:
+                self._tell(frame, why, passed=False)
+            elif self._admit(frame, None):
+                self._hear(received, self.rules.vehicles)
+            return
+        reached = self._pass_on(frame, received.frame)
+        self._hear(received, reached)
+        if frame.does:
+            for sysid in sorted(reached):
+                self._tell(frame, frame.does, sysid)
+
+    def _pass_on(self, frame: StationFrame, raw: bytes) -> set[int]:
+        """Send a frame to whom it is for, once over each channel; returns the vehicles that it goes to."""
+        reached, sent = set[int](), dict[object, bool]()
+        for sysid in sorted(self.rules.select_targets(frame)):
+            vehicle = self.links.get(sysid)
+            if vehicle is None or vehicle.peer is None:
+                continue
+            if vehicle.peer not in sent:
+                sent[vehicle.peer] = self._admit(frame, vehicle)
+                if sent[vehicle.peer]:
+                    vehicle.send_frame(raw, to_all=frame.target == 0)
+            if sent[vehicle.peer]:
+                reached.add(sysid)
+        return reached
+
+    def _admit(self, frame: StationFrame, vehicle: VehicleLink | None) -> bool:
+        """Return whether a channel has room for a frame; without a vehicle, whether it is time to hear it here."""
+        share = ALONE if vehicle is None else self.shares.get(vehicle.sysid, ALONE)
+        carries = share.find_capacity_bytes_s(on_radio=vehicle is not None and vehicle.sysid in self._on_radio)
+        theirs, channel = None if carries is None else share.find_others_bytes_s(carries), vehicle and vehicle.peer
+        if len(self._allowances) > MOST_CHANNELS:
+            self._allowances.clear()
+        known = self._allowances.get(channel)
+        allowance = make_allowance(theirs) if known is None or known[0] != theirs else known[1]
+        after, why = allowance.admit(frame, self.now_s(), busy=vehicle is not None and self.is_busy(vehicle))
+        self._allowances[channel] = theirs, after
+        if why:
+            self._tell(frame, why, passed=False)
+        return why is None
+
+    def _hear(self, received: DecodedFrame, sysids: Iterable[int]) -> None:
+        """Let vehicles' links hear what was said to them, as if it had come over them."""
+        message = received.message
+        if isinstance(message, messages.StationHeard):
+            message = replace(message, behind=True)
+        for sysid in sysids:
+            if sysid in self.links:
+                self.links[sysid].receive_foreign(replace(received, message=message))
+
+    def report(self, words: str, *, still: bool = False) -> None:
+        """Tell the crew what became of a port; once if it is `still` so."""
+        for vehicle in tuple(self.links.values())[:1]:
+            vehicle.hear(messages.StationActed(0, 0, words, passed=not still))
+
+    def _tell(self, frame: StationFrame, words: str, sysid: int | None = None, *, passed: bool = True) -> None:
+        """Tell the crew what a station does to a vehicle, or why it may not."""
+        key, now_s = (frame.sender, words, sysid), self.now_s()
+        if now_s - self._told_s.get(key, -SAME_S) < SAME_S:
+            return
+        if frame.sender not in self._lines and len(self._lines) >= MOST_STATIONS:
+            return
+        bucket = self._lines.setdefault(frame.sender, fill_bucket(TOLD_HZ, TOLD_AT_ONCE))
+        if passed:
+            left = bucket.take(1.0, now_s)
+            if left is None:
+                return
+            self._lines[frame.sender] = left
+            words += link.OTHERS_NOT_LISTED if left.left < 1.0 else ""
+        self._told_s = {one: at_s for one, at_s in self._told_s.items() if now_s - at_s < SAME_S} | {key: now_s}
+        to = self.links.get(min(self.links, default=0) if sysid is None else sysid)
+        if to is not None:
+            to.hear(messages.StationActed(*frame.sender, words, passed))
+
+
+class StationPort(Router):
+    """A port where other stations are: what comes goes to the forwarder."""
+
+    def __init__(self, forwarder: Forwarder, codec: MavlinkCodec, connection: Connection) -> None:
+        """Make one for a connection."""
+        super().__init__((), codec)
+        self._forwarder, self._connection, self._lost = forwarder, connection, False
+        self._way: Write | None = None
+        """To the other end, where there is but one."""
+
+    def route_frames(self, frames: Iterable[DecodedFrame], write: Write, source: str = "") -> None:  # noqa: ARG002
+        """Take what a station says."""
+        self.codec.autopilots.update(self._forwarder.autopilots)  # before they are read: modes have their numbers
+        for received in frames:
+            self._forwarder.take(self.codec, received, self._way or write)
+
+    def accept(self, write: Write) -> None:
+        """Note that a station has called: it may never say anything."""
+        self._forwarder.add_peer(write, calls_us=False)
+
+    def connect_all(self, write: Write) -> None:
+        """Note that what vehicles say goes to the other end."""
+        self._way = write
+        self._forwarder.add_peer(write, calls_us=False)
+        if self._lost:
+            self._forwarder.report(link.PORT_OPENED.format(port=self._connection))
+        self._lost = False
+
+    def disconnect(self, write: Write) -> None:
+        """Note that nobody is reached with `write` any more."""
+        self._forwarder.remove_peer(write)
+        self._way = None
+        if self._connection.scheme in {Scheme.TCP_OUT, Scheme.SERIAL}:
+            self._lost = True
+            self._forwarder.report(link.PORT_LOST.format(port=self._connection))
+
+
+@asynccontextmanager
+async def open_station_ports(
+    forwarder: Forwarder,
+    ports: Sequence[Connection],
+    keyring: Keyring | None = None,
+    station: Sender = messages.GROUND_STATION,
+    *,
+    strict: bool = True,
+) -> AsyncIterator[None]:
+    """Keep the ports of other stations open inside the block.
+
+    Args:
+        forwarder: What passes frames on.
+        ports: Where stations are.
+        keyring: What stations' frames must be signed with to be passed on.
+        station: Our own system and component.
+        strict: Whether a port that cannot be opened at once is an error; else it is tried again, and told.
+
+    Raises:
+        ConnectionFailed: a port cannot be opened.
+    """
+    async with AsyncExitStack() as stack:
+        for number, connection in enumerate(ports, start=FIRST_LINK_ID):
+            signing = None if keyring is None else LinkSigning(keyring.key, number, keyring.unix_s)
+            port = StationPort(forwarder, MavlinkCodec(signing, station=station), connection)
+            try:
+                await open_endpoint(connection, port, stack)
+            except (OSError, ValueError) as error:
+                if strict:
+                    raise ConnectionFailed(f"forward.to: {_describe_failure(connection, error)}") from error
+                opening = run_beside(f"opening {connection}", partial(_keep_opening, forwarder, connection, port))
+                await stack.enter_async_context(opening)
+        yield
+
+
+async def _keep_opening(forwarder: Forwarder, connection: Connection, port: StationPort) -> None:
+    """Open a port that could not be opened, and keep it open."""
+    while True:
+        await asyncio.sleep(AGAIN_S)
+        async with AsyncExitStack() as stack:
+            try:
+                await open_endpoint(connection, port, stack)
+            except (OSError, ValueError) as error:
+                forwarder.report(_describe_failure(connection, error), still=True)
+                continue
+            forwarder.report(link.PORT_OPENED.format(port=connection))
+            await asyncio.Event().wait()
+
+
+def _describe_failure(connection: Connection, error: Exception) -> str:
+    return f"{connection}: cannot be opened: {describe_open_error(error)}"
