@@ -48,6 +48,7 @@ SIGNAL_LOW = "signal {margin_db:.0f} dB over noise {end}"
 AT_CAPACITY = "it carries all that it can"
 ROUND_TRIP_GROWN = "answers take {trip_s:.1f} s"
 LOST_WITH_ROOM = "frames are lost though it has room"
+LOST_WITH_SIGNAL = "frames are lost though it has room and signal; is its firmware new?"
 
 OTHER_STATION = "another ground station is on its link, system {system} component {component}"
 TWO_VEHICLES = "two vehicles use {which}: their telemetry is mixed, and both would follow commands"

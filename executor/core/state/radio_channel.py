@@ -142,7 +142,8 @@ def judge_channel(found: ChannelMeasures) -> tuple[ChannelCode, str] | None:
         return ChannelCode.AT_CAPACITY, link.AT_CAPACITY
     if found.grown:
         return ChannelCode.ROUND_TRIP_GROWN, link.ROUND_TRIP_GROWN.format(trip_s=found.round_trip_s)
-    return (ChannelCode.FRAMES_LOST, link.LOST_WITH_ROOM) if lost >= WEAK_LOST else None
+    words = link.LOST_WITH_SIGNAL if list_margins(found.radio) else link.LOST_WITH_ROOM
+    return (ChannelCode.FRAMES_LOST, words) if lost >= WEAK_LOST else None
 
 
 def list_margins(radio: Radio | None) -> list[tuple[str, int]]:
