@@ -292,6 +292,8 @@ async def _run_to_end(machine: M, link: Link, channel: Channel, clock: Clock, pa
             patience.begin()
             while True:
                 _send_all(link, send)
+                if send:
+                    channel.note_sent()
                 if machine.outcome is not None:
                     return machine
                 heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)

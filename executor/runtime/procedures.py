@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
-from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
+from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendCommand, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.core.radio_budget import HEARTBEAT
+from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
@@ -517,7 +517,28 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
             return ended
 
 
-HEARTBEAT_HZ = 1.0
+async def send_to_streams(
+    link: Link, clock: Clock, messages: Iterable[int], build: Callable[[int], SendCommand]
+) -> str:
+    """Give a command for each of some messages; returns why none was taken, if the vehicle does not answer."""
+    silent = ""
+    for message in messages:
+        done = await send_order(link, clock, CommandDialogue(build(message), "stream"))
+        silent = done.reason if done.lost else ""
+    return silent
+
+
+async def is_stream_on(link: Link, clock: Clock, message: int) -> bool | None:
+    """Return whether a vehicle sends a message by itself; None where it does not say so."""
+    told: list[bool] = []
+
+    def note(heard: Message) -> None:
+        if isinstance(heard, MessageInterval) and heard.message == message:
+            told.append(heard.sent)
+
+    with listen_to(link, note):
+        await send_order(link, clock, CommandDialogue(vehicle_commands.ask_interval(message), "stream"))
+    return told[-1] if told else None
 
 
 async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:

@@ -378,10 +378,10 @@ def link_timeout_s(site: Site, dialect: missions.Dialect, own: LinkFailsafe | No
 def radio_share_of(site: Site, name: str) -> RadioShare:
     """Return what a vehicle has of the radio that it is behind: those with the same connection share one."""
     links = {table.name: table.link for table in site.vehicle}
-    beside = sum(site.link.one_radio or link == links[name] for link in links.values())
+    names = tuple(other for other, link in links.items() if site.link.one_radio or link == links[name])
     is_radio = site.link.one_radio or links[name].scheme is Scheme.SERIAL
     others_bytes_s = site.forward.bytes_s if site.forward.allow_orders else 0.0
-    return RadioShare(beside, site.link.bytes_s, site.signing is not None, is_radio, others_bytes_s)
+    return RadioShare(len(names), site.link.bytes_s, site.signing is not None, is_radio, others_bytes_s, names)
 
 
 def build_limits(site: Site) -> Limits:

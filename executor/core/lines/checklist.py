@@ -143,6 +143,7 @@ RADIO_THINNED = ChecklistLine(
 RADIO_FULL = ChecklistLine(
     WARNING, CheckCode.RADIO, RADIO.words + ": too slow for {vehicles} vehicles, it carries {fits}"
 )
+NO_ROOM = "the radio has no room for them"
 DISK = ChecklistLine(
     OK, CheckCode.DISK, "{free_gb:.1f} GB free, the record of a flight like this takes about {needed_mb:.0f} MB"
 )
