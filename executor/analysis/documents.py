@@ -202,6 +202,26 @@ class AbsenceRow(Document):
     restarted: YesNo
 
 
+class RadioRow(Document):
+    """What a telemetry radio carried, from the order to take off on."""
+
+    vehicles: tuple[str, ...]
+    """That were behind it."""
+    bytes_s: Number
+    """In the mean, both ways."""
+    most_bytes_s: Number
+    capacity_bytes_s: Number
+    """What it carries, as the site says or as is supposed."""
+    round_trip_s: Number | None = None
+    """The longest that was measured."""
+    lost: Number
+    """Share of frames, in the mean."""
+    congested_s: Tenths
+    weak_s: Tenths
+    positions_hz: Number
+    """How often its vehicles were asked to say where they are, where streams were thinned most."""
+
+
 class InspectionRow(Document):
     """How a segment was flown."""
 
@@ -364,6 +384,8 @@ class FlightReport(Document):
     heights: HeightsPart | None = None
     absences: tuple[AbsenceRow, ...] = ()
     """Times in which the ground station itself was away."""
+    radios: Annotated[tuple[RadioRow, ...], Field(exclude_if=not_)] = ()
+    """Telemetry radios, where there were any."""
     seen: tuple[SeenRow, ...] = ()
     """What assets asked of cameras."""
     inferred: tuple[Whole, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from types import MappingProxyType
@@ -10,10 +10,12 @@ from types import MappingProxyType
 from executor.analysis import documents
 from executor.core.context import Context
 from executor.core.fleet_view import position_view, vehicle_state_word
+from executor.core.inflight.channel_watch import list_channels
 from executor.core.interface.codes import Check
 from executor.core.interface.ports import LinkCounts
 from executor.core.preflight import mission_checks
 from executor.core.preflight.vehicle_checks import VehicleFacts
+from executor.core.radio_budget import GLOBAL_POSITION_INT, list_streams_hz
 from executor.core.state.fleet_state import FleetState, ReplanRecord
 from executor.core.state.vehicle_parts import FlownLeg, LegBoundary
 from executor.core.state.vehicle_position import is_home_by_own_estimate, is_over_pad
@@ -203,10 +205,8 @@ def build_report(
         checks=said.checks,
         parameters=tuple(parameters),
         heights=_build_heights(context, state),
-        absences=tuple(
-            documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
-            for absence in state.listening.absences
-        ),
+        absences=tuple(_build_absence_rows(state, began_s)),
+        radios=tuple(_build_radio_rows(context, state)),
         seen=_build_seen_rows(context, state),
         inferred=tuple(sorted(state.coverage.list_inferred_segments())),
         min_separation_m=state.progress.separation_m,
@@ -228,10 +228,34 @@ def build_report(
     )
 
 
+def _build_absence_rows(state: FleetState, began_s: float) -> Iterator[documents.AbsenceRow]:
+    for absence in state.listening.absences:
+        yield documents.AbsenceRow.build_from(absence, until_s=absence.until_s - began_s)
+
+
 def _build_heights(context: Context, state: FleetState) -> documents.HeightsPart:
     boards = (vehicle.assignment.board for vehicle in state.vehicles.values())
     paths = [board.path for board in boards if board is not None]
     return documents.HeightsPart.model_validate(mission_checks.build_heights_document(context.setup, paths))
+
+
+def _build_radio_rows(context: Context, state: FleetState) -> Iterator[documents.RadioRow]:
+    for share in list_channels(context):
+        known = state.channels.get(share.names[0])
+        if known is None or known.totals.seconds <= 0.0:
+            continue
+        totals, dialect = known.totals, context.vehicles[share.names[0]].dialect
+        step = max(totals.most_step, share.choose_step(dialect, on_radio=True))
+        yield documents.RadioRow.build_from(
+            totals,
+            vehicles=share.names,
+            bytes_s=round(totals.bytes / totals.seconds),
+            most_bytes_s=round(totals.most_bytes_s),
+            capacity_bytes_s=share.find_capacity_bytes_s(on_radio=True),
+            round_trip_s=totals.most_round_trip_s,
+            lost=round(totals.lost_s / totals.seconds, 3),
+            positions_hz=list_streams_hz(dialect, step)[GLOBAL_POSITION_INT],
+        )
 
 
 def _build_seen_rows(context: Context, state: FleetState) -> tuple[documents.SeenRow, ...]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from executor.adapters.run_directory import Document
 from executor.adapters.templates import format_value, render_template, write_page
-from executor.analysis.documents import FlightReport, InspectionRow, SeenRow, describe_total_inspected
+from executor.analysis.documents import FlightReport, InspectionRow, RadioRow, SeenRow, describe_total_inspected
 from executor.analysis.flight_record import FlightRecord, find_abandoned_segments
 from executor.core import formatting
 from executor.core.interface.codes import Severity
@@ -94,6 +94,7 @@ def _describe_facts(record: FlightRecord, report: FlightReport) -> str:
     ]
     if report.min_separation_m is not None:
         facts.append(f"any two vehicles stayed at least {format_value(report.min_separation_m)} m apart")
+    facts += [_describe_radio(row) for row in report.radios]
     facts += [together] if (together := describe_total_inspected(report)) else []
     facts += _describe_speeds(report)
     if record.uncovered_segments:
@@ -103,6 +104,18 @@ def _describe_facts(record: FlightRecord, report: FlightReport) -> str:
         facts.append(f"of these, planned for the next sortie: {', '.join(names)}")
     facts += formatting.describe_unreachable(record.never, len(record.never))
     return "; ".join(facts) + ". Times are minutes and seconds since the order to take off (T+)."
+
+
+def _describe_radio(row: RadioRow) -> str:
+    said = [f"{row.bytes_s / 1e3:.1f} of {row.capacity_bytes_s / 1e3:.1f} kB/s on average"]
+    said += [] if row.round_trip_s is None else [f"round trip at most {row.round_trip_s:.1f} s"]
+    said.append(f"{100 * row.lost:.0f} % lost")
+    said += [
+        f"{word} for {time_s:.0f} s"
+        for word, time_s in (("congested", row.congested_s), ("weak", row.weak_s))
+        if time_s
+    ]
+    return f"radio of {', '.join(row.vehicles)}: {', '.join(said)}, positions at {row.positions_hz:g} Hz or more"
 
 
 def _describe_speeds(report: FlightReport) -> list[str]:

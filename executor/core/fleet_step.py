@@ -16,7 +16,7 @@ from executor.core.formatting import format_count
 from executor.core.ground import out_of_service, takeoff_offers, turnaround
 from executor.core.imaging import asset_status
 from executor.core.imaging import camera_faults as faults_of_cameras
-from executor.core.inflight import climb_conflicts, homing, touchdown
+from executor.core.inflight import channel_watch, climb_conflicts, homing, touchdown
 from executor.core.inflight.climb_conflicts import record_separation
 from executor.core.inflight.custody import mode_causes
 from executor.core.inflight.faults import link_loss, warning_rules, watch_view, watchpoints
@@ -299,9 +299,9 @@ def _check_vehicle(context: Context, state: FleetState, name: str, now_s: float)
         state = state.with_crew(told=MappingProxyType({**state.crew.told, name: told}))
     commands.extend(flight.NOT_WELL.say(line=line) for line in lines)
     ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
-    if ours and watch_view.is_stream_request_due(view):
+    if ours and (missing := watch_view.list_streams_to_ask(view)) is not None:
         vehicle = vehicle.with_orders(streams_asked_s=now_s)
-        commands.append(AskStreams(name))
+        commands.append(AskStreams(name, missing))
     if launch.is_mission_read_due(vehicle, now_s):
         vehicle = vehicle.with_assignment(carried=replace(vehicle.assignment.carried, asked_s=now_s))
         commands.append(ReadMission(name))
@@ -495,6 +495,11 @@ PHASES: tuple[TickPhase, ...] = (
         "vehicles", _check_all_vehicles,
         "After the loss of all links: needs to know whether one is silent or all are. Before the re-plan, and all else "
         "that plans or commands: it goes by the stages and faults that are set here.",
+    ),
+    TickPhase(
+        "radios", channel_watch.watch_channels,
+        "After the vehicles: one that its pilot has taken, or that is silent, is asked for nothing, and one that was "
+        "asked just now for what is missing is not asked in the same tick.",
     ),
     TickPhase(
         "pictures", asset_status.judge_pictures,

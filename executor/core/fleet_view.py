@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from executor.core import formatting
@@ -16,11 +16,13 @@ from executor.core.context import Context
 from executor.core.ground import pack_count, turnaround
 from executor.core.ground.takeoff_offers import describe_offer
 from executor.core.imaging import asset_status
-from executor.core.interface.codes import Check
+from executor.core.inflight import channel_watch
+from executor.core.interface.codes import ChannelCode, Check
 from executor.core.interface.messages import Wind
 from executor.core.interface.ports import LinkView
+from executor.core.radio_budget import GLOBAL_POSITION_INT
 from executor.core.replanning.replan_cycle import find_left_over_segments
-from executor.core.state import legs
+from executor.core.state import legs, radio_channel
 from executor.core.state.bases import is_at_closed_base, landing_base_of, place_vehicles
 from executor.core.state.fleet_state import FleetState, OperatorLine, Question
 from executor.core.state.inspection_proof import Track
@@ -227,6 +229,26 @@ class IntentView:
 
 
 @dataclass(frozen=True, slots=True)
+class RadioView:
+    """A telemetry radio, as it was measured in the last seconds with all vehicles behind it."""
+
+    vehicles: tuple[str, ...]
+    state: str
+    """fine, congested or weak."""
+    code: ChannelCode | None
+    """Why; None if it is fine."""
+    text: str
+    """What it carries of what it can, its round trip and its losses, in words."""
+    bytes_s: float
+    capacity_bytes_s: float
+    round_trip_s: float | None
+    lost: float | None
+    """Share of frames; None while they are few."""
+    positions_hz: float
+    """How often its vehicles are asked to say where they are."""
+
+
+@dataclass(frozen=True, slots=True)
 class FleetView:
     """The flight at one moment."""
 
@@ -257,6 +279,8 @@ class FleetView:
     question: Question | None
     """What the crew is asked now, before the flight."""
     offer: OfferView | None
+    radios: tuple[RadioView, ...] = ()
+    """Of vehicles behind telemetry radios, once it is counted what these carry."""
 
 
 LinksNow = Callable[[str], tuple[LinkView, ...]]
@@ -300,7 +324,29 @@ def build_fleet_view(context: Context, state: FleetState, now_s: float, links: L
         offer=None
         if state.crew.offer is None
         else OfferView(state.crew.offer.vehicles, state.crew.offer.segments, describe_offer(context, state.crew.offer)),
+        radios=tuple(_build_radio_views(context, state, now_s)),
     )  # fmt: skip
+
+
+def _build_radio_views(context: Context, state: FleetState, now_s: float) -> Iterator[RadioView]:
+    for share in channel_watch.list_channels(context):
+        vehicles = [state.vehicles[name] for name in share.names]
+        found = radio_channel.measure_channel(share, vehicles, now_s)
+        if found is None:
+            continue
+        known = state.channels.get(share.names[0], radio_channel.ChannelState())
+        streams_hz = radio_channel.choose_streams_hz(context.vehicles[share.names[0]], vehicles[0])
+        yield RadioView(
+            share.names,
+            "fine" if known.told is None else "congested" if known.told.is_congestion else "weak",
+            known.told,
+            radio_channel.describe_figures(found),
+            round(found.bytes_s),
+            round(found.capacity_bytes_s),
+            found.round_trip_s,
+            None if found.lost is None else round(found.lost, 3),
+            streams_hz[GLOBAL_POSITION_INT],
+        )
 
 
 def _list_uncovered(state: FleetState) -> tuple[int, ...]:

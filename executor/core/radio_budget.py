@@ -19,6 +19,8 @@ from missions import Dialect
 HEARTBEAT, SYS_STATUS, GPS_RAW_INT, ATTITUDE = 0, 1, 24, 30
 GLOBAL_POSITION_INT, MISSION_CURRENT, RC_CHANNELS = 33, 42, 65
 BATTERY_STATUS, EXTENDED_SYS_STATE = 147, 245
+HEARTBEAT_HZ = 1.0
+"""It comes unasked, until it does not."""
 STREAMS_HZ: Mapping[int, float] = {
     GLOBAL_POSITION_INT: 5.0,
     SYS_STATUS: 1.0,
@@ -47,9 +49,13 @@ OWN_FACTORS = (1.0, 1.0, 0.5, 0.3)
 FRAME_BYTES: Mapping[int, int] = {
     HEARTBEAT: 21, SYS_STATUS: 43, GPS_RAW_INT: 64, ATTITUDE: 40, GLOBAL_POSITION_INT: 40, MISSION_CURRENT: 30,
     RC_CHANNELS: 54, BATTERY_STATUS: 66, EXTENDED_SYS_STATE: 14, 162: 21, 168: 24, 193: 34, 230: 54, 231: 52,
+    25: 113, 29: 28, 31: 60, 32: 40, 36: 49, 49: 32, 74: 32, 83: 49, 85: 63, 87: 63, 141: 44, 290: 58, 291: 69, 380: 32,
 }  # fmt: skip
 """Of each message at most, with the 12 bytes around it (common.xml, ardupilotmega.xml)."""
 SIGNATURE_BYTES = 13
+FULL_PCT = 33
+"""Of a radio's buffer less is free: what is asked now waits in it for longer than an answer takes (ArduPilot sends no
+parameters from there on)."""
 USUAL_BYTES_S = 1200.0
 """What the slowest telemetry radio that is in use carries without losing any of it: SiK at 64 kbit/s with error
 correction and the firmware that it is sold with (SiK issue 97)."""
@@ -64,6 +70,7 @@ class RadioShare:
     """What a vehicle has of the radio that it is behind, maybe with others."""
 
     vehicles: int = 1
+    """How many."""
     bytes_s: float | None = None
     """What it carries, all together, where the site says it."""
     signed: bool = False
@@ -71,6 +78,10 @@ class RadioShare:
     """Whether it is one, though it may not report itself: a serial port, or what the site calls one."""
     others_bytes_s: float | None = 0.0
     """What other stations may send to the vehicles; None for the usual share of what it carries."""
+    names: tuple[str, ...] = ()
+    """Who is behind it."""
+    least_step: int = 0
+    """How far the streams are thinned at least, as the radio was found to be full in flight."""
     further: tuple[tuple[str, RadioShare], ...] = ()
     """Of a vehicle with several links: what it has of each further one, by its connection."""
 
@@ -82,10 +93,20 @@ class RadioShare:
         """Return what may be sent; None where nothing says that there is a radio."""
         return self.bytes_s if self.bytes_s is not None or not (on_radio or self.is_radio) else USUAL_BYTES_S
 
+    def list_unwanted(self, dialect: Dialect, *, on_radio: bool) -> tuple[int, ...]:
+        """Return what is sent unasked and switched off for a flight: none of it where the radio has room for all."""
+        capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
+        more_bytes_s = self._sum_streams_bytes_s(dialect.unasked_hz)
+        if capacity_bytes_s is None or self.sum_bytes_s(dialect, 0) + more_bytes_s <= self.find_room_bytes_s(
+            capacity_bytes_s
+        ):
+            return ()
+        return tuple(dialect.unasked_hz)
+
     def choose_step(self, dialect: Dialect, *, on_radio: bool) -> int:
         """Return how far the streams are thinned: not at all without a radio, and no further than it takes."""
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
-        steps = range(len(OWN_FACTORS))
+        steps = range(self.least_step, len(OWN_FACTORS))
         if capacity_bytes_s is None:
             return 0
         most_bytes_s = self.find_room_bytes_s(capacity_bytes_s)
@@ -105,11 +126,11 @@ class RadioShare:
 
     def sum_bytes_s(self, dialect: Dialect, step: int) -> float:
         """Return what all vehicles send together, with our heartbeats, of which there are as many as of theirs."""
+        return self._sum_streams_bytes_s(list_streams_hz(dialect, step) | {HEARTBEAT: 2.0})
+
+    def _sum_streams_bytes_s(self, streams_hz: Mapping[int, float]) -> float:
         more = SIGNATURE_BYTES if self.signed else 0
-        streams = list_streams_hz(dialect, step).items()
-        return self.vehicles * sum(
-            hz * (FRAME_BYTES[message] + more) for message, hz in (*streams, *2 * ((HEARTBEAT, 1.0),))
-        )
+        return self.vehicles * sum(hz * (FRAME_BYTES[message] + more) for message, hz in streams_hz.items())
 
 
 ALONE = RadioShare()

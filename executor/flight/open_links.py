@@ -103,7 +103,7 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, in_the_air: bool = False
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, strict: bool = True
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
@@ -111,7 +111,8 @@ async def open_links(
         request: What is flown.
         clock: The flight's.
         recorded: Whether telemetry logs are written.
-        in_the_air: Whether a port of `[forward]`, or the device of one of several links, may be opened later.
+        strict: Whether a port of `[forward]`, or the device of one of several links, has to be there at once: not where
+            vehicles are in the air.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -135,14 +136,12 @@ async def open_links(
         native = await stack.enter_async_context(
             open_joined_links(
                 wanted["native"], now_s, keyring, link.senders, one_radio=link.one_radio,
-                may_be_absent=in_the_air, station=link.station, tap=forwarder.tap,
+                may_be_absent=not strict, station=link.station, tap=forwarder.tap,
             )
         )  # fmt: skip
         forwarder.links.update((one.sysid, one) for one in native.values())
         ports = request.site.forward.ports
-        await stack.enter_async_context(
-            open_station_ports(forwarder, ports, keyring, link.station, strict=not in_the_air)
-        )
+        await stack.enter_async_context(open_station_ports(forwarder, ports, keyring, link.station, strict=strict))
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=link.senders, station=link.station))
         )

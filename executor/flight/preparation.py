@@ -24,11 +24,13 @@ from executor.core.preflight import fence_changes, mission_checks, vehicle_check
 from executor.core.preflight.fence_changes import OnboardLists, WantedLists
 from executor.core.preflight.onboard_failsafes import read_link_failsafe
 from executor.core.preflight.parameter_changes import (
+    UNASKED,
     ChangeStage,
     KeptList,
     ParameterProposal,
     add_other_homes,
     check_return_height,
+    propose_stream_changes,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.core.radio_budget import check_radio
@@ -40,6 +42,7 @@ from executor.flight.open_links import AT_ONCE, follow_fleet_time, run_concurren
 from executor.flight.restore_vehicles import LISTS, PARAMETERS, BoardRecord, Links
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
+from executor.runtime.channel import channel_of
 from executor.site import day_plans
 from executor.site.plan_summary import build_plan_checks
 from executor.site.site_file import Site
@@ -246,7 +249,8 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
 async def read_changes(context: Context, links: Links, clock: Clock) -> ParameterProposal:
     """Ask every vehicle what it has, and return what the flight would change; nothing is set."""
     answers = await run_for_each(context.vehicles, lambda name: asking.read_present(context, name, links[name], clock))
-    return add_other_homes(context, fence_changes.propose_changes(context, answers))
+    proposal = add_other_homes(context, fence_changes.propose_changes(context, answers))
+    return propose_stream_changes(context, proposal, [name for name in links if channel_of(links[name]).radio])
 
 
 def describe_parameter_changes(proposal: ParameterProposal) -> list[str]:
@@ -290,7 +294,9 @@ async def apply_changes(
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
         own = fence_changes.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
-        rest = {key: problem for key, problem in ends.items() if key not in own}
+        rest = {key: problem for key, problem in ends.items() if key not in (*own, UNASKED)}
+        if ends.get(UNASKED):
+            console.say(Level.WARNING, f"{name}: {UNASKED}: {ends[UNASKED]}")
         if rest:
             checks.append(check_return_height(context, name, proposal, rest))
             console.show_checks(checks[-1:])

@@ -21,6 +21,7 @@ from executor.core.interface.commands import Level
 from executor.core.interface.messages import Heartbeat, Message, SendParamRequest
 from executor.core.interface.ports import Clock, Keyring, Link, OpenLink
 from executor.core.preflight.parameter_changes import (
+    UNASKED,
     Change,
     ChangeStage,
     Items,
@@ -33,6 +34,7 @@ from executor.core.preflight.parameter_changes import (
 from executor.errors import LogError, PreflightFailed
 from executor.flight.open_links import AT_ONCE, follow_fleet_time
 from executor.flight.run_start import Console
+from executor.protocols import vehicle_commands
 from executor.runtime import procedures
 from executor.runtime.dialogue import listen_to
 from executor.runtime.vehicle_preflight import read_parameters, upload_list
@@ -245,10 +247,18 @@ class RecordFile(Generic[Change]):
 
 
 async def _read_parameter_values(link: Link, clock: Clock, wanted: Mapping[str, KeptParameter]) -> dict[str, float]:
-    return {name: one.value for name, one in (await read_parameters(link, clock, wanted)).present.items()}
+    answers = await read_parameters(link, clock, [name for name in wanted if name != UNASKED])
+    found = {name: one.value for name, one in answers.present.items()}
+    if (streams := wanted.get(UNASKED)) is not None:
+        sent = await procedures.is_stream_on(link, clock, next(iter(dialect_for(streams.autopilot).unasked_hz)))
+        found |= {} if sent is None else {UNASKED: streams.old if sent else streams.new}
+    return found
 
 
 async def _put_parameter_back(link: Link, clock: Clock, change: KeptParameter) -> str:
+    if change.name == UNASKED:
+        off = dialect_for(change.autopilot).unasked_hz
+        return await procedures.send_to_streams(link, clock, off, vehicle_commands.reset_message)
     await procedures.set_parameter(link, clock, change.name, change.old, change.kind)
     return ""  # what is read in the next round tells
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from executor.core.interface.messages import Radio
+from executor.core.radio_budget import FULL_PCT
 
 STALLED_S = 2.0
 """A transfer that has not come on for so long does not hold the channel: three questions of a fast radio."""
-FULL_PCT = 33
-"""Of a radio's buffer less is free: what is asked now waits in it for longer than an answer takes (ArduPilot sends no
-parameters from there on)."""
 REPORT_S = 2.5
 """A radio reports once a second; an older report says nothing."""
 HOLD_S = 0.25

@@ -15,6 +15,7 @@ DO_CHANGE_SPEED = 178
 MISSION_START = 300
 COMPONENT_ARM_DISARM = 400
 RUN_PREARM_CHECKS = 401
+GET_MESSAGE_INTERVAL = 510
 SET_MESSAGE_INTERVAL = 511
 REQUEST_MESSAGE = 512
 DO_SEND_BANNER = 42428
@@ -58,6 +59,21 @@ def change_speed(speed_m_s: float) -> SendCommand:
 def set_message_interval(message: int, hz: float) -> SendCommand:
     """Ask for a message at a rate."""
     return _build_command(SET_MESSAGE_INTERVAL, float(message), 1e6 / hz)
+
+
+def stop_message(message: int) -> SendCommand:
+    """Have a message not sent any more."""
+    return _build_command(SET_MESSAGE_INTERVAL, float(message), -1.0)
+
+
+def reset_message(message: int) -> SendCommand:
+    """Have a message sent as often as without any request."""
+    return _build_command(SET_MESSAGE_INTERVAL, float(message), 0.0)
+
+
+def ask_interval(message: int) -> SendCommand:
+    """Ask how often a message is sent."""
+    return _build_command(GET_MESSAGE_INTERVAL, float(message))
 
 
 def request_message(message: int) -> SendCommand:

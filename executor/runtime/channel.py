@@ -36,7 +36,11 @@ class Channel:
     """Transfers, and when each came on last by the loop's clock."""
     waiting: set[Turn] = field(default_factory=set)
     changed: asyncio.Event = field(default_factory=asyncio.Event)
+    sent_s: float = float("-inf")
+    """When a dialogue said something, by the loop's clock."""
     _numbers: count[int] = field(default_factory=count)
+    _told: RoundTrip | None = None
+    """The round trip that was handed on last."""
 
     def hear(self, radio: Radio, now_s: float) -> None:
         """Take a report of our own radio."""
@@ -55,6 +59,19 @@ class Channel:
         """Take what a dialogue has measured, if it has."""
         if round_trip.mean_s is not None:
             self.round_trip = round_trip
+
+    def take_round_trip_s(self) -> float | None:
+        """Return the round trip if it was measured since this was asked last."""
+        before, self._told = self._told, self.round_trip
+        return None if before is self._told or self._told.mean_s is None else round(self._told.mean_s, 3)
+
+    def note_sent(self) -> None:
+        """Note that a dialogue says something."""
+        self.sent_s = asyncio.get_running_loop().time()
+
+    def is_quiet(self, for_real_s: float) -> bool:
+        """Return whether no dialogue has said anything for so long."""
+        return asyncio.get_running_loop().time() - self.sent_s >= for_real_s
 
     def note_progress(self) -> None:
         """Note that the transfer of this task has come on."""

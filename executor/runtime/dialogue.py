@@ -293,6 +293,8 @@ async def _run_on_one_link(
             patience.begin()
             while True:
                 _send_all(link, send)
+                if send:
+                    channel.note_sent()
                 if machine.outcome is not None:
                     return machine
                 heard = await _receive_within(inbox, (machine.deadline_s - paced.now_s()) / paced.speedup)

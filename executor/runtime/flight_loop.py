@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from executor import supervised
@@ -19,16 +20,19 @@ from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Command
 from executor.core.interface.events import Event, LossJudged
 from executor.core.interface.intents import Action, Intent, IntentRecord
-from executor.core.interface.messages import FlightMessage, Message, SendHeartbeat
+from executor.core.interface.messages import FlightMessage, Message, Radio, SendFiller, SendHeartbeat, Traffic
 from executor.core.interface.ports import Clock, EventSink, Link, LinkView, LossJudge, Solver
+from executor.core.radio_budget import HEARTBEAT
 from executor.core.replanning import replan_cycle
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.bases import place_vehicles
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.onboard_fence import height_over_fence_m
+from executor.core.state.radio_channel import choose_streams_hz, share_of
 from executor.protocols import vehicle_commands
 from executor.protocols.turns import Rank
 from executor.runtime import procedures, vehicle_preflight
+from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import Lateness, awake
 from executor.runtime.link_changes import LinkChanges
 from executor.runtime.procedures import UploadNeed
@@ -234,6 +238,8 @@ class Flight:
 
     def _make_listener(self, name: str) -> Callable[[Message], None]:
         def heard(message: Message) -> None:
+            if isinstance(message, Traffic):
+                message = replace(message, round_trip_s=channel_of(self._links[name]).take_round_trip_s())
             if isinstance(message, FlightMessage):
                 self.apply(events.Heard(name, message))
 
@@ -273,9 +279,10 @@ class Flight:
                 self._start_job(command.vehicle, partial(self._give_order, command, ended), partial(ended, False))
             case commands.HandsOff(vehicle):
                 self._stop_commanding(vehicle)
-            case commands.AskStreams(vehicle) | commands.ReadMission(vehicle):
-                asks = self._ask_streams if isinstance(command, commands.AskStreams) else self._read_mission
-                self._start_side_job(vehicle, asks(vehicle))
+            case commands.AskStreams(vehicle, which):
+                self._start_side_job(vehicle, self._ask_streams(vehicle, which))
+            case commands.ReadMission(vehicle):
+                self._start_side_job(vehicle, self._read_mission(vehicle))
             case commands.Examine(vehicle, sets):
                 failed = partial(events.Examined, vehicle, False)
                 self._start_job(vehicle, partial(self._examine, vehicle, sets=sets), failed)
@@ -425,8 +432,9 @@ class Flight:
 
     async def _examine(self, vehicle: str, *, sets: bool) -> Event:
         link, before_s = self._links[vehicle], turnaround.READY_S
+        share = share_of(self.context.vehicles[vehicle], self.state.vehicles[vehicle])
         return await vehicle_preflight.examine_vehicle(
-            self.context_now, vehicle, link, self._clock, before_s, sets=sets
+            self.context_now, vehicle, link, self._clock, before_s, sets=sets, share=share
         )
 
     async def _give_order(self, command: procedures.Order, ended: Callable[..., Event]) -> Event:
@@ -442,12 +450,15 @@ class Flight:
         items = await procedures.read_mission(self._links[vehicle], self._clock)
         return events.MissionRead(compare_onboard_mission(self.context_now, self.state, vehicle, items, None))
 
-    async def _ask_streams(self, vehicle: str) -> None:
+    async def _ask_streams(self, vehicle: str, which: tuple[int, ...]) -> None:
         try:
-            setup, heard = self.context.vehicles[vehicle], self.state.vehicles[vehicle].link.quality.radio
-            await procedures.request_streams(
-                self._links[vehicle], self._clock, setup.dialect, setup.radio, on_radio=heard is not None, again=True
-            )
+            setup, link = self.context.vehicles[vehicle], self._links[vehicle]
+            asked_hz, again = choose_streams_hz(setup, self.state.vehicles[vehicle]), HEARTBEAT in which or not which
+            for way in [link.ways[0], *(way for way in link.ways[1:] if again and way.is_alive)]:
+                streams_hz = procedures.choose_link_streams_hz(way, setup.dialect, setup.radio, asked_hz)
+                if which:
+                    streams_hz = {message: streams_hz[message] for message in which if message in streams_hz}
+                await procedures.request_streams(way, self._clock, streams_hz, again=again)
         except Exception as error:  # noqa: BLE001 - the boundary between one dialogue and the flight
             supervised.report_internal_error(f"an order to {vehicle}", error)
 
@@ -455,20 +466,68 @@ class Flight:
 async def send_heartbeats(links: Mapping[str, Link], clock: Clock) -> None:
     """Send our heartbeat to every vehicle for ever: their ground-station failsafes wait for it, on their own time.
 
-    Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put
-    reports of their own inside frames as often as a vehicle speaks, and destroy one of our heartbeats in four
-    (emulated); five in a row are a GCS failsafe of ArduPilot's. So there come as many as there are vehicles, at even
-    distances, and a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
+    Behind one radio it is for everybody who hears it, and one a second would do. But radios with stock firmware put a
+    report of their own inside other frames, whenever they see a HEARTBEAT: a vehicle's destroys one in four of ours
+    (emulated), and each of ours a frame of a vehicle's. Five in a row are a GCS failsafe of ArduPilot's. So there come
+    two a second, a little sooner or later every time: two senders that kept one rhythm would keep on colliding.
+
+    A report can also fall on a frame's length. Then 278 bytes are taken for one frame, and all that is in them is lost
+    to the vehicle: where so little goes up, that is 6 s of heartbeats. So over a radio that reports itself and loses
+    frames fillers go out whenever nothing else does. They take what is the ground's turn on the air anyway.
     """
-    for beats in itertools.count():
-        ways = [(name, way) for name, link in links.items() for way in link.ways]
-        once = {way.peer or number: (name, way) for number, (name, way) in enumerate(ways)}
-        for name, link in once.values():
-            supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
-        after_s = HEARTBEAT_S
-        if len(once) < len(ways):
-            after_s *= len(once) / len(ways) * (1.0 + _shift_of(beats + 1) - _shift_of(beats))
-        await asyncio.sleep(after_s / clock.speedup)
+    losses, due_s, loop = _Losses(), 0.0, asyncio.get_running_loop()
+    with ExitStack() as listened:
+        for link in links.values():
+            listened.callback(link.listen(losses.hear))
+        for beats in itertools.count():
+            ways = [(name, way) for name, link in links.items() for way in link.ways]
+            once = {way.peer or number: (name, way) for number, (name, way) in enumerate(ways)}
+            if loop.time() < due_s - LEAST_TICK_REAL_S:
+                _fill(once.values(), clock)
+            else:
+                for name, link in once.values():
+                    supervised.call_safely(f"our heartbeat to {name}", link.send, SendHeartbeat())
+                after_s = HEARTBEAT_S
+                if len(once) < len(ways):
+                    after_s *= max(LEAST_SHARE, len(once) / len(ways))
+                    after_s *= 1.0 + _shift_of(beats + 1) - _shift_of(beats)
+                due_s = loop.time() + after_s / clock.speedup
+            most_s = FILLER_S / clock.speedup if losses.want_fillers else HEARTBEAT_S
+            await asyncio.sleep(min(most_s, max(0.0, due_s - loop.time())))
+
+
+def _fill(once: Iterable[tuple[str, Link]], clock: Clock) -> None:
+    for name, link in once:
+        if channel_of(link).is_quiet(FILLER_S / clock.speedup):
+            supervised.call_safely(f"a filler to {name}", link.send, SendFiller())
+
+
+LEAST_SHARE = 0.5
+FILLER_S = 0.1
+"""Of 26 bytes: 278 of them pass in a second."""
+EMPTY_PCT = 90
+"""Of the buffer of our radio so much is free: it has nothing else to send."""
+MANY_LOST, COUNTS = 0.04, 8
+
+
+@dataclass(slots=True)
+class _Losses:
+    """What the last counts of frames say of the radio that vehicles are behind, if there is one."""
+
+    _free_pct: int | None = None
+    _counts: deque[Traffic] = field(default_factory=lambda: deque(maxlen=COUNTS))
+
+    def hear(self, message: Message) -> None:
+        if isinstance(message, Radio):
+            self._free_pct = message.free_buffer_pct
+        elif isinstance(message, Traffic):
+            self._counts.append(message)
+
+    @property
+    def want_fillers(self) -> bool:
+        missing = sum(one.missing for one in self._counts)
+        many = missing > MANY_LOST * sum(one.received + one.missing for one in self._counts)
+        return many and self._free_pct is not None and self._free_pct >= EMPTY_PCT
 
 
 def _shift_of(beats: int) -> float:

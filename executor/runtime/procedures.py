@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from executor.core.interface.codes import Ending
 from executor.core.interface.commands import Disarm, Hold, LandNow, Resume, SendHome
-from executor.core.interface.messages import Heartbeat, Message, SendParamSet, StatusText
+from executor.core.interface.messages import Heartbeat, Message, MessageInterval, SendCommand, SendParamSet, StatusText
 from executor.core.interface.ports import Clock, Link
-from executor.core.radio_budget import HEARTBEAT, RadioShare
+from executor.core.radio_budget import HEARTBEAT, HEARTBEAT_HZ, RadioShare
 from executor.protocols import vehicle_commands
 from executor.protocols.machine import DialogueMachine, Rejected, TimedOut
 from executor.protocols.mission_file import MissionFileUpload
@@ -517,27 +517,52 @@ async def _run_patiently(question: M, link: Link, clock: Clock) -> M:
             return ended
 
 
-HEARTBEAT_HZ = 1.0
+async def send_to_streams(
+    link: Link, clock: Clock, messages: Iterable[int], build: Callable[[int], SendCommand]
+) -> str:
+    """Give a command for each of some messages; returns why none was taken, if the vehicle does not answer."""
+    silent = ""
+    for message in messages:
+        done = await send_order(link, clock, CommandDialogue(build(message), "stream"))
+        silent = done.reason if done.lost else ""
+    return silent
 
 
-async def request_streams(
-    link: Link, clock: Clock, dialect: Dialect, share: RadioShare, *, on_radio: bool = False, again: bool = False
-) -> None:
+async def is_stream_on(link: Link, clock: Clock, message: int) -> bool | None:
+    """Return whether a vehicle sends a message by itself; None where it does not say so."""
+    told: list[bool] = []
+
+    def note(heard: Message) -> None:
+        if isinstance(heard, MessageInterval) and heard.message == message:
+            told.append(heard.sent)
+
+    with listen_to(link, note):
+        await send_order(link, clock, CommandDialogue(vehicle_commands.ask_interval(message), "stream"))
+    return told[-1] if told else None
+
+
+async def request_streams(link: Link, clock: Clock, streams_hz: Mapping[int, float], *, again: bool = False) -> None:
     """Ask a vehicle for everything that we follow.
 
     Args:
         link: To it.
         clock: The flight's.
-        dialect: What it speaks.
-        share: What it has of its radio.
-        on_radio: Whether a radio has reported itself on the link that orders go over.
-        again: Whether something does not come any more, over none of its links: HEARTBEAT comes unasked, until then.
+        streams_hz: What, and how often.
+        again: Whether something does not come any more: HEARTBEAT comes unasked, until it does not.
     """
-    async with asyncio.TaskGroup() as tasks:
-        for way in link.ways if again else link.ways[:1]:
-            if way is link.ways[0] or way.is_alive:
-                reports = on_radio if way is link.ways[0] else channel_of(way).radio is not None
-                tasks.create_task(request_link_streams(way, clock, dialect, share, on_radio=reports, again=again))
+    beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
+    for message, rate_hz in (beat_hz | dict(streams_hz)).items():
+        await send_order(
+            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
+        )
+
+
+def choose_link_streams_hz(
+    link: Link, dialect: Dialect, share: RadioShare, first_hz: Mapping[int, float]
+) -> Mapping[int, float]:
+    """Return what is asked for over one of a vehicle's links: `first_hz` over the first, else what that one carries."""
+    own = dict(share.further).get(link.connection)
+    return first_hz if own is None else own.choose_streams_hz(dialect, on_radio=channel_of(link).radio is not None)
 
 
 LOOK_S = 1.0
@@ -560,18 +585,7 @@ async def keep_asking_links(
                     first = way is link.ways[0] and asked.isdisjoint(link.ways)
                     asked.add(way)
                     if not first:
-                        reports = channel_of(way).radio is not None
-                        await request_link_streams(way, clock, *setups[name], on_radio=reports)
+                        dialect, share = setups[name]
+                        first_hz = share.choose_streams_hz(dialect, on_radio=channel_of(way).radio is not None)
+                        await request_streams(way, clock, choose_link_streams_hz(way, dialect, share, first_hz))
         await asyncio.sleep(LOOK_S / clock.speedup)
-
-
-async def request_link_streams(
-    link: Link, clock: Clock, dialect: Dialect, share: RadioShare, *, on_radio: bool, again: bool = False
-) -> None:
-    """Ask for everything that we follow over one of a vehicle's links, as much as that carries."""
-    streams_hz = share.find_link_share(link.connection).choose_streams_hz(dialect, on_radio=on_radio)
-    beat_hz = {HEARTBEAT: HEARTBEAT_HZ} if again else {}
-    for message, rate_hz in (beat_hz | dict(streams_hz)).items():
-        await send_order(
-            link, clock, CommandDialogue(vehicle_commands.set_message_interval(message, rate_hz), "stream")
-        )

@@ -6,10 +6,9 @@ After the ground station was away: who answers, what everybody carries, and whic
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
-from functools import partial
 
 from executor.core.context import Context
 from executor.core.interface import messages
@@ -19,6 +18,7 @@ from executor.core.interface.ports import Clock, Link, LinkCounts, OpenLink
 from executor.core.preflight import fence_changes, onboard_failsafes, vehicle_checks
 from executor.core.preflight.parameter_changes import (
     LIST_WORDS,
+    UNASKED,
     Answers,
     KeptParameter,
     ParameterProposal,
@@ -27,10 +27,11 @@ from executor.core.preflight.parameter_changes import (
     list_return_parameters,
 )
 from executor.core.preflight.vehicle_checks import VehicleFacts
-from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare
+from executor.core.radio_budget import ALONE, LinkMeasures, RadioShare, list_streams_hz
 from executor.core.resume.reconciliation import compare_onboard_mission
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.link_quality import DuplicateIdWatch, ReportedPosition, add_reported_position
+from executor.core.state.radio_channel import choose_streams_hz
 from executor.core.state.vehicle_state import Stage, VehicleState
 from executor.core.telemetry.vehicle_identity import ForeignSystem, add_foreign_system, parse_banner_version
 from executor.errors import ConnectionFailed, PreflightFailed, VehicleRefused
@@ -41,7 +42,7 @@ from executor.runtime import procedures
 from executor.runtime.channel import channel_of
 from executor.runtime.dialogue import listen_to, run_dialogue
 from executor.runtime.procedures import ProcedureResult
-from missions import Dialect, EncodedMission, MissionItem, MissionKind
+from missions import Dialect, EncodedMission, MissionItem, MissionKind, dialect_for
 
 STEADY_S = 3.0
 ASK_WHY_S = 10.0
@@ -202,15 +203,16 @@ async def interview_vehicle(
     """
     heard = _VehicleAnswers(clock)
     with listen_to(link, heard.update):
-        await procedures.request_streams(link, clock, dialect, share)
+        share = share.find_link_share(link.connection)
+        step = share.choose_step(dialect, on_radio=False)
+        await procedures.request_streams(link, clock, list_streams_hz(dialect, step))
         await procedures.send_order(
             link,
             clock,
             CommandDialogue(vehicle_commands.request_message(vehicle_commands.AUTOPILOT_VERSION), "version"),
         )
-        on_radio = heard.radio is not None
-        if share.choose_step(dialect, on_radio=on_radio) != share.choose_step(dialect, on_radio=False):
-            await procedures.request_streams(link, clock, dialect, share, on_radio=on_radio)
+        if (thinned := share.choose_step(dialect, on_radio=heard.radio is not None)) != step:
+            await procedures.request_streams(link, clock, list_streams_hz(dialect, thinned))
         try:
             async with asyncio.timeout(ready_timeout_s / clock.speedup):
                 await _wait_until_ready(heard, link, clock, waits)
@@ -318,6 +320,10 @@ async def set_changes(link: Link, clock: Clock, changes: Iterable[KeptParameter]
     """Set what a flight needs; returns by name why it is not as wanted, empty where the new value was read back."""
     ends = {}
     for change in changes:
+        if change.name == UNASKED:
+            off = dialect_for(change.autopilot).unasked_hz
+            ends[change.name] = await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)
+            continue
         done = await procedures.set_parameter(link, clock, change.name, change.new, change.kind)
         ends[change.name] = "" if done.accepted else done.reason
     return ends
@@ -386,7 +392,14 @@ async def load_lists(name: str, link: Link, clock: Clock, dialect: Dialect, want
 
 
 async def examine_vehicle(
-    context: Context, name: str, link: Link, clock: Clock, within_s: float, *, sets: bool = False
+    context: Context,
+    name: str,
+    link: Link,
+    clock: Clock,
+    within_s: float,
+    *,
+    sets: bool = False,
+    share: RadioShare = ALONE,
 ) -> Examined:
     """Wait until a vehicle is ready, and read what it says of its battery and its parameters.
 
@@ -399,6 +412,7 @@ async def examine_vehicle(
         clock: The flight's.
         within_s: How long it may take to be ready, in its time.
         sets: Whether what is not as the flight had set it is set again.
+        share: What it has of its radio.
     """
     dialect, began_s = context.vehicles[name].dialect, clock.now_s()
     seen = await procedures.wait_for(link, clock, lambda message: isinstance(message, messages.Heartbeat), within_s)
@@ -406,8 +420,9 @@ async def examine_vehicle(
         return Examined(name, ready=False, reason=f"no HEARTBEAT for {within_s:g} s")
     left_s = within_s - (clock.now_s() - began_s)
     try:
-        share = context.vehicles[name].radio
         facts = await interview_vehicle(name, link, clock, dialect, left_s, lambda _: None, share=share)
+        off = share.list_unwanted(dialect, on_radio=facts.link.radio is not None)
+        await procedures.send_to_streams(link, clock, off, vehicle_commands.stop_message)  # a boot brings them back
         # Nothing has to be set where it is as the flight has set it.
         proposal = fence_changes.propose_changes(context, {name: await read_present(context, name, link, clock)})
         if sets and (lacks := proposal.changes_of(name)):
@@ -514,12 +529,8 @@ async def reconnect_vehicles(
             for name, answer in answers.items():
                 if answer.heard.is_set():
                     patience_s = _patience_real_s(state(), state().vehicles[name])
-                    setup, radio = context.vehicles[name], state().vehicles[name].link.quality.radio
-                    asks_streams = partial(
-                        procedures.request_streams, links[name], clock, setup.dialect, setup.radio,
-                        on_radio=radio is not None,
-                    )  # fmt: skip
-                    asks = _query_vehicle(links[name], clock, asks_streams, answer, patience_s)
+                    streams_hz = choose_streams_hz(context.vehicles[name], state().vehicles[name])
+                    asks = _query_vehicle(links[name], clock, streams_hz, answer, patience_s)
                     tasks.create_task(asks, name=name)
     found = [
         compare_onboard_mission(context, state(), name, answer.items, answer.seq)
@@ -547,7 +558,7 @@ def _patience_real_s(state: FleetState, vehicle: VehicleState) -> float | None:
 
 
 async def _query_vehicle(
-    link: Link, clock: Clock, asks_streams: Callable[[], Awaitable[None]], answer: _Answer, patience_s: float | None
+    link: Link, clock: Clock, streams_hz: Mapping[int, float], answer: _Answer, patience_s: float | None
 ) -> None:
     if patience_s != 0.0:
         with suppress(TimeoutError):
@@ -558,4 +569,4 @@ async def _query_vehicle(
                         break
     with suppress(TimeoutError):
         async with asyncio.timeout(STREAMS_REAL_S):
-            await asks_streams()
+            await procedures.request_streams(link, clock, streams_hz)

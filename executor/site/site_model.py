@@ -386,9 +386,10 @@ def radio_share_of(site: Site, name: str) -> RadioShare:
 
     def share_of(link: Connection, *, first: bool) -> RadioShare:
         one_radio, is_serial = first and site.link.one_radio, link.scheme is Scheme.SERIAL
-        beside = len(site.vehicle) if one_radio else sum(link in table.links for table in site.vehicle)
+        names = tuple(table.name for table in site.vehicle if one_radio or link in table.links)
         carries_bytes_s = site.link.bytes_s if one_radio or is_serial or not has_serial else None
-        return RadioShare(beside, carries_bytes_s, site.signing is not None, one_radio or is_serial, others_bytes_s)
+        is_radio = one_radio or is_serial
+        return RadioShare(len(names), carries_bytes_s, site.signing is not None, is_radio, others_bytes_s, names)
 
     further = tuple((str(link), share_of(link, first=False)) for link in links[1:])
     return replace(share_of(links[0], first=True), further=further)

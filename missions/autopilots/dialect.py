@@ -291,6 +291,9 @@ class Dialect:
     """Which say what pack it has: the capacity that it counts by, its cells."""
     own_streams_hz: Mapping[int, float]
     """Messages that only this autopilot has, and how often they are asked for."""
+    unasked_hz: Mapping[int, float]
+    """Messages that it sends over a telemetry radio though nobody here reads them, and how often; what people or other
+    stations must not miss is none of them."""
     start: tuple[StartStep, ...]
     modes: Modes
     return_parameters: ReturnParameters

@@ -21,7 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from executor.adapters.mqtt.intent_intake import IntakeReason
 from executor.cli import commandline
 from executor.cli.commandline import load_command
-from executor.core.interface.codes import CheckCode, Ending, ReasonCode
+from executor.core.interface.codes import ChannelCode, CheckCode, Ending, ReasonCode
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
@@ -38,6 +38,7 @@ DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
     ("Answers of a vehicle", Ending),
     ("Messages from the broker", IntakeReason),
     ("The checklist", CheckCode),
+    ("Telemetry radios", ChannelCode),
 )
 """Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"

@@ -54,7 +54,7 @@ async def _upload(autopilot: Autopilot, vehicle: RealVehicle) -> None:
         ]
         try:
             assert await procedures.wait_for(link, clock, _is_started, PATIENCE_S)
-            await procedures.request_streams(link, clock, dialect, ALONE)
+            await procedures.request_streams(link, clock, ALONE.choose_streams_hz(dialect, on_radio=False))
             assert await procedures.wait_for(
                 link, clock, lambda _: link.connection == str(relayed) and all(one.is_alive for one in link.ways), 60.0
             )

@@ -488,8 +488,13 @@ _READERS: dict[str, Any] = {
     ),
     "COMMAND_ACK": lambda frame: messages.CommandAck(frame.command, frame.result),
     "AUTOPILOT_VERSION": _read_version,
+    "MESSAGE_INTERVAL": lambda frame: messages.MessageInterval(frame.message_id, frame.interval_us > 0),
     "FILE_TRANSFER_PROTOCOL": _read_file_reply,
 }
+
+
+NOBODY = 255
+"""To whom a filler is addressed: a vehicle answers only what is for itself, or for all."""
 
 
 def _build_file_payload(request: messages.FileRequest) -> list[int]:
@@ -503,6 +508,8 @@ def _to_mavlink(message: messages.Outgoing, sysid: int, compid: int, autopilot: 
             return mav.MAVLink_heartbeat_message(
                 mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, mav.MAV_STATE_ACTIVE, 3
             )
+        case messages.SendFiller():
+            return mav.MAVLink_ping_message(1, 0, NOBODY, NOBODY)
         case messages.MissionCount(count, kind):
             return mav.MAVLink_mission_count_message(sysid, compid, count, kind)
         case messages.MissionItemInt(item, kind):

@@ -26,8 +26,9 @@ from executor.supervised import call_safely, run_beside
 
 MOST_SOURCES = 8
 """Addresses, or strange systems, that are remembered."""
-ENOUGH_FRAMES = 80
-"""Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log."""
+ENOUGH_FRAMES, ENOUGH_BEATS = 80, 5
+"""Counts of frames are handed on with a HEARTBEAT once there are as many, as from a log; or, where little comes, with
+every fifth."""
 LATE_FRAMES = 32
 """A frame that is this far behind the newest may have been overtaken: links reorder within some tenths of a second."""
 KEPT_BEATS = 8
@@ -68,6 +69,8 @@ class VehicleLink:
         """Frames of the autopilot alone: every component numbers its own."""
         self._told = (0, 0)
         """Arrived and missing frames when they were handed on last."""
+        self._bytes = self._beats_untold = 0
+        """Of all frames, both ways, and its HEARTBEATs, since then."""
         self._source = ""
         self._beat_source = ""
         self._sources: set[str] = set()
@@ -100,6 +103,7 @@ class VehicleLink:
 
     def send_frame(self, frame: bytes, *, to_all: bool = False) -> None:
         """Send a frame as it is; `to_all` if it is for everybody behind the same port."""
+        self._bytes += len(frame)
         if self.write(frame):
             for one in self.beside if to_all else (self,):
                 if one.write == self.write:
@@ -126,6 +130,7 @@ class VehicleLink:
         if received.own and source and source != self._source:
             self._note_source(source)
         self._log(received.frame)
+        self._bytes += len(received.frame)
         told = None if self._is_outdated(received) else received.message
         self._count(received)
         if isinstance(told, messages.Heartbeat):
@@ -142,9 +147,11 @@ class VehicleLink:
     def _report_traffic(self) -> None:
         """Hand on what came and what did not, once it is enough to say something."""
         received, missing = self._arrived - self._told[0], self._missing - self._told[1]
-        if received + missing >= ENOUGH_FRAMES:
-            self._told = (self._arrived, self._missing)
-            self._dispatch(messages.Traffic(received, max(0, missing)))
+        self._beats_untold += 1
+        if received + missing >= ENOUGH_FRAMES or self._beats_untold >= ENOUGH_BEATS:
+            told = messages.Traffic(received, max(0, missing), self._bytes)
+            self._told, self._bytes, self._beats_untold = (self._arrived, self._missing), 0, 0
+            self._dispatch(told)
 
     def count_refused(self, refusal: FrameRejection) -> None:
         """Count a frame that claims to be this vehicle's, or came over its connection, and is not believed."""

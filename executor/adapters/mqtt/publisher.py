@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from executor.adapters.mqtt.client import MqttMessage, Outbox, Presence
 from executor.adapters.mqtt.intent_intake import IntakeReason, RefusedMessage
 from executor.adapters.mqtt.topics import MqttTopics
-from executor.core.fleet_view import FleetView, OfferView, PositionView, ReplanView, VehicleView
+from executor.core.fleet_view import FleetView, OfferView, PositionView, RadioView, ReplanView, VehicleView
 from executor.core.imaging.asset_status import AssetState, AssetView
 from executor.core.interface.codes import Check, Ending
 from executor.core.interface.commands import Say
@@ -26,7 +26,7 @@ from executor.core.state.vehicle_state import FaultCode
 from missions import PlanFile
 from missions.validation import document_of
 
-VERSION = "1.6.0"
+VERSION = "1.7.0"
 
 
 class MqttPayload(BaseModel):
@@ -106,6 +106,8 @@ class FleetStateMessage(MqttPayload):
     """What the crew is asked now, before the flight: an intent with its `id` as the action answers it."""
     offer: OfferView | None
     """Vehicles on the ground that could take over work: `include` starts one, when its pad is clear."""
+    radios: tuple[RadioView, ...]
+    """Of vehicles behind telemetry radios: what each carries, and whether it is congested or weak."""
     dropped: dict[str, int]
     """Messages of a topic that were given up, as too many waited for the broker."""
 
@@ -216,7 +218,8 @@ class Publisher:
         fleet: dict[str, object] = {name: getattr(view, name) for name in _FLEET}
         fleet["vehicles"] = tuple(one.name for one in view.vehicles)
         fleet["dropped"] = dict(self._outbox.dropped)
-        slow = [value for name, value in fleet.items() if name not in {"flight_s", "min_separation_m"}]
+        slow = [value for name, value in fleet.items() if name not in {"flight_s", "min_separation_m", "radios"}]
+        slow.append([(radio.state, radio.positions_hz) for radio in view.radios])
         self._publish_state(self._topics.fleet_topic("state"), FleetStateMessage, slow, fleet)
 
     def publish_assets(self, views: Callable[[], Sequence[AssetView]], *, last: bool = False) -> None:

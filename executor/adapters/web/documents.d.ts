@@ -38,6 +38,8 @@ export interface FleetView {
   /** What the crew is asked now, before the flight. */
   question: Question | null;
   offer: OfferView | null;
+  /** Of vehicles behind telemetry radios, once it is counted what these carry. */
+  radios: RadioView[];
 }
 
 /** What the page gets in each state beside a fleet's view. */
@@ -192,6 +194,24 @@ export interface OfferView {
   segments: number[];
   /** Whose pads must be clear, and for what. */
   text: string;
+}
+
+/** A telemetry radio, as it was measured in the last seconds with all vehicles behind it. */
+export interface RadioView {
+  vehicles: string[];
+  /** fine, congested or weak. */
+  state: string;
+  /** Why; None if it is fine. */
+  code: "buffer_full" | "at_capacity" | "round_trip_grown" | "signal_low" | "frames_lost" | null;
+  /** What it carries of what it can, its round trip and its losses, in words. */
+  text: string;
+  bytes_s: number;
+  capacity_bytes_s: number;
+  round_trip_s: number | null;
+  /** Share of frames; None while they are few. */
+  lost: number | null;
+  /** How often its vehicles are asked to say where they are. */
+  positions_hz: number;
 }
 
 /** The re-plan window: from when on the others can finish if any one vehicle is lost. */

@@ -79,6 +79,21 @@ class CheckCode(ReasonCode):
     LEFT_OVER = "left_over", "What the plan leaves over, or is not about."
 
 
+class ChannelCode(ReasonCode):
+    """What is wrong with a telemetry radio in flight: it is congested, or weak."""
+
+    BUFFER_FULL = "buffer_full", "Congested: its transmit buffer is full."
+    AT_CAPACITY = "at_capacity", "Congested: it carries as much as it can."
+    ROUND_TRIP_GROWN = "round_trip_grown", "Congested: answers take several times as long as they did."
+    SIGNAL_LOW = "signal_low", "Weak: the signal is less than 10 dB over the noise, here or at a vehicle."
+    FRAMES_LOST = "frames_lost", "Weak: a tenth of the frames is lost, and the radio has room."
+
+    @property
+    def is_congestion(self) -> bool:
+        """Whether there is too much to carry; else what is carried gets lost."""
+        return self not in {ChannelCode.SIGNAL_LOW, ChannelCode.FRAMES_LOST}
+
+
 class Severity(StrEnum):
     """What a finding means for the flight."""
 

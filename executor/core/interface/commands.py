@@ -120,9 +120,11 @@ class Examine:
 
 @dataclass(frozen=True, slots=True)
 class AskStreams:
-    """Ask the vehicle to send again what it should send: some of it does not come."""
+    """Ask the vehicle to send again what it should send: some of it does not come, or not as often as it should."""
 
     vehicle: str
+    messages: tuple[int, ...] = ()
+    """Which alone; everything if none is named."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -237,6 +237,10 @@ class Traffic:
 
     received: int
     missing: int
+    link_bytes: int = 0
+    """Of all frames from it and to it; none where nobody counted them."""
+    round_trip_s: float | None = None
+    """Of our questions to it, where one was measured since."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,6 +463,14 @@ class GimbalAttitude:
     """Whether it says that something is wrong with it."""
 
 
+@dataclass(frozen=True, slots=True)
+class MessageInterval:
+    """MESSAGE_INTERVAL: whether a message is sent by itself."""
+
+    message: int
+    sent: bool
+
+
 PayloadMessage = PictureTaken | CameraStatus | CameraHeard | GimbalAttitude
 """What cameras and gimbals say, whichever component of the vehicle they are."""
 
@@ -491,7 +503,7 @@ class FileReply:
 
 TransferMessage = MissionRequest | MissionAck | MissionCount | MissionItemInt
 """Of transfers of a mission, or of another list of items; both sides say the same."""
-DialogueMessage = TransferMessage | FileReply | CommandAck | ParamValue | ParamRefused | Version
+DialogueMessage = TransferMessage | FileReply | CommandAck | ParamValue | ParamRefused | Version | MessageInterval
 """What only an open dialogue waits for."""
 
 Message = FlightMessage | DialogueMessage
@@ -549,6 +561,18 @@ class SendHeartbeat:
     """Our HEARTBEAT: an input to every vehicle's ground-station failsafe."""
 
 
+@dataclass(frozen=True, slots=True)
+class SendFiller:
+    """PING that is for nobody: bytes behind which a reader finds the next frame again."""
+
+
 Outgoing = (
-    TransferMessage | FileRequest | MissionRequestList | SendCommand | SendParamRequest | SendParamSet | SendHeartbeat
+    TransferMessage
+    | FileRequest
+    | MissionRequestList
+    | SendCommand
+    | SendParamRequest
+    | SendParamSet
+    | SendHeartbeat
+    | SendFiller
 )

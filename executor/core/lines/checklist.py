@@ -61,7 +61,7 @@ FORWARD_OPEN = ChecklistLine(
 FORWARD_ACT = ChecklistLine(WARNING, CheckCode.OTHER_STATION, "{found}")
 HIDES_OURS = "its HEARTBEATs would hide the loss of ours"
 MAY_COMMAND = "it may command the vehicle too"
-HAS_OUR_NUMBER = ", and its orders look like ours; set link.station_sysid to a number of our own, such as 254"
+HAS_OUR_NUMBER = "; it has our number: set link.station_sysid to another, such as {free}"
 BATTERY_FAILSAFE = ChecklistLine(OK, CheckCode.BATTERY_FAILSAFE, "battery failsafe: {actions}")
 FAILSAFE_LACKS = "; it has no {absent}"
 BATTERY_FAILSAFE_UNKNOWN = ChecklistLine(WARNING, CheckCode.BATTERY_FAILSAFE, "battery failsafe not known ({settings})")
@@ -145,6 +145,7 @@ RADIO_FULL = ChecklistLine(
 )
 LINKS = ChecklistLine(OK, CheckCode.RADIO, "heard over all {count} links, orders go over {used}")
 LINK_SILENT = ChecklistLine(WARNING, CheckCode.RADIO, "nothing comes over {silent}, orders go over {used}")
+NO_ROOM = "the radio has no room for them"
 DISK = ChecklistLine(
     OK, CheckCode.DISK, "{free_gb:.1f} GB free, the record of a flight like this takes about {needed_mb:.0f} MB"
 )

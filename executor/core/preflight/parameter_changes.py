@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Generic, TypeVar
@@ -248,6 +248,26 @@ class ParameterProposal:
     def changes_of(self, vehicle: str) -> tuple[KeptParameter, ...]:
         """Return the changes of one vehicle."""
         return tuple(change for change in self.changes if change.vehicle == vehicle)
+
+
+UNASKED = "unasked streams"
+"""On record like a parameter: how many streams a vehicle sends that nobody asked for."""
+
+
+def propose_stream_changes(context: Context, proposal: ParameterProposal, radios: Collection[str]) -> ParameterProposal:
+    """Return what a flight changes with the streams that it switches off, where a radio has no room for them.
+
+    Args:
+        context: Of the flight.
+        proposal: What is changed besides.
+        radios: The vehicles whose radio has reported itself.
+    """
+    own = [
+        KeptParameter(name, setup.sysid, setup.dialect.name, UNASKED, len(off), 0.0, REAL32, "", checklist.NO_ROOM)
+        for name, setup in context.vehicles.items()
+        if (off := setup.radio.list_unwanted(setup.dialect, on_radio=name in radios)) and name in proposal.present
+    ]
+    return replace(proposal, changes=(*proposal.changes, *own), checks=(*proposal.checks, *list_change_checks(own)))
 
 
 def list_return_parameters(dialect: Dialect) -> tuple[str, ...]:

@@ -26,6 +26,8 @@ from planner import segment_of
 
 PROOF_GRACE_S = 5.0
 """The vehicle's index may move on before the position that proves the inspection has arrived."""
+SELDOM, MOST_SELDOM_S = 4.0, 240.0
+"""Times as long as uploads took, and at most, segments without proof wait for more of their kind over a radio."""
 ATTEMPTS = 2
 """How often a segment is flown again because its inspection could not be proven."""
 RETRY_S = 5.0
@@ -86,7 +88,7 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Step
         return state.with_replanning(orphans_since_s=None, urgent=False), ()
     since_s = now_s if known.orphans_since_s is None else known.orphans_since_s
     state, asked = state.with_replanning(orphans_since_s=since_s), known.urgent or known.ordered
-    if now_s < known.wait_until_s or (not asked and now_s - since_s < PROOF_GRACE_S):
+    if now_s < known.wait_until_s or (not asked and now_s - since_s < _find_proof_grace_s(state, since_s)):
         return state, ()
     offers = survivors.build_survivors(context, state, now_s)
     if not offers:
@@ -113,6 +115,26 @@ def _begin_new_replan(context: Context, state: FleetState, now_s: float) -> Step
     )
     names, count = ", ".join(offer.vehicle for offer in offers), format_count(len(alone), "open segment")
     return state, (replanning.BEGINS.say(revision=revision, segments=count, trigger=trigger, vehicles=names), solve)
+
+
+def _find_proof_grace_s(state: FleetState, since_s: float) -> float:
+    """Return how long segments without proof wait for a re-plan.
+
+    Over a telemetry radio new missions take long, and what is flown meanwhile may lack its proof as well: so uploads
+    have a fifth of the time at most, and segments wait for more of their kind, as long as somebody flies long enough.
+    """
+    records = [record for record in state.replanning.records if not record.sortie]
+    if not state.channels or not records:
+        return PROOF_GRACE_S
+    waits_s = min(SELDOM * records[-1].upload_s, MOST_SELDOM_S)
+    ahead_s = [
+        legs.time_to_reach_s(vehicle, len(vehicle.assignment.board.legs) - 1)
+        for vehicle in state.vehicles.values()
+        if vehicle.stage is Stage.FLYING and vehicle.assignment.board is not None
+    ]
+    if max(ahead_s, default=0.0) < 2 * waits_s:
+        return PROOF_GRACE_S
+    return max(PROOF_GRACE_S, records[-1].ended_s + waits_s - since_s)
 
 
 def _find_segments_under_way(state: FleetState, offers: tuple[Survivor, ...]) -> frozenset[int]:

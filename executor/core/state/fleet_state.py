@@ -12,6 +12,7 @@ from executor.core.interface.events import Gain, NewRoute
 from executor.core.interface.intents import IntentRecord
 from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.inspection_proof import SegmentPass
+from executor.core.state.radio_channel import ChannelState
 from executor.core.state.vehicle_state import Fault, PartUpdate, Stage, VehicleState
 from missions import FlightPath
 from missions.fences import Fence
@@ -302,6 +303,8 @@ class FleetState:
     replanning: ReplanningState = field(default_factory=ReplanningState)
     listening: ContactState = field(default_factory=ContactState)
     crew: CrewDialogue = field(default_factory=CrewDialogue)
+    channels: Mapping[str, ChannelState] = field(default_factory=lambda: MappingProxyType({}))
+    """What is known of each telemetry radio, by the first of the vehicles behind it."""
 
     with_progress = PartUpdate(FlightProgress)
     with_coverage = PartUpdate(Coverage)
@@ -315,7 +318,9 @@ class FleetState:
             return self
         # Every message comes here: made at once, it takes a third of what `replace` takes.
         vehicles = MappingProxyType({**self.vehicles, vehicle.name: vehicle})
-        return FleetState(vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew)
+        return FleetState(
+            vehicles, self.progress, self.coverage, self.replanning, self.listening, self.crew, self.channels
+        )
 
     def list_uncovered_last(self) -> frozenset[int]:
         """Return what the last re-plan left over."""

@@ -24,8 +24,8 @@ CLEARLY = 2.0
 LEAST_TRIP_S = 0.1
 FULL_FACTOR = 4.0
 """What is sent into a radio whose buffer is full waits behind all that is in it."""
-LOST_SHARE = 0.2
-"""How much the newest count of frames says of what is lost."""
+LOST_SHARE, ENOUGH_FRAMES = 0.2, 80
+"""How much the newest count of frames says of what is lost, and one of fewer frames less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +61,10 @@ class LinkHealth:
 
     def count(self, received: int, missing: int) -> Self:
         """Return what is known after a count of frames."""
-        lost = missing / max(1, received + missing)
-        return replace(self, lost=lost if self.lost is None else self.lost + LOST_SHARE * (lost - self.lost))
+        frames = max(1, received + missing)
+        follows = 1.0 if self.lost is None else LOST_SHARE * min(1.0, frames / ENOUGH_FRAMES)
+        lost = self.lost or 0.0
+        return replace(self, lost=lost + follows * (missing / frames - lost))
 
     def estimate_answer_s(self, first_behind_s: float | None) -> float:
         """Return how long an answer takes over it, as far as is known.

@@ -21,6 +21,9 @@ ENOUGH_FRAMES = 20
 USUAL_S = 60.0
 WEAK_MARGIN = 10
 """RSSI over noise in a SiK radio's units, about half a decibel each: its manual calls less unreliable."""
+COUNT_S = 15.0
+"""An older count of bytes says nothing of now."""
+COUNTS = 3
 FULL_BUFFER_PCT = 20
 """Less free than this: the radio cannot send what it is given, and both autopilots slow their telemetry down."""
 
@@ -37,6 +40,19 @@ class LinkQuality:
     """The same over the last minutes."""
     radio: Radio | None = None
     radio_s: float = float("-inf")
+    counted: tuple[tuple[float, int], ...] = ()
+    """(at_s, bytes) of the last counts of what went both ways, the oldest first: its own bytes came before it."""
+    round_trip_s: float | None = None
+    """Of our questions, as it was measured last."""
+    round_trip_at_s: float = float("-inf")
+    least_round_trip_s: float = float("inf")
+    """The shortest that was measured."""
+
+    def count_bytes_s(self, now_s: float) -> float:
+        """Return what goes over the link in a second, both ways; nothing once it is silent."""
+        if len(self.counted) < 2 or now_s - self.counted[-1][0] > COUNT_S:
+            return 0.0
+        return sum(one[1] for one in self.counted[1:]) / max(0.1, self.counted[-1][0] - self.counted[0][0])
 
     @property
     def worse(self) -> float:
@@ -66,14 +82,19 @@ def add_traffic(state: LinkQuality, traffic: Traffic, now_s: float, window_s: fl
     kept = tuple(one for one in state.window if now_s - one[0] < window_s)
     window = (*kept, (now_s, traffic.received, traffic.missing))
     received, missing = sum(one[1] for one in window), sum(one[2] for one in window)
+    if traffic.link_bytes:
+        state = replace(state, counted=(*state.counted[1 - COUNTS :], (now_s, traffic.link_bytes)))
+    if (took_s := traffic.round_trip_s) is not None:
+        least_s = min(took_s, state.least_round_trip_s)
+        state = replace(state, round_trip_s=took_s, round_trip_at_s=now_s, least_round_trip_s=least_s)
     if received + missing < ENOUGH_FRAMES:
-        return LinkQuality(window, None, state.usual, state.radio, state.radio_s)
+        return replace(state, window=window, lost=None)
     lost = missing / (received + missing)
     usual = lost if state.usual is None else state.usual
     elapsed_s = now_s - state.window[-1][0] if state.window else 0.0
     # A link that gets better is believed at once, one that gets worse slowly.
     follow = 1.0 if lost < usual else 1.0 - math.exp(-max(0.0, elapsed_s) / USUAL_S)
-    return LinkQuality(window, lost, usual + (lost - usual) * follow, state.radio, state.radio_s)
+    return replace(state, window=window, lost=lost, usual=usual + (lost - usual) * follow)
 
 
 CLOCK_S = 1.0

@@ -446,6 +446,8 @@ class Orders:
     """Whether its start was let go because somebody changed its mode: nothing pursues it, and it ends unheard."""
     streams_asked_s: float = float("-inf")
     """When it was asked last to send again what does not come."""
+    stream_step: int = 0
+    """How far its streams are thinned at least, as its radio was found to be full."""
 
 
 @dataclass(frozen=True, slots=True)

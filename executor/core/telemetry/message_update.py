@@ -346,8 +346,8 @@ def _apply_position(
         without_s = vehicle_position.time_without_fix_s(known, fix)
         assignment, inspected, flown = _break_unproven_run(context, state, without_s)
     else:
-        before_gap = _keep_state_before_gap(state, elapsed_s)
         gap_s = SLOWED_GAP_S if is_slowed_by_us(state, now_s) else GAP_S
+        before_gap = _keep_state_before_gap(state, elapsed_s, gap_s)
         assignment, inspected, flown = _advance_coverage(context, before_gap, sample, gap_s)
     if assignment.fix_waypoint != assignment.waypoint:
         assignment = replace(assignment, fix_waypoint=assignment.waypoint)
@@ -381,9 +381,9 @@ def _update_clock_lag(
     return (max(0.0, known.behind_s + lost_s) if known.behind_s else 0.0), known.fell_back_s
 
 
-def _keep_state_before_gap(state: VehicleState, elapsed_s: float) -> VehicleState:
+def _keep_state_before_gap(state: VehicleState, elapsed_s: float, gap_s: float) -> VehicleState:
     """Keep where it was before a gap in which nobody saw what it flew, until that is judged."""
-    if elapsed_s <= GAP_S or state.assignment.before is not None or state.motion.fix is None:
+    if elapsed_s <= gap_s or state.assignment.before is not None or state.motion.fix is None:
         return state
     before = last_known_of(state, state.motion.fix.at_s)
     return state if before is None else state.with_assignment(before=before, run=None)

@@ -67,6 +67,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "checks": (),
             "question": None,
             "offer": None,
+            "radios": (),
         },
     ),
     ("a flight before its launch", lambda: page(launched_s=None)["flight_s"], None),
@@ -106,6 +107,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 segments=(0, 2),
                 text=("uav1 can take over 2 segments (segment 0, segment 2). Is its pad clear of people?"),
             ),
+            "radios": (),
         },
     ),
     (

@@ -5,7 +5,9 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
+from pymavlink.dialects.v20 import common as mav
 
+from executor.adapters.mavlink import message_readers
 from executor.core.interface.codes import Severity
 from executor.core.interface.messages import Radio
 from executor.core.radio_budget import (
@@ -87,3 +89,19 @@ def test_what_does_not_fit_is_said_with_how_many_would() -> None:
     assert check.severity is Severity.WARNING
     assert check.text.endswith(": too slow for 6 vehicles, it carries 3")
     assert RadioShare(3).sum_bytes_s(ARDUPILOT, 3) <= STREAMS_SHARE * 1200.0
+
+
+def test_what_is_sent_unasked_is_switched_off_where_there_is_no_room_for_it() -> None:
+    wide = RadioShare(1, bytes_s=4000.0)
+    assert wide.list_unwanted(PX4, on_radio=False) == ()
+    assert RadioShare(4, bytes_s=4000.0).list_unwanted(PX4, on_radio=False) == tuple(PX4.unasked_hz)
+    assert RadioShare(1).list_unwanted(PX4, on_radio=False) == (), "there is no radio"
+    assert RadioShare(1).list_unwanted(PX4, on_radio=True) == tuple(PX4.unasked_hz)
+    assert RadioShare(9).list_unwanted(ARDUPILOT, on_radio=True) == ()
+
+
+def test_what_is_read_here_is_never_switched_off() -> None:
+    names = {getattr(mav.mavlink_map.get(number), "msgname", "") for number in PX4.unasked_hz}
+    assert not names & set(message_readers.READERS)
+    assert set(PX4.unasked_hz) <= set(FRAME_BYTES)
+    assert next(iter(PX4.unasked_hz)) == 74, "VFR_HUD is what is looked at"

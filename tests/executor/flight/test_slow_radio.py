@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from executor.adapters.clock import SystemClock
 from executor.core.context import Context
 from executor.core.interface.codes import Check, CheckCode, Severity
 from executor.core.preflight import onboard_failsafes
+from executor.core.preflight.parameter_changes import UNASKED
 from executor.core.preflight.vehicle_checks import VehicleFacts
 from executor.flight.preparation import (
     apply_changes,
@@ -25,6 +26,7 @@ from executor.flight.preparation import (
     read_changes,
     upload_first_missions,
 )
+from executor.flight.restore_vehicles import PARAMETERS, restore_board
 from executor.flight.run_start import FlightRequest
 from executor.runtime.flight_loop import send_heartbeats
 from executor.simulated.simulated_fleet import fleet_of
@@ -72,7 +74,22 @@ class Prepared:
         return [(check.severity, check.subject, check.text) for check in self.found if check.code is code]
 
 
-def prepared(folder: Path, autopilot: str, kind: str, parameters: Mapping[str, float], *lacks: str) -> Prepared:
+Then = Callable[[Mapping[str, MemoryRadio], SystemClock], Awaitable[None]]
+
+
+async def end_here(radios: Mapping[str, MemoryRadio], clock: SystemClock) -> None:
+    """Do nothing more."""
+
+
+def prepared(
+    folder: Path,
+    autopilot: str,
+    kind: str,
+    parameters: Mapping[str, float],
+    *lacks: str,
+    sends_all: bool = False,
+    then: Then = end_here,
+) -> Prepared:
     """Return three vehicles after their checklist, with their RTL heights set and their missions on board."""
     ground = short_ground(folder, 3, autopilot)
     order = FlightRequest(ground.site, folder, ground, shared(ground), folder, lambda _: ())
@@ -90,7 +107,8 @@ def prepared(folder: Path, autopilot: str, kind: str, parameters: Mapping[str, f
         for end in radios.values():
             end.items = items
             end.vehicle.autopilot.params.hidden |= {*lacks}
-            end.stop_unread_streams()
+            if not sends_all:
+                end.stop_unread_streams()
         links = {name: end.link for name, end in radios.items()}
         living = run_radios(radios.values(), lambda _: None)
         tasks = [asyncio.create_task(living), asyncio.create_task(send_heartbeats(links, clock))]
@@ -102,6 +120,7 @@ def prepared(folder: Path, autopilot: str, kind: str, parameters: Mapping[str, f
             if not any(check.severity is Severity.STOP for check in found):
                 found += await apply_changes(folder, proposal, context, links, clock, SilentConsole())
                 await upload_first_missions(context, links, clock, boards, SilentConsole())
+            await then(radios, clock)
             vehicles = {name: end.vehicle for name, end in radios.items()}
             return Prepared(facts, context, found, vehicles, items)
         finally:
@@ -147,3 +166,42 @@ def test_who_answers_no_question_does_not_fly(autopilot: str, tmp_path: Path) ->
     codes = {check.code for check in mute.found if check.severity is Severity.STOP}
     assert {CheckCode.LINK_FAILSAFE, CheckCode.BATTERY_FAILSAFE, CheckCode.GEOFENCE, CheckCode.RTL_ALTITUDE} <= codes
     assert not mute.items, "nothing is put on board"
+
+
+UNREAD = ("VFR_HUD", "LOCAL_POSITION_NED")
+KEPT = ("HEARTBEAT", "GLOBAL_POSITION_INT", "HOME_POSITION")
+
+
+def test_streams_that_nobody_asked_for_are_off_for_the_flight_and_on_again_after_it(tmp_path: Path) -> None:
+    seen: list[tuple[float | None, ...]] = []
+
+    def look(radios: Mapping[str, MemoryRadio]) -> None:
+        streams = radios["uav2"].vehicle.autopilot.streams
+        seen.append(tuple(streams.interval_s(name) for name in (*UNREAD, *KEPT)))
+
+    async def give_back(radios: Mapping[str, MemoryRadio], clock: SystemClock) -> None:
+        look(radios)
+        links = {name: radio.link for name, radio in radios.items()}
+        await restore_board(tmp_path, links, clock, SilentConsole())
+        look(radios)
+
+    slow = prepared(tmp_path, "px4", SLOW, {}, sends_all=True, then=give_back)
+    assert slow.stops == []
+    [line] = [text for _, name, text in slow.lines(CheckCode.PARAMETER_CHANGE) if name == "uav2" and "stream" in text]
+    assert line == "to be set for the flight: unasked streams 14 -> 0: the radio has no room for them"
+    off, on = seen
+    assert off[:2] == (None, None)
+    assert None not in off[2:], "what people and other stations must not miss stays on"
+    assert on[:2] == (0.5, 0.5), "as often as without any request"
+    record = [one for one in PARAMETERS.read(tmp_path) if one.name == UNASKED]
+    assert [(one.vehicle, one.is_open) for one in record] == [("uav1", False), ("uav2", False), ("uav3", False)]
+
+
+@pytest.mark.parametrize(("autopilot", "kind"), [("px4", FAST), ("ardupilot", SLOW)])
+def test_no_stream_is_switched_off_without_a_radio_nor_where_none_comes_unasked(
+    autopilot: str, kind: str, tmp_path: Path
+) -> None:
+    fast = prepared(tmp_path, autopilot, kind, {}, sends_all=True)
+    assert not [one for one in PARAMETERS.read(tmp_path) if one.name == UNASKED]
+    streams = fast.vehicles["uav1"].autopilot.streams
+    assert (streams.interval_s("VFR_HUD") is None) == (autopilot == "ardupilot")

@@ -7,7 +7,8 @@ import math
 import pytest
 
 from executor.core.interface.messages import Radio
-from executor.protocols.turns import FULL_PCT, STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
+from executor.core.radio_budget import FULL_PCT
+from executor.protocols.turns import STALLED_S, Rank, Turn, find_wait_s, is_buffer_full, is_next
 
 SOON, LATER = Turn(Rank.IN_FLIGHT, 12.0, 3), Turn(Rank.IN_FLIGHT, 40.0, 1)
 PARAMETERS, READING = Turn(Rank.BEFORE_FLIGHT, math.inf, 0), Turn(Rank.BESIDE, math.inf, 2)

@@ -18,6 +18,12 @@ def test_a_log_with_the_words_of_another_version_is_decided_the_same() -> None:
     assert compare_decisions(logged, [*logged]).reworded == ""
 
 
+def test_a_field_that_is_newer_than_the_log_and_says_nothing_is_no_difference() -> None:
+    logged = [(2.0, {"kind": "AskStreams", "vehicle": "uav1"})]
+    assert compare_decisions(logged, [(2.0, {"kind": "AskStreams", "vehicle": "uav1", "messages": ()})]).is_same
+    assert not compare_decisions(logged, [(2.0, {"kind": "AskStreams", "vehicle": "uav1", "messages": (33,)})]).is_same
+
+
 @pytest.mark.parametrize(
     "made",
     [

@@ -8,12 +8,16 @@ from itertools import pairwise
 import pytest
 
 from executor.core.interface.messages import (
+    Message,
     MissionItemInt,
     MissionRequest,
     MissionRequestList,
+    Outgoing,
     Radio,
     SendCommand,
+    SendFiller,
     SendHeartbeat,
+    Traffic,
 )
 from executor.protocols import vehicle_commands
 from executor.protocols.turns import STALLED_S, Rank
@@ -171,3 +175,34 @@ async def test_behind_one_radio_our_heartbeat_goes_out_once_for_all_about_twice_
     gaps = [after - before for before, after in pairwise(beats)]
     assert 0.25 < min(gaps) < max(gaps) < 0.75
     assert len({round(at_s % 1.0, 2) for at_s in beats}) > 20, "it keeps no rhythm with a vehicle's"
+
+
+async def test_over_a_radio_that_loses_frames_fillers_go_out_whenever_nothing_else_does() -> None:
+    boards = behind_one_radio(2)
+    links = {f"uav{number}": board.link for number, board in enumerate(boards)}
+
+    def sent(kind: type[Outgoing]) -> int:
+        return sum(len(board.link.of_kind(kind)) for board in boards)
+
+    beat = asyncio.ensure_future(send_heartbeats(links, boards[0].clock))
+    await asyncio.sleep(0.01)
+    free = Radio(200, 200, 50, 50, 95)
+    rows: list[tuple[list[Message], tuple[int, int]]] = [
+        ([Traffic(80, 20)], (0, 0)), ([free], (28, 45)), ([FULL], (0, 3)), ([free, *[Traffic(99, 1)] * 8], (0, 3)),
+    ]  # fmt: skip
+    for told, fillers in rows:
+        for message in told:
+            boards[0].link.say(message)
+        before, beats = sent(SendFiller), sent(SendHeartbeat)
+        await asyncio.sleep(5.0)
+        assert fillers[0] <= sent(SendFiller) - before <= fillers[1], told
+        assert 9 <= sent(SendHeartbeat) - beats <= 11, "as often as ever"
+    beat.cancel()
+
+
+async def test_a_round_trip_is_handed_on_once() -> None:
+    one, *_ = behind_one_radio(1)
+    assert channel_of(one.link).take_round_trip_s() is None
+    assert await put(one, 1.0)
+    assert channel_of(one.link).take_round_trip_s() == pytest.approx(0.4, abs=0.1)
+    assert channel_of(one.link).take_round_trip_s() is None

@@ -75,7 +75,7 @@ def over_two_links(dialect: Dialect, radio: str, work: Callable[[Sky], Awaitable
         ]
         try:
             await procedures.wait_for(sky.radio.end, clock, lambda one: isinstance(one, Heartbeat), 10.0)
-            await procedures.request_streams(sky.radio.end, clock, dialect, SHARE)
+            await procedures.request_streams(sky.radio.end, clock, SHARE.choose_streams_hz(dialect, on_radio=False))
             await asyncio.sleep(10.0)
             await work(sky)
             return sky

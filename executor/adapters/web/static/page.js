@@ -54,6 +54,7 @@ function show(next) {
   showPlanned(next);
   briefing.show(next);
   offers.show(next);
+  showRadios(next);
   strips.show(next);
   chart.show(next);
   assets.show(next);
@@ -100,6 +101,20 @@ function showPlanned(next) {
   write(place, `plan: any one ${since0}${inside ? "" : whom}`);
   place.title = `Re-plan window of the plan: ${share.toFixed(0)} % of its longest route, which ends at ${since(longest)}`
     + (breaking ? `; ${breaking.vehicle} lost between ${since(breaking.from_s)} and ${since(breaking.to_s)} breaks it` : "");
+}
+
+/**
+ * What each telemetry radio carries, and whether it is congested or weak.
+ * @param {State} next
+ */
+function showRadios(next) {
+  const place = byId("radios");
+  place.hidden = !next.radios.length;
+  const shown = next.radios.map((one) => [`radio of ${one.vehicles.join(", ")}: ${one.state}, ${one.text}; positions at ${one.positions_hz} Hz`, one.state]);
+  const key = JSON.stringify(shown);
+  if (place.dataset.shown === key) return;
+  place.dataset.shown = key;
+  place.replaceChildren(...shown.map(([text, state]) => element("p", text, state)));
 }
 
 /** @param {Place | null} place */

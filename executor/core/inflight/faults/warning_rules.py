@@ -60,8 +60,10 @@ def describe_frame_loss(view: WatchView) -> str:
 
 
 def describe_radio_trouble(view: WatchView) -> str:
-    """The radio itself complains."""
+    """The radio itself complains, and nobody says so of it and all vehicles behind it: see `channel_watch`."""
     quality = view.state.link.quality
+    if watch_view.is_radio_measured(view):
+        return ""
     return quality.weak if view.now_s - quality.radio_s <= RADIO_S else ""
 
 

@@ -10,10 +10,13 @@ import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
+from executor.core import radio_budget
 from executor.core.context import Scene, VehicleSetup
 from executor.core.fault_thresholds import Limits
 from executor.core.lines import failsafe, link
+from executor.core.radio_budget import BATTERY_STATUS, GLOBAL_POSITION_INT, MISSION_CURRENT, SYS_STATUS
 from executor.core.state.mission_height import ITEM_STALE_S
+from executor.core.state.radio_channel import choose_streams_hz
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import FaultCode, FaultKind, Stage, VehicleState, is_slowed_by_us
 from executor.core.telemetry.mode_evidence import has_failsafe_action
@@ -96,6 +99,8 @@ BATTERY_GONE_S = 60.0
 """A pack that was well may be unseen for so long: it loses 4 % in a minute, and 12 if it drains three times as fast."""
 SLOWED = 3.0
 """Times as long a stream may stay away that our own upload holds up."""
+IN_A_ROW = 4.0
+"""So many of a stream's messages that do not come are more than chance."""
 ASK_AGAIN_S = 6.0
 UNSEEN_S = 60.0
 """Who says neither where it is nor whether it is armed for so long is as good as silent."""
@@ -113,6 +118,8 @@ class Stream:
     """An age that is worth a word."""
     gone_s: float = LEAST_GONE_S
     """An age that is a fault, or the link's time-out if that is longer."""
+    messages: tuple[int, ...] = ()
+    """What brings it, the most frequent first."""
 
     def age_s(self, view: WatchView) -> float:
         """Return for how long it has not come; not a number if it never came."""
@@ -122,7 +129,11 @@ class Stream:
     def usual_s(self, view: WatchView) -> float:
         """Return an age that is worth a word now."""
         slowed = is_slowed_by_us(view.state, view.now_s)
-        return (SLOWED if slowed else 1.0) * self.stale_s(view.context.limits)
+        stale_s = self.stale_s(view.context.limits)
+        if self.age_s(view) >= stale_s and is_radio_measured(view):
+            rate_hz = choose_streams_hz(view.setup, view.state).get(self.messages[0], radio_budget.HEARTBEAT_HZ)
+            stale_s = max(stale_s, IN_A_ROW / rate_hz)
+        return (SLOWED if slowed else 1.0) * stale_s
 
     def describe_missing(self, view: WatchView) -> str:
         """Return in words that it does not come while others do; nothing if it comes."""
@@ -146,12 +157,18 @@ class Stream:
         return self.describe_missing(view)
 
 
-HEARTBEAT = Stream(link.NO_HEARTBEAT, lambda view: view.state.link.heartbeat_s, lambda limits: limits.heartbeat_stale_s)
+HEARTBEAT = Stream(
+    link.NO_HEARTBEAT,
+    lambda view: view.state.link.heartbeat_s,
+    lambda limits: limits.heartbeat_stale_s,
+    messages=(radio_budget.HEARTBEAT,),
+)
 """Without it nobody knows its mode, and whether it is armed."""
 POSITION = Stream(
     link.NO_POSITION,
     lambda view: None if view.state.motion.fix is None else view.state.motion.fix.at_s,
     lambda limits: limits.link_stale_s,
+    messages=(GLOBAL_POSITION_INT,),
 )
 """GLOBAL_POSITION_INT: without it nobody knows where it is."""
 BATTERY = Stream(
@@ -159,10 +176,14 @@ BATTERY = Stream(
     lambda view: None if view.state.power.battery.remaining_pct is None else view.state.power.battery.reported_s,
     lambda limits: limits.battery_stale_s,
     BATTERY_GONE_S,
+    (BATTERY_STATUS, SYS_STATUS),
 )
 """BATTERY_STATUS or SYS_STATUS."""
 ITEM = Stream(
-    link.NO_WAYPOINT, lambda view: view.state.telemetry.item_s if view.setup.planned else None, lambda _: ITEM_STALE_S
+    link.NO_WAYPOINT,
+    lambda view: view.state.telemetry.item_s if view.setup.planned else None,
+    lambda _: ITEM_STALE_S,
+    messages=(MISSION_CURRENT,),
 )
 """MISSION_CURRENT: without it nobody knows which segment it flies to."""
 
@@ -173,11 +194,23 @@ def is_link_alive(view: WatchView) -> bool:
     return heard_s is not None and view.now_s - heard_s < view.context.limits.link_stale_s
 
 
-def is_stream_request_due(view: WatchView) -> bool:
-    """Return whether it is to be asked for its streams again."""
+def is_radio_measured(view: WatchView) -> bool:
+    """Return whether it is behind a telemetry radio whose bytes are counted."""
+    link, radio = view.state.link.quality, view.setup.radio
+    return bool(link.counted) and radio.find_capacity_bytes_s(on_radio=link.radio is not None) is not None
+
+
+def list_streams_to_ask(view: WatchView) -> tuple[int, ...] | None:
+    """Return which messages it is to be asked for again, none for all of them; None if it is not.
+
+    Over a radio it is what is missing alone: what it sends, or has refused, would only take room.
+    """
     if view.now_s - view.state.orders.streams_asked_s < ASK_AGAIN_S or not is_link_alive(view):
-        return False
-    return any(stream.age_s(view) >= stream.usual_s(view) for stream in (HEARTBEAT, POSITION, BATTERY, ITEM))
+        return None
+    late = [one for one in (HEARTBEAT, POSITION, BATTERY, ITEM) if one.age_s(view) >= one.usual_s(view)]
+    if not late:
+        return None
+    return tuple(message for one in late for message in one.messages) if is_radio_measured(view) else ()
 
 
 def state_silence_s(view: WatchView) -> float:

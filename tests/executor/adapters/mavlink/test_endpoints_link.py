@@ -251,7 +251,8 @@ def test_frames_of_other_components_neither_lose_nor_gain() -> None:
 
 
 def test_the_share_that_is_lost_is_the_autopilots_own() -> None:
-    behind, _, heard = link_of()
+    logged = Frames()
+    behind, _, heard = link_of(log=logged)
     gimbal, vehicle = Vehicle(compid=154), Vehicle()
     for number in range(100):
         behind.feed(gimbal.pack(current(5)))
@@ -259,7 +260,17 @@ def test_the_share_that_is_lost_is_the_autopilots_own() -> None:
         behind.feed(vehicle.pack(current(1)))
     vehicle.mav.seq = 200
     behind.feed(vehicle.pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
-    assert [one for one in heard if isinstance(one, Traffic)] == [Traffic(101, 100)]
+    assert [one for one in heard if isinstance(one, Traffic)] == [Traffic(101, 100, sum(map(len, logged.frames)))]
+
+
+def test_bytes_both_ways_are_told_with_every_fifth_heartbeat() -> None:
+    behind, link, heard = link_of()
+    vehicle = Vehicle()
+    for _ in range(10):
+        behind.feed(vehicle.pack(mav.MAVLink_heartbeat_message(2, PX4, 0, 0, 3, 3)))
+        link.send(SendHeartbeat())
+    counted = [one for one in heard if isinstance(one, Traffic)]
+    assert [one.link_bytes for one in counted] == [(5 + 4) * 21, (5 + 5) * 21], "received and sent"
 
 
 def test_another_component_moves_nobody_and_is_no_second_vehicle() -> None:

@@ -211,7 +211,7 @@ def test_orders_leave_a_link_that_has_been_silent_for_a_second_and_our_heartbeat
     assert both.sent_names(LTE) == ["COMMAND_LONG"] * 2 + ["HEARTBEAT"]
     assert both.joined.ways == (both.links[LTE], both.links[RADIO])
     assert both.joined.describe_links() == (
-        LinkView("radio", 1.4, None, used=False), LinkView("lte", 0.0, None, used=True)
+        LinkView("radio", 1.4, 0.0, used=False), LinkView("lte", 0.0, 0.0, used=True)
     )  # fmt: skip
 
 

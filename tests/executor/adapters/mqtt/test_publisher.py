@@ -83,7 +83,7 @@ def test_states_are_retained_and_published_on_change() -> None:
         for what, how in (("state", True), ("telemetry", False))
     }
     [state] = on(first, "vehicle/uav1/state")
-    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.6.0")
+    assert (state["headerId"], state["run"], state["version"]) == (0, "run-7", "1.7.0")
     assert state["timestamp"] == "2026-09-21T14:13:21.000Z"
     assert state["vehicle"]["state"] == "flying"
     assert {letter.topic.rsplit("/", 1)[-1] for letter in desk.look()} == {"telemetry"}

@@ -12,6 +12,7 @@ from executor.core.context import Context
 from executor.core.interface.commands import Level, Say, Solve, Survivor
 from executor.core.replanning import replan_cycle
 from executor.core.state.fleet_state import Replan, ReplanRecord
+from executor.core.state.radio_channel import ChannelState
 from executor.core.state.vehicle_state import Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -364,3 +365,22 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])
 def test_everything_that_comes_of_it(what: str, found: Callable[[], object], expected: object) -> None:
     assert rounded(found()) == expected
+
+
+@pytest.mark.parametrize(
+    ("ended_s", "upload_s", "radio", "begins"),
+    [
+        (NOW_S - 6.0, 2.0, False, True), (NOW_S - 6.0, 2.0, True, False), (NOW_S - 8.1, 2.0, True, True),
+        (NOW_S - 6.0, 60.0, True, True), (NOW_S - 6.0, 0.1, True, True),
+    ],
+)  # fmt: skip
+def test_over_a_radio_segments_without_proof_wait_for_more_of_their_kind_unless_the_flight_ends_before(
+    ended_s: float, upload_s: float, radio: bool, begins: bool
+) -> None:
+    one = flying(waypoint=4, fix=at(north_m=-18.0))
+    last = ReplanRecord(1, "why", True, (), 0.5, 5.0, ended_s, upload_s)
+    channels = {"uav1": ChannelState()} if radio else {}
+    open_since: Changes = {"orphans_since_s": NOW_S - 6.0, "inspected": dict.fromkeys(range(1, 6), "uav3")}
+    assert bool(begun(one, records=(last,), channels=channels, **open_since)[0]) == begins
+    asked = begun(one, records=(last,), channels=channels, **(open_since | WANTS))
+    assert asked[0], "a fault does not wait"

@@ -60,6 +60,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "offers_over": False,
             "closed_bases": frozenset(),
             "counted_packs": {},
+            "channels": {},
         },
     ),
     (

@@ -63,7 +63,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "set_cells": None,
                 "spread_since_s": None,
             },
-            {"window": (), "lost": None, "usual": None, "radio": None, "radio_s": -math.inf},
+            {
+                "window": (),
+                "lost": None,
+                "usual": None,
+                "radio": None,
+                "radio_s": -math.inf,
+                "counted": (),
+                "round_trip_s": None,
+                "round_trip_at_s": -math.inf,
+                "least_round_trip_s": math.inf,
+            },
             {"rounded": 0.0, "rounded_s": -math.inf, "ceiled": 0.0, "ceiled_s": -math.inf},
             {
                 "ours_s": -math.inf,

@@ -90,6 +90,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             "start_owed_s": None,
             "start_let_go": False,
             "streams_asked_s": -math.inf,
+            "stream_step": 0,
             "excused_s": -math.inf,
             "flew_mission": False,
             "jump": (0.0, -math.inf),

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from executor.core.interface.messages import Radio
+from executor.core.state.link_quality import LinkQuality
 from executor.core.state.mission_ownership import MissionOwnership
 from executor.core.state.vehicle_parts import PositionFix
 from executor.core.state.vehicle_state import Stage
@@ -188,6 +190,17 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         ([(36.0, 0)], 0, (), None),
     ),
 ]
+
+
+SELDOM = tuple((8.0 * step, 24.2 * step - 1.0) for step in range(6))
+BEHIND_RADIO = LinkQuality(radio=Radio(200, 200, 50, 50, 90))
+
+
+def test_a_gap_that_our_own_upload_makes_over_a_radio_breaks_no_run() -> None:
+    found, *_ = inspects(*SELDOM, pending=1, quality=BEHIND_RADIO)
+    assert found == [(32.0, 0)]
+    for given in ({"pending": 1}, {"quality": BEHIND_RADIO}):
+        assert inspects(*SELDOM, **given)[0] == [], "nothing but an upload over a radio takes so long"
 
 
 @pytest.mark.parametrize(("what", "found", "expected"), ROWS, ids=[row[0] for row in ROWS])

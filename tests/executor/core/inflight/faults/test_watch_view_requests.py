@@ -16,7 +16,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who is asked for its streams",
         lambda: [
-            watch_view.is_stream_request_due(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S))
+            watch_view.list_streams_to_ask(WatchView(CONTEXT, PLANNED, flying(**given), False, NOW_S)) is not None
             for given in (
                 {},
                 {"item_s": NOW_S - 30.0},

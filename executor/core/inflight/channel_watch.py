@@ -1,0 +1,187 @@
+"""Telemetry radios in flight: what is wrong with one is said, and the streams behind it follow what it carries.
+
+Streams are thinned a step when a radio has been congested for some seconds, and raised one when it has had room for
+long. What was raised too early waits twice as long the next time. Orders and missions come first: nobody is asked while
+the transmit buffer is full or a mission goes to somebody behind the radio, and such a time is no reason to thin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+from executor.core.context import Context
+from executor.core.formatting import join_first_names
+from executor.core.inflight.custody import mode_causes
+from executor.core.interface.codes import ChannelCode
+from executor.core.interface.commands import AskStreams, Command
+from executor.core.lines import link
+from executor.core.radio_budget import (
+    FULL_PCT,
+    GLOBAL_POSITION_INT,
+    OWN_FACTORS,
+    RadioShare,
+    list_streams_hz,
+)
+from executor.core.state.fleet_state import FleetState, Stepped
+from executor.core.state.radio_channel import (
+    ChannelMeasures,
+    ChannelState,
+    ChannelTotals,
+    choose_streams_hz,
+    describe_figures,
+    judge_channel,
+    measure_channel,
+)
+from executor.core.state.vehicle_state import Stage, VehicleState
+from missions import Dialect
+
+LOOKS_S = 1.0
+RAISE_S, CLEAR_S = 6.0, 10.0
+"""Something is wrong once it has been for so long, and over once nothing has been for the other."""
+AGAIN_S = 60.0
+"""What comes back sooner is not said again."""
+THIN_S, SETTLE_S = 8.0, 20.0
+"""Streams are thinned after so much congestion, and not again before what that came to is measured."""
+MOST_ROOM_S = 960.0
+"""Streams are raised after `ROOM_S` of room, twice as much whenever that was too early, and never more than this."""
+MOST_SHARE = 0.8
+"""Of its capacity: it has room where it carries no more than this with the streams raised."""
+MOST_NAMES = 4
+
+
+def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped:
+    """Look at every radio once a second."""
+    if state.progress.launched_s is None:
+        return state, ()
+    commands: list[Command] = []
+    for share in list_channels(context):
+        known = state.channels.get(share.names[0], ChannelState())
+        vehicles = [state.vehicles[name] for name in share.names]
+        if now_s - known.looked_s < LOOKS_S or (found := measure_channel(share, vehicles, now_s)) is None:
+            continue
+        known, lines = _take_look(known, found, now_s)
+        busy, dialect = any(one.assignment.pending is not None for one in vehicles), _dialect_of(context, share)
+        if any(_is_to_be_asked(vehicle, known.step) for vehicle in vehicles):
+            after = known  # what that comes to is not known yet
+        else:
+            after = _follow_channel(share, dialect, known, found, busy=busy, now_s=now_s)
+        if after.step != known.step:
+            lines.append(_describe_step(share, dialect, after.step, raised=after.step < known.step))
+        commands += lines
+        state = replace(state, channels=MappingProxyType({**state.channels, share.names[0]: after}))
+        free_pct = None if found.radio is None else found.radio.free_buffer_pct
+        behind = iter(() if busy or (free_pct is not None and free_pct < FULL_PCT) else vehicles)
+        asked: tuple[Command, ...] = ()
+        while not asked and (vehicle := next(behind, None)) is not None:  # the others in the next second
+            state, asked = _ask_again(context, state, vehicle, after.step, now_s)
+        commands += asked
+    return state, tuple(commands)
+
+
+def list_channels(context: Context) -> tuple[RadioShare, ...]:
+    """Return what there is of links that may be radios, each with the vehicles behind it."""
+    return tuple(dict.fromkeys(setup.radio for setup in context.vehicles.values() if setup.radio.names))
+
+
+def _dialect_of(context: Context, share: RadioShare) -> Dialect:
+    return context.vehicles[share.names[0]].dialect
+
+
+def _describe_step(share: RadioShare, dialect: Dialect, step: int, *, raised: bool) -> Command:
+    step = max(step, share.choose_step(dialect, on_radio=True))
+    return (link.RAISED if raised else link.THINNED).say(
+        vehicles=join_first_names(share.names, MOST_NAMES),
+        positions_hz=list_streams_hz(dialect, step)[GLOBAL_POSITION_INT],
+    )
+
+
+def _take_look(known: ChannelState, found: ChannelMeasures, now_s: float) -> tuple[ChannelState, list[Command]]:
+    """Take one look, and say what is wrong once it has lasted, or that nothing is any more."""
+    code, why = judge_channel(found) or (None, "")
+    since_s = known.found_since_s if is_congestion(code) is is_congestion(known.found) else now_s
+    totals = _add_totals(known, found, min(now_s - known.looked_s, 2 * LOOKS_S))
+    after = replace(known, looked_s=now_s, found=code, found_since_s=since_s, totals=totals)
+    lasted = now_s - since_s >= (CLEAR_S if code is None else RAISE_S)
+    if is_congestion(code) is is_congestion(known.told) or not lasted:
+        return after, []
+    if known.quiet if code is None else now_s - known.told_s < AGAIN_S:
+        return replace(after, told=code, quiet=code is not None), []
+    line = link.RADIO_CLEAR if code is None else link.CONGESTED if code.is_congestion else link.WEAK
+    said = line.say(vehicles=join_first_names(found.vehicles, MOST_NAMES), why=why, figures=describe_figures(found))
+    return replace(after, told=code, told_s=now_s), [said]
+
+
+def is_congestion(code: ChannelCode | None) -> bool | None:
+    """Return whether there is too much to carry, or what is carried gets lost; None where nothing is wrong."""
+    return None if code is None else code.is_congestion
+
+
+def _add_totals(known: ChannelState, found: ChannelMeasures, elapsed_s: float) -> ChannelTotals:
+    before, trip_s = known.totals, found.round_trip_s
+    return ChannelTotals(
+        before.seconds + elapsed_s,
+        before.bytes + found.bytes_s * elapsed_s,
+        max(before.most_bytes_s, found.bytes_s),
+        before.most_round_trip_s if trip_s is None else max(before.most_round_trip_s or 0.0, trip_s),
+        before.lost_s + (found.lost or 0.0) * elapsed_s,
+        before.congested_s + (elapsed_s if is_congestion(known.told) else 0.0),
+        before.weak_s + (elapsed_s if is_congestion(known.told) is False else 0.0),
+        max(before.most_step, known.step),
+    )
+
+
+def _follow_channel(
+    share: RadioShare, dialect: Dialect, known: ChannelState, found: ChannelMeasures, *, busy: bool, now_s: float
+) -> ChannelState:
+    """Decide how far the streams behind a radio are thinned.
+
+    Args:
+        share: Of each vehicle behind it.
+        dialect: Of their autopilots.
+        known: What is known of it.
+        found: What was measured.
+        busy: Whether a mission goes to somebody.
+        now_s: The time.
+    """
+    if busy or known.found is not None:
+        known = replace(known, room_since_s=None)
+    if busy:
+        return replace(known, crowded_since_s=None)
+    base = share.choose_step(dialect, on_radio=True)
+    step = max(known.step, base)
+    if is_congestion(known.found):
+        since_s = now_s if known.crowded_since_s is None else known.crowded_since_s
+        known = replace(known, crowded_since_s=since_s)
+        if step == len(OWN_FACTORS) - 1 or now_s - since_s < THIN_S or now_s - known.stepped_s < SETTLE_S:
+            return known
+        early = now_s - known.raised_s < known.patience_s
+        patience_s = min(MOST_ROOM_S, 2 * known.patience_s) if early else known.patience_s
+        return replace(known, step=step + 1, stepped_s=now_s, patience_s=patience_s, crowded_since_s=None)
+    known = replace(known, crowded_since_s=None)
+    more_bytes_s = share.sum_bytes_s(dialect, step - 1) - share.sum_bytes_s(dialect, step) if step > base else 0.0
+    if step <= base or found.bytes_s + more_bytes_s > MOST_SHARE * found.capacity_bytes_s or known.found is not None:
+        return replace(known, room_since_s=None)
+    since_s = now_s if known.room_since_s is None else known.room_since_s
+    if now_s - since_s < known.patience_s:
+        return replace(known, room_since_s=since_s)
+    lower = 0 if step - 1 <= base else step - 1
+    return replace(known, step=lower, stepped_s=now_s, raised_s=now_s, room_since_s=None)
+
+
+def _is_to_be_asked(vehicle: VehicleState, step: int) -> bool:
+    """Return whether a vehicle is asked for less, or more, than was decided, and may be told so."""
+    ours = vehicle.stage is not Stage.PILOT and not mode_causes.is_under_foreign_control(vehicle)
+    return vehicle.orders.stream_step != step and ours and not vehicle.link.stale and vehicle.orders.errand is None
+
+
+def _ask_again(context: Context, state: FleetState, vehicle: VehicleState, step: int, now_s: float) -> Stepped:
+    """Ask a vehicle for its streams where what it was asked for is not what was decided."""
+    if not _is_to_be_asked(vehicle, step):
+        return state, ()
+    setup = context.vehicles[vehicle.name]
+    before = choose_streams_hz(setup, vehicle)
+    vehicle = vehicle.with_orders(stream_step=step, streams_asked_s=now_s)
+    after = choose_streams_hz(setup, vehicle)
+    changed = tuple(message for message, rate_hz in after.items() if rate_hz != before[message])
+    return state.put(vehicle), (AskStreams(vehicle.name, changed),) if changed else ()
