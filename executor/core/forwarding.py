@@ -17,8 +17,9 @@ HEARTBEAT, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 0, 512, 511
 FLOODS = frozenset({21, 66, 110, 117, 119})
 """PARAM_REQUEST_LIST, REQUEST_DATA_STREAM, FILE_TRANSFER_PROTOCOL, LOG_REQUEST_LIST, LOG_REQUEST_DATA: a small question
 with an answer that a radio carries for minutes."""
-TRANSFERS = frozenset({37, 38, 39, 40, 43, 44, 45, 47, 51, 73})
-"""What is said in a transfer of a mission, and MISSION_CLEAR_ALL: a vehicle has one such transfer at a time."""
+TRANSFERS = frozenset({37, 38, 39, 40, 43, 44, 45, 47, 51, 73, 110})
+"""What is said in a transfer of a mission, or of a file, and MISSION_CLEAR_ALL: a vehicle has one such transfer at a
+time."""
 CORRECTIONS = frozenset({123, 233, *range(12900, 12921)})
 """GPS_INJECT_DATA, GPS_RTCM_DATA and OPEN_DRONE_ID_*."""
 LINK_REPORTS = frozenset({109, 166})

@@ -100,7 +100,7 @@ def check_backends(site: Site) -> None:
 
 @asynccontextmanager
 async def open_links(
-    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, ports_first: bool = True
+    request: FlightRequest, clock: SystemClock, *, recorded: bool = True, strict: bool = True
 ) -> AsyncIterator[Mapping[str, OpenLink]]:
     """Open the links to all vehicles, record them in the run directory, and keep up our heartbeat on them.
 
@@ -108,7 +108,7 @@ async def open_links(
         request: What is flown.
         clock: The flight's.
         recorded: Whether telemetry logs are written.
-        ports_first: Whether a port of `[forward]` that cannot be opened is an error: not where vehicles are in the air.
+        strict: Whether a port of `[forward]` that cannot be opened is an error: not where vehicles are in the air.
 
     Raises:
         ConnectionFailed: one cannot be opened.
@@ -134,7 +134,7 @@ async def open_links(
         )  # fmt: skip
         forwarder.links.update((one.sysid, one) for one in native.values())
         ports = request.site.forward.ports
-        await stack.enter_async_context(open_station_ports(forwarder, ports, keyring, link.station, strict=ports_first))
+        await stack.enter_async_context(open_station_ports(forwarder, ports, keyring, link.station, strict=strict))
         others = await stack.enter_async_context(
             mavsdk.open_mavsdk_links(wanted["mavsdk"], MavlinkCodec(radios=link.senders, station=link.station))
         )

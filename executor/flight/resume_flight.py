@@ -268,7 +268,7 @@ async def resume_flight(run: Path, console: run_start.Console, told: Sequence[st
             clock = SystemClock.resume(
                 head.speedup, head.began_unix_s, known.last_s, known.set_s, fleet.steady_s, fleet.date_unix_s()
             )
-            links = await stack.enter_async_context(open_links(request, clock, ports_first=False))
+            links = await stack.enter_async_context(open_links(request, clock, strict=False))
             console.say(Level.INFO, f"the vehicles hear our heartbeat again; reading {RunDirectory(run).events}")
             await asyncio.to_thread(run_flight.load_optional_parts, request)
             left = await _replay_in_thread(run, known)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,9 +13,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
 from benchmarks.virtual.radio import MemoryRadio, share_port
-from benchmarks.virtual_flight import VirtualFlight, VirtualRun, fly_virtual
+from benchmarks.virtual_flight import FlightObservers, VirtualFlight, VirtualRun, fly_virtual
 from executor.adapters.mavlink.codec import MavlinkCodec
 from executor.adapters.mavlink.forward import StationPort
+from executor.core import forwarding
 from executor.core.context import Context
 from executor.core.fleet_step import FORWARD
 from executor.core.interface.connection import parse_connection
@@ -25,6 +26,7 @@ from executor.flight.open_links import build_forwarder
 from executor.runtime.flight_loop import Flight
 from executor.site.flight_keys import ForwardTable, LinkTable
 from missions.geo import LocalFrame
+from simulator.fleet import SimulatedVehicle
 from tests.benchmarks.virtual.short_line import shared, short_ground
 
 RADIO = "sik-ecc-mended"
@@ -82,7 +84,7 @@ class StationRun(VirtualRun):
         ours = MavlinkCodec(station=site.link.station)
         share_port(tuple[MemoryRadio, ...](self.radios.values()), ours, self._joins.tap)
         self._joins.links.update({radio.sysid: radio.link for radio in self.radios.values()})
-        self.seen = 0
+        self.seen, self.silence_s = 0, 0.0
 
     async def _supervise(self, context: Context, state: FleetState, until_s: float) -> tuple[Flight, bool]:
         beside = asyncio.create_task(self._stand_beside())
@@ -114,6 +116,7 @@ class StationRun(VirtualRun):
 
 
 def flown(folder: Path, autopilot: str, order: Callable[[int], Any] | None = None) -> tuple[VirtualFlight, StationRun]:
+    """Fly, and return the flight with its run, which knows how long a vehicle did not hear us."""
     ground, runs = short_ground(folder, 3, autopilot), list[StationRun]()
     site = ground.site.model_copy(update={"link": OURS, "forward": ForwardTable(to=(PORT,), allow_orders=True)})
     ground = replace(ground, site=site)
@@ -122,7 +125,12 @@ def flown(folder: Path, autopilot: str, order: Callable[[int], Any] | None = Non
         runs.append(StationRun(*arguments, order=order, radio=RADIO))
         return runs[-1]
 
-    return fly_virtual(ground, shared(ground), seed=1, make=make), runs[-1]
+    def look(vehicles: Mapping[str, SimulatedVehicle]) -> None:
+        silences_s = [vehicle.autopilot.gcs_silence_s or 0.0 for vehicle in vehicles.values()]
+        runs[-1].silence_s = max(runs[-1].silence_s, *silences_s)
+
+    flight = fly_virtual(ground, shared(ground), seed=1, make=make, onlookers=FlightObservers(lived=look))
+    return flight, runs[-1]
 
 
 def lines(flight: VirtualFlight, part: str) -> list[str]:
@@ -138,11 +146,20 @@ def test_a_station_that_asks_for_everything_four_times_a_second_is_told_no_and_t
     assert flight.report.faults == ()
     assert flight.report.finished
     assert run.seen > 100, "it sees what flies"
+    assert run.silence_s < 1.0, "of our own HEARTBEAT"
     assert lines(flight, FORWARD) == [
         f"{FORWARD}: ground station heard, system 255 component 190",
         f"{FORWARD}: {TELLS}{link.WOULD_FILL_RADIO}",
         f"{FORWARD}: {TELLS}{link.MORE_THAN_SHARE}",
     ]
+
+
+def test_the_same_questions_passed_on_would_have_ended_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The yardstick of the test above: without the rules nobody hears us for seconds, and all come home."""
+    monkeypatch.setattr(forwarding.Allowance, "admit", lambda self, *_, **__: (self, None))
+    flight, run = flown(tmp_path, "ardupilot")
+    assert run.silence_s > 5.0
+    assert not flight.report.finished
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

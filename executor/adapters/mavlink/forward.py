@@ -206,9 +206,11 @@ class Forwarder:
         message = received.message
         if isinstance(message, messages.StationHeard):
             message = replace(message, behind=True)
+        elif not isinstance(message, messages.OrderSeen):
+            return
         for sysid in sysids:
             if sysid in self.links:
-                self.links[sysid].receive_foreign(replace(received, message=message))
+                self.links[sysid].hear(message)
 
     def report(self, words: str, *, still: bool = False) -> None:
         """Tell the crew what became of a port; once if it is `still` so."""

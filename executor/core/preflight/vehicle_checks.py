@@ -58,6 +58,8 @@ PREARM_VALID_S = 35.0
 """ArduPilot repeats the reasons every 30 s: an older one is settled."""
 PREARM_SHOWN = 3
 """More reasons than this are counted only."""
+USUAL_OTHER = 254
+"""No station has this number unless somebody gave it to it."""
 LIKE = 1.1
 """Capacities that differ by less are one: what stands on a pack, and what somebody typed."""
 
@@ -208,7 +210,7 @@ def check_ground_stations(facts: VehicleFacts, dialect: Dialect, ours: int = GRO
         hides = counted is None or counted[1] == station.system
         then, component = checklist.HIDES_OURS if hides else checklist.MAY_COMMAND, station.component
         if station.system == ours:
-            then += checklist.HAS_OUR_NUMBER
+            then += checklist.HAS_OUR_NUMBER.format(free=USUAL_OTHER - (ours == USUAL_OTHER))
         found.append(checklist.STATION_HIDES.say(facts.name, system=station.system, component=component, then=then))
     return found
 

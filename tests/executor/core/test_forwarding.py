@@ -163,11 +163,18 @@ def test_corrections_leave_room_for_orders() -> None:
         (frame(GPS_RTCM_DATA), True, ""),
         (frame(109), False, ""),
         (frame(PARAM_SET), True, None),
+        (frame(110), True, link.WOULD_FILL_RADIO),
         (frame(size=2000), False, link.MORE_THAN_SHARE),
     ],
 )
 def test_what_a_radio_is_spared(sent: StationFrame, busy: bool, why: str | None) -> None:
     assert make_allowance(120.0).admit(sent, 0.0, busy=busy)[1] == why
+
+
+def test_a_file_of_theirs_does_not_end_the_session_of_ours() -> None:
+    """ArduPilot has one session of files at a time, and takes missions by it."""
+    assert make_allowance(None).admit(frame(110), 0.0, busy=True)[1] == link.TRANSFER_UNDER_WAY
+    assert make_allowance(None).admit(frame(110), 0.0, busy=False)[1] is None
 
 
 def test_a_bucket_fills_up_to_its_brim_and_time_that_stands_still_fills_nothing() -> None:

@@ -235,11 +235,11 @@ def test_a_station_behind_us_hides_nothing_and_what_it_does_before_the_flight_is
     assert warned.text == "the ground station of system 255 component 190 sets RTL_ALT to 3000"
 
 
-@pytest.mark.parametrize(("ours", "like_ours"), [(255, True), (254, False)])
-def test_a_station_with_our_own_number_is_named_with_what_to_do(ours: int, like_ours: bool) -> None:
-    facts = replace(said(PX4), stations=(StationHeard(255, 190),))
+@pytest.mark.parametrize(("ours", "theirs", "free"), [(255, 255, 254), (254, 254, 253), (254, 255, None)])
+def test_a_station_with_our_own_number_is_named_with_what_to_do(ours: int, theirs: int, free: int | None) -> None:
+    facts = replace(said(PX4), stations=(StationHeard(theirs, 190),))
     [check] = checks.check_ground_stations(facts, PX4, ours)
-    assert ("set link.station_sysid to a number of our own" in check.text) is like_ours
+    assert check.text.endswith(f"set link.station_sysid to another, such as {free}") is (free is not None)
 
 
 @pytest.mark.parametrize(

@@ -205,8 +205,8 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
             [
                 f"warning: {OTHER.format(3)}: it may command the vehicle too",
                 (
-                    f"warning: {OTHER.format(255)}: its HEARTBEATs would hide the loss of ours, and its orders look "
-                    "like ours; set link.station_sysid to a number of our own, such as 254"
+                    f"warning: {OTHER.format(255)}: its HEARTBEATs would hide the loss of ours; it has our number: "
+                    "set link.station_sysid to another, such as 254"
                 ),
             ],
         ],
