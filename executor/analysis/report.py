@@ -245,13 +245,16 @@ def _build_radio_rows(context: Context, state: FleetState) -> Iterator[documents
         if known is None or known.totals.seconds <= 0.0:
             continue
         totals, dialect = known.totals, context.vehicles[share.names[0]].dialect
+        carries_bytes_s = share.find_capacity_bytes_s(on_radio=True) or 0.0
+        if share.bytes_s is None:
+            carries_bytes_s = max(carries_bytes_s, totals.most_bytes_s)
         step = max(totals.most_step, share.choose_step(dialect, on_radio=True))
         yield documents.RadioRow.build_from(
             totals,
             vehicles=share.names,
             bytes_s=round(totals.bytes / totals.seconds),
             most_bytes_s=round(totals.most_bytes_s),
-            capacity_bytes_s=share.find_capacity_bytes_s(on_radio=True),
+            capacity_bytes_s=round(carries_bytes_s),
             round_trip_s=totals.most_round_trip_s,
             lost=round(totals.lost_s / totals.seconds, 3),
             positions_hz=list_streams_hz(dialect, step)[GLOBAL_POSITION_INT],

@@ -14,6 +14,7 @@ from executor.adapters.mavlink import endpoints
 from executor.core.interface.connection import Connection, Scheme
 from executor.core.interface.messages import Heartbeat, Message
 from executor.core.interface.ports import Link, LinkRequest
+from executor.protocols import vehicle_commands
 from executor.protocols.machine import Accepted
 from executor.protocols.mission_file import MissionFileUpload
 from executor.protocols.mission_transfer import MOST_AHEAD, DownloadDialogue, UploadDialogue
@@ -112,3 +113,38 @@ def _is_started(said: Message) -> bool:
 def _look(upload: UploadDialogue, dialect: Dialect) -> None:
     expected = compute_list_checksum(upload.items) if dialect.says_checksum else None
     assert upload.checksum == expected
+
+
+def test_streams_that_nobody_asked_for_are_off_and_come_again(tmp_path: Path) -> None:
+    if PX4.binary is None:
+        pytest.skip(f"{PX4.variable}: expected the path of a real {PX4.name}")
+    wanted = Wanted({pad.vehicle: pad for pad in SETUP.pads}, SETUP.frame, 1.0, {}, frozenset())
+    with running(PX4, Path(PX4.binary), tmp_path / "work", wanted):
+        asyncio.run(_switch_streams(PX4.port))
+
+
+async def _switch_streams(port: int) -> None:
+    clock, unasked = SystemClock(1.0), dialect_for("px4").unasked_hz
+    request = LinkRequest(Connection(Scheme.UDP_IN, "127.0.0.1", port), 1)
+    async with endpoints.open_mavlink_links({"uav1": request}) as links:
+        link = links["uav1"]
+        assert await procedures.wait_for(link, clock, _is_started, PATIENCE_S)
+
+        async def find_on() -> set[int]:
+            return {message for message in unasked if await procedures.is_stream_on(link, clock, message)}
+
+        async def count_frames() -> int:
+            before = link.counts.received
+            await asyncio.sleep(5.0)
+            return link.counts.received - before
+
+        first, frames = await find_on(), await count_frames()
+        assert next(iter(unasked)) in first, "it is looked at to know whether they are off"
+        assert await procedures.send_to_streams(link, clock, unasked, vehicle_commands.stop_message) == ""
+        assert await find_on() == set()
+        fewer = await count_frames()
+        assert await procedures.send_to_streams(link, clock, unasked, vehicle_commands.reset_message) == ""
+        assert await find_on() == first
+        print(f"px4: {sorted(first)} were on, {frames / 5.0:.0f} frames a second, {fewer / 5.0:.0f} without them")
+        assert fewer < 0.8 * frames
+        assert await count_frames() > 0.8 * frames

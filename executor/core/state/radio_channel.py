@@ -38,6 +38,7 @@ class ChannelMeasures:
     vehicles: tuple[str, ...]
     bytes_s: float
     capacity_bytes_s: float
+    """What it carries; at least what it was seen to carry, where the site does not say it."""
     capacity_known: bool = False
     """Whether the site says it."""
     round_trip_s: float | None = None
@@ -117,10 +118,11 @@ def measure_channel(share: RadioShare, vehicles: Iterable[VehicleState], now_s: 
     trip_at_s, trip_s = max(trips, default=(float("-inf"), None))
     least_s = min(one.least_round_trip_s for one in links)
     report_s, radio = max(((one.radio_s, one.radio) for one in links), key=lambda one: one[0])
+    bytes_s = sum(one.count_bytes_s(now_s) for one in links)
     return ChannelMeasures(
         share.names,
-        sum(one.count_bytes_s(now_s) for one in links),
-        capacity_bytes_s,
+        bytes_s,
+        capacity_bytes_s if share.bytes_s is not None else max(capacity_bytes_s, bytes_s),
         share.bytes_s is not None,
         trip_s,
         trip_s is not None and now_s - trip_at_s <= TRIP_S and trip_s >= max(GROWN_S, GROWN * least_s),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RouteRow, SortieRow
+from executor.analysis.documents import FlightReport, LastFix, LastPosition, LegRow, RadioRow, RouteRow, SortieRow
 from executor.analysis.flight_record import DecisionLine, FlightRecord, PlanRevision, read_run
 from executor.analysis.report_page import describe_outcome, render_report_page, write_report_page
 from executor.core.interface.commands import Level
@@ -226,3 +226,17 @@ def test_sorties_stand_with_their_packs_where_there_are_several(flight: tuple[Fl
     text = render_report_page(record, report.model_copy(update={"sorties": (row,)}), {})
     assert "<h2>Sorties</h2>" in text
     assert "P&lt;7&gt;" in text
+
+
+def test_what_a_radio_carried_is_said(flight: tuple[FlightRecord, FlightReport]) -> None:
+    record, report = flight
+    row = RadioRow(
+        vehicles=("uav1", "uav2"), bytes_s=840.0, most_bytes_s=1100.0, capacity_bytes_s=1200.0, round_trip_s=2.44,
+        lost=0.031, congested_s=41.0, weak_s=0.0, positions_hz=1.0,
+    )  # fmt: skip
+    page = render_report_page(record, report.model_copy(update={"radios": (row,)}), {})
+    assert (
+        "radio of uav1, uav2: 0.8 of 1.2 kB/s on average, round trip at most 2.4 s, 3 % lost, congested for 41 s, "
+        "positions at 1 Hz or more"
+    ) in page
+    assert "radio of" not in render_report_page(record, report, {})

@@ -88,6 +88,14 @@ def test_nothing_is_said_where_there_is_no_radio_or_nobody_counts() -> None:
     assert (found.capacity_bytes_s, found.capacity_known) == (1200.0, False), "a radio that reports itself is one"
 
 
+def test_a_radio_carries_at_least_what_it_was_seen_to_carry_where_the_site_does_not_say_it() -> None:
+    one = flying(quality=heard((5.0, 2000), (0.0, 9000), radio=Radio(1, 1, 1, 1, 90)))
+    for said, capacity_bytes_s in ((None, 1800.0), (1200.0, 1200.0)):
+        found = measure_channel(RadioShare(bytes_s=said, names=("uav1",)), [one], NOW_S)
+        assert found is not None
+        assert (found.bytes_s, found.capacity_bytes_s) == (1800.0, capacity_bytes_s)
+
+
 def test_a_round_trip_has_grown_beside_the_shortest_one_and_for_a_while() -> None:
     share = RadioShare(bytes_s=1200.0, names=("uav1",))
     quality = heard((5.0, 2000), round_trip_s=0.3)
