@@ -68,6 +68,19 @@ class MavCommand(IntEnum):
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
 
 
+class FileOperation(IntEnum):
+    """MAVFTP's opcodes."""
+
+    TERMINATE = 1
+    RESET = 2
+    CREATE = 6
+    WRITE = 7
+    OPEN_TO_WRITE = 11
+    CHECKSUM = 14
+    ACK = 128
+    NAK = 129
+
+
 class MissionState(IntEnum):
     """MISSION_STATE."""
 
@@ -287,6 +300,8 @@ def describe_order(body: Body) -> str:
             return f"order mode {mode}"
         case MissionCount(count):
             return f"order mission {count}"
+        case FileRequest(operation=FileOperation.OPEN_TO_WRITE):
+            return "order mission file"
         case MissionClearAll():
             return "order clear"
         case MissionSetCurrent(seq):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from missions.items import MissionItem
-from simulator.messages import FileRequest, Outbound, Peer, build_message
+from simulator.messages import FileOperation, FileRequest, Outbound, Peer, build_message
 
 NAME = b"@MISSION/mission.dat"
 MAGIC, KEEP_REST = 0x763D, 1
@@ -27,19 +27,6 @@ SESSION_S = 3.0
 """After so long without a request another station may take over."""
 SLOWS_S = 1.0
 """For so long after an answer all streams are slower."""
-
-
-class Operation(IntEnum):
-    """MAVFTP's opcodes."""
-
-    TERMINATE = 1
-    RESET = 2
-    CREATE = 6
-    WRITE = 7
-    OPEN_TO_WRITE = 11
-    CHECKSUM = 14
-    ACK = 128
-    NAK = 129
 
 
 class Error(IntEnum):
@@ -108,12 +95,12 @@ class MissionFileServer:
         answer = self._carry_out(request, now_s, board, refuses=refuses)
         frame = _build_answer(request, sender, answer)
         self._last = _Answer(sender, request.session, request.number, frame)
-        ends = request.operation == Operation.TERMINATE
+        ends = request.operation == FileOperation.TERMINATE
         self._answered_s = float("-inf") if ends else now_s
         return frame
 
     def _carry_out(self, request: FileRequest, now_s: float, board: Board, *, refuses: bool) -> bytes | Error:
-        ends = request.operation in {Operation.TERMINATE, Operation.RESET}
+        ends = request.operation in {FileOperation.TERMINATE, FileOperation.RESET}
         if request.session != self._session:
             if ends:
                 return b""
@@ -123,11 +110,11 @@ class MissionFileServer:
         if ends:
             self._close(board.put)
             return b""
-        if request.operation == Operation.CHECKSUM:
+        if request.operation == FileOperation.CHECKSUM:
             return CHECKSUM.pack(compute_checksum(board.items)) if request.data == NAME else Error.FILE_NOT_FOUND
-        if request.operation in {Operation.OPEN_TO_WRITE, Operation.CREATE}:
+        if request.operation in {FileOperation.OPEN_TO_WRITE, FileOperation.CREATE}:
             return self._open_file(request, refuses=refuses)
-        return self._write(request) if request.operation == Operation.WRITE else Error.FAIL
+        return self._write(request) if request.operation == FileOperation.WRITE else Error.FAIL
 
     def _open_file(self, request: FileRequest, *, refuses: bool) -> bytes | Error:
         if self._open is not None:
@@ -165,8 +152,8 @@ def _read_part(data: bytes) -> FilePart | None:
 
 
 def _read_item(row: bytes) -> MissionItem:
-    *params, x, y, z, seq, command, _, _, frame, current, goes_on, _ = ITEM.unpack(row)
-    return MissionItem(seq, frame, command, *params, x, y, z, bool(current), bool(goes_on))
+    one, two, three, four, x, y, z, seq, command, _, _, frame, current, goes_on, _ = ITEM.unpack(row)
+    return MissionItem(seq, frame, command, one, two, three, four, x, y, z, bool(current), bool(goes_on))
 
 
 def compute_checksum(items: Sequence[MissionItem]) -> int:
@@ -183,8 +170,8 @@ def compute_checksum(items: Sequence[MissionItem]) -> int:
 
 def _build_answer(request: FileRequest, to: Peer, answer: bytes | Error) -> Outbound:
     accepted = isinstance(answer, bytes)
-    opcode, data = (Operation.ACK, answer) if isinstance(answer, bytes) else (Operation.NAK, bytes([answer]))
-    offset = request.offset if request.operation == Operation.WRITE and accepted else 0
+    opcode, data = (FileOperation.ACK, answer) if isinstance(answer, bytes) else (FileOperation.NAK, bytes([answer]))
+    offset = request.offset if request.operation == FileOperation.WRITE and accepted else 0
     head = REPLY.pack((request.number + 1) & 0xFFFF, request.session, opcode, len(data), request.operation, 0, offset)
     return build_message(
         "FILE_TRANSFER_PROTOCOL", target_network=0, target_system=to.sysid, target_component=to.compid,

@@ -150,7 +150,7 @@ class MissionFileUpload(DialogueMachine):
         )  # fmt: skip
         if isinstance(message, MissionItemInt):
             state = replace(state, home=message.item)
-        elif asked.again and replace(asked.request, number=0) == _CLOSE and closes:
+        elif asked.again and closes and _give_number(asked.request, 0) == _CLOSE:
             state = replace(state, steps=((*self.steps[0], _CHECK),))  # the first may have been answered before it
         elif isinstance(message, FileReply) and len(message.data) == CHECKSUM.size:
             state = replace(state, checksum=CHECKSUM.unpack(message.data)[0])

@@ -81,7 +81,7 @@ class FakeMissionFile:
         if not written or len(written) < HEADER_BYTES:
             return
         magic, _, options, start, count = (int.from_bytes(written[at : at + 2], "little") for at in range(0, 10, 2))
-        rows = [written[at : at + ITEM_BYTES] for at in range(HEADER_BYTES, len(written), ITEM_BYTES)]
+        rows = [bytes(written[at : at + ITEM_BYTES]) for at in range(HEADER_BYTES, len(written), ITEM_BYTES)]
         if (magic, options, count) == (0x763D, 1, len(rows)) and all(any(row) for row in rows):
             self._put(start, list(map(_unpack, rows)))
 

@@ -72,7 +72,7 @@ async def test_a_port_that_is_taken_stops_a_flight_and_not_one_that_is_in_the_ai
 async def test_the_rules_are_the_sites(tmp_path: Path) -> None:
     request = request_of(tmp_path, "serial:///dev/ttyUSB0:57600", "tcpin://127.0.0.1:5760")
     forwarder = build_forwarder(request.site, SystemClock(1.0))
-    assert (forwarder.rules.ours, forwarder.rules.vehicles, forwarder.rules.allow_orders) == (254, {1}, True)
+    assert (forwarder.rules.ours, forwarder.rules.vehicles, forwarder.rules.allow_orders) == (254, frozenset({1}), True)
     [share] = forwarder.shares.values()
     assert share.is_radio
     assert share.find_others_bytes_s(1200.0) == 120.0

@@ -53,7 +53,8 @@ def fly(
         loss: Share of messages that get lost, each way.
         give_up: After so many steps the upload is cancelled; 0 for never.
     """
-    dice, now_s, said = air or random.Random(1), 100.0, []
+    dice, now_s = air or random.Random(1), 100.0
+    said: list[Outgoing] = []
     upload, sent = upload.begin(now_s)
     for step in range(1, 1000):
         said += sent
@@ -115,7 +116,8 @@ def test_another_station_that_has_a_file_open_keeps_it() -> None:
     board.file.data, board.file.session, board.file.heard_s = bytearray(b"theirs"), SESSION + 1, 99.0
     upload, _ = fly(board, MissionFileUpload(NEW, 3, 0))
     assert isinstance(upload.outcome, Rejected)
-    assert (board.file.data, tuple(board.items)) == (b"theirs", OLD)
+    assert board.file.data == b"theirs"
+    assert tuple(board.items) == OLD
 
 
 def test_who_does_not_answer_is_asked_again_four_times() -> None:
@@ -138,7 +140,12 @@ def test_a_file_that_we_left_open_is_dropped_and_not_taken() -> None:
     board.hear(header, 90.0)  # and then the link is lost
     heights_m: list[float] = []
     put = board.file._put
-    board.file._put = lambda first, items: (heights_m.extend(item.z for item in items), put(first, items))[1]
+
+    def note(first: int, items: list[MissionItem]) -> None:
+        heights_m.extend(item.z for item in items)
+        put(first, items)
+
+    board.file._put = note
     upload, _ = fly(board, MissionFileUpload(NEW, 3, 4096))
     assert (upload.outcome, upload.is_proven, tuple(board.items)) == (Accepted(), True, NEW)
     assert 99.0 not in heights_m
