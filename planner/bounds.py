@@ -64,10 +64,9 @@ def _least_route_pct(instance: Instance) -> FloatArray:
     """Return (k, n) float64, a lower bound on the energy of any route of a vehicle that visits a segment."""
     fleet, visits = len(instance.vehicles), 2 * instance.segments
     ways = np.empty((fleet, visits))
-    every = np.arange(visits)
+    tables = instance.moves.tabulate().table_pct
     for vehicle in range(fleet):
-        profile, consumption = instance.profile[vehicle], instance.vehicles[vehicle].consumption
-        moves = consumption * instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
+        moves = instance.vehicles[vehicle].consumption * tables[instance.profile[vehicle]]
         into = _shortest_pct(instance.start_pct[vehicle], moves)
         ways[vehicle] = into + _shortest_pct(instance.home_pct[vehicle], moves.T)
     least: FloatArray = ways.reshape(fleet, -1, 2).min(axis=2)
@@ -126,15 +125,14 @@ def compute_tree_bound_pct(
 
 def _least_moves_pct(instance: Instance, useful: BoolArray) -> FloatArray:
     """Return (2n, 2n) float64, the least energy from visit to visit over the useful vehicles."""
-    every = np.arange(2 * instance.segments)
-    least = np.full((len(every), len(every)), np.inf)
-    for profile in range(instance.moves.profiles):
+    tables = instance.moves.tabulate().table_pct
+    least = np.full(tables.shape[1:], np.inf)
+    for profile, moves in enumerate(tables):
         factors = [
             vehicle.consumption
             for vehicle, own, used in zip(instance.vehicles, instance.profile, useful, strict=True)
             if used and own == profile
         ]
         if factors:
-            moves = instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
             np.minimum(least, min(factors) * moves, out=least)
     return least

@@ -77,14 +77,13 @@ def _find_routes_of(instance: Instance, number: int) -> SubsetRoutes:
     # Only here: it loads numba.
     from planner.kernels.proofs import find_best_routes
 
-    vehicle, every = instance.vehicles[number], np.arange(2 * instance.segments)
+    vehicle, pct = instance.vehicles[number], instance.moves.tabulate().table_pct[instance.profile[number]]
     start = np.array(instance.start_pct[number], dtype=np.float64)
     home = np.array(instance.home_pct[number], dtype=np.float64)
-    pct = instance.moves.pct(instance.profile[number], every[:, np.newaxis], every[np.newaxis])
     move = np.array(vehicle.consumption * pct, dtype=np.float64, order="C")
     most = vehicle.budget_pct + BUDGET_TOLERANCE_PCT
     sets = 2**instance.segments
-    spent, energy = np.empty((sets, len(every))), np.empty(sets)
+    spent, energy = np.empty((sets, len(start))), np.empty(sets)
     idle = float(instance.idle_pct[number])
     energy[0] = idle if idle <= most else np.inf
     find_best_routes(start, home, move, most, spent, energy)

@@ -166,14 +166,9 @@ class LossScan:
 
 def timing_of(instance: Instance) -> LossTiming:
     """Return the times and the moves from the landing place as the kernels take them."""
-    every = np.arange(2 * instance.segments)
-    moves = [
-        instance.moves.seconds(profile, every[:, np.newaxis], every[np.newaxis])
-        for profile in range(instance.moves.profiles)
-    ]
     consumption = np.array([vehicle.consumption for vehicle in instance.vehicles])[:, np.newaxis]
     return LossTiming(
-        move_s=np.array(moves, dtype=np.float64, order="C"),
+        move_s=np.ascontiguousarray(instance.moves.tabulate().table_s),
         start_s=_to_contiguous(instance.start_s),
         home_s=_to_contiguous(instance.home_s),
         idle_s=np.array(instance.idle_s, dtype=np.float64),

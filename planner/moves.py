@@ -233,6 +233,10 @@ class MoveTables(Moves):
         """Number of visits."""
         return int(self.table_s.shape[1])
 
+    def tabulate(self) -> MoveTables:
+        """Return these tables."""
+        return self
+
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
         return self.seconds(profile, before, after), self.pct(profile, before, after)

@@ -140,11 +140,7 @@ def build_kernel_problem(instance: Instance) -> Problem:
     # A plan that leaves out a segment without length is still worse than one that does not.
     value = instance.value + 1e-6 * (float(instance.value.mean()) or 1.0)
     worth = value * float(np.median(effort / value))
-    every = np.arange(2 * segments)
-    move = np.array([
-        instance.moves.pct(profile, every[:, np.newaxis], every[np.newaxis])
-        for profile in range(instance.moves.profiles)
-    ]).reshape(instance.moves.profiles, 2 * segments, 2 * segments)  # fmt: skip
+    move = np.ascontiguousarray(instance.moves.tabulate().table_pct)
     return Problem(
         profile=np.array(instance.profile, dtype=np.int64),
         move=move,
