@@ -7,11 +7,11 @@ without length is a place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from missions.geo import BoolArray, FloatArray
+from missions.geo import BoolArray, FloatArray, IndexArray
 
 SHORTEST_M2 = 1e-12
 """The square of a length that counts as one."""
@@ -107,6 +107,29 @@ def leg_distances_m(legs_a: FloatArray, legs_b: FloatArray) -> FloatArray:
     apart = offset + share_a[..., np.newaxis] * along_a - share_b[..., np.newaxis] * along_b
     candidates.append(np.where(inside, np.sqrt((apart**2).sum(axis=2)), math.inf))
     return np.asarray(np.min(candidates, axis=0), dtype=np.float64)
+
+
+def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
+    """Yield pairs of (n, 2, 2) legs that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
+    if not len(ends_m):
+        return
+    lows, highs, along = ends_m.min(axis=1), ends_m.max(axis=1), ends_m[:, 1] - ends_m[:, 0]
+    axis = int(np.argmax(np.ptp(ends_m.reshape(-1, 2), axis=0)))
+    order = np.argsort(lows[:, axis], kind="stable")
+    last = np.searchsorted(lows[order, axis], highs[:, axis], side="right")
+    for place, one in enumerate(order.tolist()):
+        rest = order[place + 1 : last[one]]
+        rest = rest[((lows[rest] <= highs[one]) & (highs[rest] >= lows[one])).all(axis=1)]
+        rest = rest[~np.isin(nodes[rest], nodes[one]).any(axis=1)] if rest.size else rest
+        from_m, way_m, ways_m = ends_m[rest, 0] - ends_m[one, 0], along[one], along[rest]
+        turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
+            theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
+        for number in np.flatnonzero((mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)):
+            east_m, north_m = (ends_m[one, 0] + mine[number] * way_m).tolist()
+            first, second = sorted((one, int(rest[number])))
+            yield first, second, (east_m, north_m)
 
 
 def wall_distances_m(bottoms_m: FloatArray, heights_m: FloatArray, legs_m: FloatArray) -> FloatArray:

@@ -17,7 +17,7 @@ import numpy as np
 
 from missions.errors import SafetyError
 from missions.geo import FloatArray
-from missions.geometry import find_bends
+from missions.geometry import find_bends, find_crossings
 from missions.validation import Above0, Figure, From0, Id, Pair, Printable, Text
 
 Ring = tuple[Pair, ...]
@@ -31,7 +31,6 @@ SHORTEST_M = 0.01
 """Corners nearer to each other are one."""
 LOOKED_UP_TO = 3000
 """Corners up to which it is looked whether an outline crosses itself: nobody draws more by hand."""
-AT_ONCE = 1_000_000
 
 
 class AreaKind(Enum):
@@ -168,23 +167,11 @@ def area_inside_m2(ring: Ring) -> float:
 
 def is_self_crossing(ring: Ring) -> bool:
     """Return whether two sides of an outline cross each other."""
-    begins = np.array(ring)
-    count = len(begins)
-    if count > LOOKED_UP_TO:
+    if len(ring) > LOOKED_UP_TO:
         return False
-    along = np.roll(begins, -1, axis=0) - begins
-    step = max(1, AT_ONCE // count)
-    for first in range(0, count, step):
-        part = np.arange(first, min(first + step, count))
-        off = begins - begins[part, np.newaxis]
-        own, other = along[part, np.newaxis], along[np.newaxis]
-        ours = own[..., 0] * off[..., 1] - own[..., 1] * off[..., 0]
-        ours_end = ours + own[..., 0] * other[..., 1] - own[..., 1] * other[..., 0]
-        theirs = other[..., 1] * off[..., 0] - other[..., 0] * off[..., 1]
-        theirs_end = theirs + other[..., 0] * own[..., 1] - other[..., 1] * own[..., 0]
-        if ((ours * ours_end < 0) & (theirs * theirs_end < 0)).any():
-            return True
-    return False
+    corners, numbers = np.array(ring), np.arange(len(ring))
+    sides_m = np.stack((corners, np.roll(corners, -1, axis=0)), axis=1)
+    return next(find_crossings(sides_m, np.column_stack((numbers, np.roll(numbers, -1)))), None) is not None
 
 
 def clip_outline(ring: Ring, low: tuple[float, float], high: tuple[float, float]) -> Ring:

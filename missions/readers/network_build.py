@@ -17,7 +17,7 @@ import numpy as np
 
 from missions.errors import NetworkError
 from missions.geo import MAX_LATITUDE_DEG, FloatArray, IndexArray, LocalFrame
-from missions.geometry import find_bends, find_nearest_on_legs, place_distances_m
+from missions.geometry import find_bends, find_crossings, find_nearest_on_legs, place_distances_m
 from missions.network import SHORTEST_SEGMENT_M, Pylon, Segment, check_degrees
 from missions.readers.raw_network import Line, Pole, RawNetwork, Remark, RemarkTopic, Vertex, explain_empty_file
 
@@ -195,29 +195,6 @@ class PlaceIndex:
         distances_m, shares = find_nearest_on_legs(self._sorted_m[first:last], a_m[np.newaxis], (b_m - a_m)[np.newaxis])
         near = np.flatnonzero(distances_m[:, 0] <= within_m)
         return self._order[first:last][near], shares[near, 0], distances_m[near, 0]
-
-
-def find_crossings(ends_m: FloatArray, nodes: IndexArray) -> Iterator[tuple[int, int, tuple[float, float]]]:
-    """Yield pairs of (n, 2, 2) spans that cross between their ends, and where; nodes (n, 2) tell who shares an end."""
-    if not len(ends_m):
-        return
-    lows, highs, along = ends_m.min(axis=1), ends_m.max(axis=1), ends_m[:, 1] - ends_m[:, 0]
-    axis = int(np.argmax(np.ptp(ends_m.reshape(-1, 2), axis=0)))
-    order = np.argsort(lows[:, axis], kind="stable")
-    last = np.searchsorted(lows[order, axis], highs[:, axis], side="right")
-    for place, one in enumerate(order.tolist()):
-        rest = order[place + 1 : last[one]]
-        rest = rest[((lows[rest] <= highs[one]) & (highs[rest] >= lows[one])).all(axis=1)]
-        rest = rest[~np.isin(nodes[rest], nodes[one]).any(axis=1)] if rest.size else rest
-        from_m, way_m, ways_m = ends_m[rest, 0] - ends_m[one, 0], along[one], along[rest]
-        turned = way_m[0] * ways_m[:, 1] - way_m[1] * ways_m[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mine = (from_m[:, 0] * ways_m[:, 1] - from_m[:, 1] * ways_m[:, 0]) / turned
-            theirs = (from_m[:, 0] * way_m[1] - from_m[:, 1] * way_m[0]) / turned
-        for number in np.flatnonzero((mine > 0) & (mine < 1) & (theirs > 0) & (theirs < 1)):
-            east_m, north_m = (ends_m[one, 0] + mine[number] * way_m).tolist()
-            first, second = sorted((one, int(rest[number])))
-            yield first, second, (east_m, north_m)
 
 
 def find_nearest_span(place_m: FloatArray, ends_m: FloatArray, but: Sequence[int] = ()) -> tuple[int, float]:
