@@ -99,15 +99,8 @@ class Travel:
         for name in ("transit_speed_m_s", "inspection_speed_m_s", "transit_pct_per_s", "inspection_pct_per_s"):
             _check_positive(name, getattr(self, name))
 
-    def transit_rates_pct_per_s(self, vectors_m: FloatArray) -> FloatArray:
-        """Return (...) float64, the energy rate of transits along ``vectors_m`` (..., 2)."""
-        return self._rates_pct_per_s(vectors_m, self.transit_speed_m_s, self.transit_pct_per_s)
-
-    def inspection_rates_pct_per_s(self, vectors_m: FloatArray) -> FloatArray:
-        """Return (...) float64, the energy rate of inspections along ``vectors_m`` (..., 2)."""
-        return self._rates_pct_per_s(vectors_m, self.inspection_speed_m_s, self.inspection_pct_per_s)
-
-    def _rates_pct_per_s(self, vectors_m: FloatArray, speed_m_s: float, calm_pct_per_s: float) -> FloatArray:
+    def rates_pct_per_s(self, vectors_m: FloatArray, speed_m_s: float, calm_pct_per_s: float) -> FloatArray:
+        """Return (...) float64, the energy rate along ``vectors_m`` (..., 2) at a speed, by what it is in still air."""
         if self.wind is None:
             return np.full(vectors_m.shape[:-1], calm_pct_per_s)
         length_m = np.hypot(vectors_m[..., 0], vectors_m[..., 1])
@@ -304,7 +297,8 @@ def compute_moves(
     if travel.dynamics is not None:
         ramps_s = travel.inspection_speed_m_s / travel.dynamics.acceleration_m_s2
         inspection_s = inspection_s + ramps_s + _turn_s(first_m - places_m, along, travel.dynamics)
-    return transit_s + inspection_s, transit_pct + inspection_s * travel.inspection_rates_pct_per_s(along)
+    rates = travel.rates_pct_per_s(along, travel.inspection_speed_m_s, travel.inspection_pct_per_s)
+    return transit_s + inspection_s, transit_pct + inspection_s * rates
 
 
 def compute_transits(
@@ -320,7 +314,7 @@ def compute_transits(
     if travel.dynamics is not None:
         ramps_s = travel.transit_speed_m_s / travel.dynamics.acceleration_m_s2
         seconds = seconds + ramps_s + _turn_s(headings_m, vector, travel.dynamics)
-    return seconds, seconds * travel.transit_rates_pct_per_s(vector)
+    return seconds, seconds * travel.rates_pct_per_s(vector, travel.transit_speed_m_s, travel.transit_pct_per_s)
 
 
 def _turn_s(before: FloatArray, after: FloatArray, dynamics: Dynamics) -> FloatArray:
