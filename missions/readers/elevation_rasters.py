@@ -277,8 +277,6 @@ def _list_files(paths: Sequence[Path]) -> list[Path]:
 
 def _read(path: Path, reading: RasterOptions) -> _RasterPart | None:
     """Return what a file knows of the area; None if that is nothing."""
-    if path.suffix == KEPT_SUFFIX:
-        raise ElevationError(f"{path}: file: expected no other raster beside what a run has kept")
     # Nothing beside the file is looked for.
     with open_raster(
         path, DRIVERS, ElevationError, "raster of heights", NEEDS, GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"
@@ -339,16 +337,10 @@ def _determine_vertical(
     """Return what heights are counted from, and what that adds to their uncertainty."""
     if reading.vertical != "file":
         vertical = reading.vertical
-    elif said is not None and not said.is_vertical:
-        vertical = ELLIPSOID  # three axes over one ellipsoid
+    elif said is not None and (not said.is_vertical or "ellips" in said.name.lower()):
+        vertical = ELLIPSOID  # by its name, or by three axes over one
     elif said is not None:
-        code = said.to_authority(min_confidence=70)
-        vertical = CODES.get("" if code is None else ":".join(code), "")
-        if not vertical:
-            if "ellips" in said.name.lower():
-                vertical = ELLIPSOID
-            else:
-                return to_printable(said.name), BETWEEN_GEOIDS_M
+        vertical = CODES.get(":".join(said.to_authority(min_confidence=70) or ()), to_printable(said.name))
     elif product is not None:
         vertical = product.vertical
     else:
