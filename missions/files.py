@@ -9,7 +9,7 @@ import stat
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 MOST_FIGURE = 1e12
 """A figure beyond is a mistake, and sums and squares of it are no numbers any more."""
@@ -55,6 +55,15 @@ def parse_json(text: str, source: str, error: type[Exception]) -> object:
     except ValueError as reason:  # Python does not read whole numbers of more than 4300 digits
         raise error(f"{source}: content: expected numbers of a usual size") from reason
     return content
+
+
+def find_object(text: str) -> dict[str, Any]:
+    """Return the JSON object that a text is; an empty one where it is none: whoever reads it all says why."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 NESTED = "expected lists and objects that are not nested hundreds deep"

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from missions.errors import PlanFileError, SafetyError
-from missions.files import read_text, write_document
+from missions.files import find_object, read_text, write_document
 from missions.plan_file import DayPlanFile, PlanFile
 from missions.plan_json_v1 import upgrade_plan
 from missions.plan_parts import WINDOW_COST
@@ -62,7 +62,7 @@ def read_any_plan(path: Path | str) -> PlanFile | DayPlanFile:
 
 def _parse_plan(text: str, source: str) -> PlanFile | DayPlanFile:
     try:
-        content = replace((DAYS if _is_of_days(text) else FLIGHT).validate_json(text), source=source)
+        content = replace((DAYS if "days" in find_object(text) else FLIGHT).validate_json(text), source=source)
         for line in _find_errors(content):
             raise PlanFileError(f"{source}: {line}")
         content.plan  # noqa: B018 - refuses a segment that is in it twice
@@ -161,14 +161,6 @@ def read_day_plan(path: Path | str) -> DayPlanFile:
 def is_day_plan(path: Path | str) -> bool:
     """Return whether a file is a plan of days."""
     try:
-        return _is_of_days(Path(path).read_text(encoding="utf-8-sig"))
+        return "days" in find_object(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError):
         return False  # whoever reads it says why
-
-
-def _is_of_days(text: str) -> bool:
-    try:
-        content = json.loads(text)
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(content, dict) and "days" in content

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from missions.errors import PlanFileError
+from missions.files import find_object
 
 V2 = "faultline-plan/2"
 Json = dict[str, Any]
@@ -22,11 +23,8 @@ def upgrade_plan(text: str, source: str) -> str:
     Raises:
         PlanFileError: it says that it is of version 1, and lacks what version 1 has.
     """
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError):
-        return text  # whoever reads it says why
-    name = document.get("format") if isinstance(document, dict) else None
+    document = find_object(text)
+    name = document.get("format")
     upgrade = _UPGRADES.get(name) if isinstance(name, str) else None
     if upgrade is None:
         return text

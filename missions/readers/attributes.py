@@ -8,7 +8,6 @@ more, and what is no pole are never flown.
 
 from __future__ import annotations
 
-import json
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from enum import StrEnum
 from functools import lru_cache
 
 from missions.errors import NetworkError
-from missions.files import is_figure, to_printable
+from missions.files import find_object, is_figure, to_printable
 from missions.readers.values import METRES, NO_FIGURE, NO_HEIGHT_M, Attributes, is_blank, metres_of
 
 NAMES = (
@@ -88,11 +87,7 @@ def _parse_nested(value: object) -> Mapping[str, object]:
     if not isinstance(value, str):
         return {}
     if value.lstrip().startswith("{"):
-        try:
-            found = json.loads(value)
-        except (ValueError, RecursionError):
-            return {}
-        return found if isinstance(found, dict) else {}
+        return find_object(value)
     return {_unescape(key): _unescape(own) for key, own in _HSTORE.findall(value)}
 
 

@@ -17,12 +17,11 @@ and one whose ``elevation_m`` it contradicts.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from missions.errors import NetworkError
-from missions.files import is_figure, parse_json, to_printable
+from missions.files import find_object, is_figure, parse_json, to_printable
 from missions.readers.attributes import LINES, name_of
 from missions.readers.features import (
     EMPTY,
@@ -92,7 +91,7 @@ def parse_features(text: str, source: str) -> Mapping[str, object]:
         NetworkError: it is none.
     """
     first, _, rest = text.strip().partition("\n")
-    if rest and first.rstrip().endswith("}") and _is_feature(first):
+    if rest and first.rstrip().endswith("}") and find_object(first).get("type") == "Feature":
         lines = [(number, line.strip()) for number, line in enumerate(text.split("\n"), 1)]
         features = [parse_json(line, f"{source}: line {number}", NetworkError) for number, line in lines if line]
         return {"type": "FeatureCollection", "features": features}
@@ -100,14 +99,6 @@ def parse_features(text: str, source: str) -> Mapping[str, object]:
     if not isinstance(document, dict):
         raise NetworkError("content: expected a JSON object")
     return document
-
-
-def _is_feature(line: str) -> bool:
-    try:
-        found = json.loads(line)
-    except ValueError:
-        return False
-    return isinstance(found, dict) and found.get("type") == "Feature"
 
 
 def check_whole(document: Mapping[str, object]) -> None:
