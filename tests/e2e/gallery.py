@@ -216,8 +216,8 @@ def congested(ready: Fleet) -> Scene:
         LinkView("udpin://0.0.0.0:14550", 0.2, 0.0, used=True),
     )
     radio = RadioView(
-        tuple(ROUTES), "congested", ChannelCode.BUFFER_FULL, "1.4 of 1.5 kB/s, round trip 2.4 s, 6 % lost", 1400.0, 1500.0,
-        2.4, 0.06, 1.0,
+        tuple(ROUTES), "congested", ChannelCode.BUFFER_FULL, "1.4 of 1.5 kB/s, round trip 2.4 s, 6 % lost", 1400.0,
+        1500.0, 2.4, 0.06, 1.0,
     )  # fmt: skip
     words = {
         "#radios": "radio of uav1, uav2, uav3: congested, 1.4 of 1.5 kB/s",
