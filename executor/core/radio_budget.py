@@ -108,7 +108,7 @@ class RadioShare:
         capacity_bytes_s = self.find_capacity_bytes_s(on_radio=on_radio)
         steps = range(self.least_step, len(OWN_FACTORS))
         if capacity_bytes_s is None:
-            return 0
+            return self.least_step
         most_bytes_s = self.find_room_bytes_s(capacity_bytes_s)
         return next((step for step in steps if self.sum_bytes_s(dialect, step) <= most_bytes_s), steps[-1])
 

@@ -26,14 +26,16 @@ from executor.core.fleet_view import (
     LossView,
     OfferView,
     PlaceView,
+    RadioView,
     TakenView,
     VehicleView,
     build_fleet_view,
 )
-from executor.core.interface.codes import Check, CheckCode, Severity
+from executor.core.interface.codes import ChannelCode, Check, CheckCode, Severity
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import Action, Intent, IntentRecord, Outcome
 from executor.core.interface.messages import Gps, Wind
+from executor.core.interface.ports import LinkView
 from executor.core.payload.camera_state import AwaitedPictures
 from executor.core.state.fleet_state import Briefing, FleetState, OperatorLine, Question
 from executor.core.state.vehicle_parts import OnboardMission
@@ -117,13 +119,16 @@ class Scene:
     """What a place of the page, by its selector, must say."""
     touch: Mapping[str, Touch] = field(default_factory=dict)
     offer: OfferView | None = None
+    radios: tuple[RadioView, ...] = ()
 
     def view(self, state: FleetState, now_s: float) -> FleetView:
         """Describe it: all but the clock stands still."""
         still = build_fleet_view(self.context, state, self.now_s)
         flight_s = None if still.flight_s is None else round(still.flight_s + now_s - self.now_s, 2)
         vehicles = tuple(self.touch.get(one.name, _same)(one) for one in still.vehicles)
-        return replace(still, now_s=round(now_s, 2), flight_s=flight_s, vehicles=vehicles, offer=self.offer)
+        return replace(
+            still, now_s=round(now_s, 2), flight_s=flight_s, vehicles=vehicles, offer=self.offer, radios=self.radios
+        )
 
 
 def _same(vehicle: VehicleView) -> VehicleView:
@@ -201,6 +206,27 @@ def flying(ready: Fleet) -> Scene:
         "#lines": "T+0:",
     }
     return Scene(ready.context, _fitted(story.state), story.now_s, words, ETAS)
+
+
+def congested(ready: Fleet) -> Scene:
+    """All fly behind one radio that carries no more, and one has LTE as well."""
+    story = flown(ready)
+    links = (
+        LinkView("serial:///dev/ttyUSB0:57600", 4.2, 0.31, used=False),
+        LinkView("udpin://0.0.0.0:14550", 0.2, 0.0, used=True),
+    )
+    radio = RadioView(
+        tuple(ROUTES), "congested", ChannelCode.BUFFER_FULL, "1.4 of 1.5 kB/s, round trip 2.4 s, 6 % lost", 1400.0, 1500.0,
+        2.4, 0.06, 1.0,
+    )  # fmt: skip
+    words = {
+        "#radios": "radio of uav1, uav2, uav3: congested, 1.4 of 1.5 kB/s",
+        ".strip:nth-child(2) .links": "udpin://0.0.0.0:14550",
+    }
+    return Scene(
+        ready.context, _fitted(story.state), story.now_s, words,
+        {**ETAS, "uav2": lambda vehicle: replace(ETAS["uav2"](vehicle), links=links)}, radios=(radio,),
+    )  # fmt: skip
 
 
 def reckoned(ready: Fleet) -> Scene:
@@ -377,6 +403,7 @@ SCENES: Mapping[str, Callable[[Fleet], Scene]] = {
     "before-take-off": before,
     "before-stop": partial(before, stop=True),
     "flying": flying,
+    "one-radio": congested,
     "gps-lost": reckoned,
     "takeover": taken,
     "takeover-returned": partial(taken, returned=True),

@@ -18,6 +18,7 @@ from executor.core.interface.messages import (
     MissionRequest,
     MissionRequestList,
     Outgoing,
+    SendCommand,
 )
 from executor.core.state.fleet_state import FleetState, NewMission, Replan
 from executor.core.state.vehicle_state import Stage
@@ -107,3 +108,15 @@ async def test_half_a_new_mission_is_read_to_its_end_over_a_bad_link() -> None:
     found, took_s, _ = await asked(with_facts(state, replan=plan), BAD)
     assert found.items == len(ITEMS)
     assert took_s > MOST_S
+
+
+@pytest.mark.parametrize(("step", "interval_us"), [(0, 2e5), (2, 5e5), (3, 1e6)])
+async def test_streams_stay_as_thin_as_they_were_decided_to_be_before_the_absence(
+    step: int, interval_us: float
+) -> None:
+    state = known(Stage.FLYING)
+    state = state.put(with_facts(state.vehicles["uav1"], stream_step=step))
+    *_, link = await asked(state, CLEAN)
+    asks = [one for _, one in link.of_kind(SendCommand) if isinstance(one, SendCommand) and one.params[0] == 33.0]
+    assert asks
+    assert {one.params[1] for one in asks} == {interval_us}
