@@ -214,11 +214,6 @@ def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Check
     return Checkpoint(head.place, state, legacy)
 
 
-def round_trip_state(state: FleetState) -> FleetState:
-    """Return a state as it is once a checkpoint was made of it and read again."""
-    return _decode_body(_encode_body(state, NOTHING_LEFT))[0]
-
-
 def _encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
     fleet = _Fleet.model_construct(state=replace(state, vehicles={}), legacy=legacy)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
