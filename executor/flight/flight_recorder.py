@@ -46,6 +46,7 @@ from missions import (
     Pricing,
     SolverRecord,
     Task,
+    build_plan_document,
     format_first_error,
     make_plan_file,
     read_plan,
@@ -391,7 +392,7 @@ class FlightRecorder:
         """Show and publish a line by the clock that people go by, which begins with the order to take off."""
         flight_s = None if self._launched_s is None else now_s - self._launched_s
         self._seat.console.say(line.level, line.text, flight_s)
-        self._publication.publish_line(line, now_s, flight_s)
+        self._publication.publish(lambda to: to.publish_line(line, now_s, flight_s))
 
     def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
@@ -408,7 +409,7 @@ class FlightRecorder:
         if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
             self._write_plans()
         self._seat.console.show(self._seat.context, state, now_s)
-        self._publication.publish_event(event, state)
+        self._publication.publish(lambda to: to.publish_event(event, state))
         if self._checkpoints.is_due(state, now_s):
             # Between two events: what this one decides is in the log by then.
             asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._build_checkpoint)
@@ -458,7 +459,7 @@ class FlightRecorder:
             return
         if plan_path_of(self._seat.request.run, planned).exists():
             self._in_no_file.remove(planned)
-        self._publication.publish_plan(planned[1].revision, content)
+        self._publication.publish(lambda to: to.publish_plan(planned[1].revision, build_plan_document(content)))
 
     async def settle(self) -> None:
         """Wait until everything is kept, but not for a disk that never answers."""
