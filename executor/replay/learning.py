@@ -103,8 +103,8 @@ class _LogReading:
     """One system in one log, message by message into its notes."""
 
     notes: AircraftNotes
-    is_copter: bool = False
     beat: Heartbeat | None = None
+    """The last one; None until it is known to be a copter."""
     place: Position | None = None
     placed_s: float = -math.inf
     flown_until_s: float | None = None
@@ -122,7 +122,7 @@ class _LogReading:
 
     def read_message(self, message: FlightMessage, now_s: float) -> None:
         """Take what the system says; until it is known to be a copter only its settings."""
-        if not self.is_copter and not isinstance(message, Heartbeat | VehicleSetting):
+        if self.beat is None and not isinstance(message, Heartbeat | VehicleSetting):
             return
         match message:
             case Heartbeat():
@@ -140,13 +140,11 @@ class _LogReading:
                 pass
 
     def _read_heartbeat(self, beat: Heartbeat, now_s: float) -> None:
-        self.is_copter = self.is_copter or is_known_copter(beat)
-        if not self.is_copter:
+        if self.beat is None and not is_known_copter(beat):
             return
-        before, self.beat = self.beat, beat
-        if before is not None and beat.custom_mode != before.custom_mode:
+        if self.beat is not None and beat.custom_mode != self.beat.custom_mode:
             self.changed_s.append(now_s)
-        was_armed = before is not None and before.armed
+        was_armed, self.beat = self._is_armed(), beat
         if beat.armed and not was_armed:
             self.notes.flights.append([])
         elif was_armed and not beat.armed:
@@ -200,7 +198,7 @@ class _LogReading:
     def end_log(self) -> None:
         """Note what shows only once the log has ended."""
         notes = self.notes
-        notes.logs += self.is_copter
+        notes.logs += self.beat is not None
         notes.changes += len(self.changed_s)
         for at_s in self.changed_s:
             notes.moved.update({one for seen_s, one in self.switched if at_s - BEFORE_S <= seen_s <= at_s + AFTER_S})
@@ -423,11 +421,10 @@ def _find_cell_count(notes: AircraftNotes) -> int | None:
     seen = notes.rests_v or [one[VOLTS] or 0.0 for flight in notes.flights for one in flight if one[VOLTS]]
     if not seen:
         return None
+    if told := notes.settings.get("BAT1_N_CELLS", notes.settings.get("BAT_N_CELLS", 0)):
+        return int(told)
     top = sorted(seen)[int(0.95 * (len(seen) - 1))]
     fewest, most = math.ceil(top / FULL_CELL_V), math.floor(top / LEAST_CELL_V)
-    told = notes.settings.get("BAT1_N_CELLS", notes.settings.get("BAT_N_CELLS", 0))
-    if told:
-        return int(told)
     return fewest if fewest == most else None
 
 
