@@ -155,7 +155,7 @@ def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
         checkpoint: What to write.
         plan: The file of the flight's first plan.
     """
-    body = _encode_body(checkpoint.state, checkpoint.legacy)
+    body = encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
         format=FORMAT,
         program=describe_program(),
@@ -211,18 +211,20 @@ def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Check
         raise ValueError("it is torn or damaged")
     if not is_place_in_log(log, head.place):
         raise ValueError("the log does not reach as far, or is another one")
-    state, legacy = _decode_body(body)
+    state, legacy = decode_body(body)
     return Checkpoint(head.place, state, legacy)
 
 
-def _encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
+def encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
+    """Return the lines of a checkpoint behind its head."""
     fleet = _Fleet.model_construct(state=replace(state, vehicles={}), legacy=legacy)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
     # What pydantic does not know of the state are read-only mappings.
     return b"".join(part.model_dump_json(fallback=dict, warnings=False).encode() + b"\n" for part in parts)
 
 
-def _decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
+def decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
+    """Return what `encode_body` was given."""
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.virtual_day import round_trip_state
 from executor.core.context import Context, DayRules, PackRules
 from executor.core.fleet_step import step
 from executor.core.fleet_view import build_fleet_view
@@ -18,7 +19,6 @@ from executor.core.interface.intents import Action, Intent, IntentReason, Outcom
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import FlownSortie, PlannedSortie
 from executor.core.state.vehicle_state import Stage
-from executor.flight import flight_recorder
 from missions import Pad
 from planner.sorties import SortieBase
 from tests.executor.builders import with_facts
@@ -38,12 +38,6 @@ def day_with(packs: PackRules | None, *, until_s: float = 1000.0) -> Context:
     windows = dict.fromkeys(names, ((0.0, until_s),))
     rules = DayRules(0.0, dict.fromkeys(names, "west"), windows, packs={} if packs is None else {"west": packs})
     return replace(FLEET.context, day=rules)
-
-
-def read_from_checkpoint(state: FleetState) -> FleetState:
-    """Return a state as it is once a checkpoint was made of it and read again."""
-    body = flight_recorder._encode_body(state, flight_recorder.NOTHING_LEFT)
-    return flight_recorder._decode_body(body)[0]
 
 
 def flown(
@@ -80,7 +74,7 @@ def test_packs_are_counted_from_the_sorties_flown(
 ) -> None:
     context, state = day_with(packs), flown(*sorties)
     assert count_packs(context, state, "uav1", NOW_S) == PackStock("west", *found)
-    assert count_packs(context, read_from_checkpoint(state), "uav1", NOW_S) == PackStock("west", *found)
+    assert count_packs(context, round_trip_state(state), "uav1", NOW_S) == PackStock("west", *found)
 
 
 def test_nothing_is_counted_before_the_launch_or_where_there_are_always_enough() -> None:
@@ -129,7 +123,7 @@ def test_what_the_crew_counts_is_charged_from_then_on(
     state, _ = step(context, state, IntentReceived(wish), LAUNCHED_S + counted_s)
     assert state.crew.intents["a-1"].outcome is Outcome.DONE
     assert count_packs(context, state, "uav1", NOW_S) == PackStock("west", *found)
-    assert count_packs(context, read_from_checkpoint(state), "uav1", NOW_S) == PackStock("west", *found)
+    assert count_packs(context, round_trip_state(state), "uav1", NOW_S) == PackStock("west", *found)
 
 
 def test_a_pack_that_was_in_a_vehicle_as_the_crew_counted_is_not_taken_again() -> None:
