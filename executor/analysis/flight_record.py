@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ from missions import Inspection, LocalFrame, PlanFile, read_plan, tracks_m
 from missions.geo import FloatArray
 from missions.no_fly_areas import Area
 from missions.pricing import DEPOT_M
+from planner.evaluate import compute_legs_pct, compute_legs_s
 
 Place = tuple[float, float]
 """Local east and north in metres."""
@@ -199,15 +201,13 @@ def build_planned_route(
         ends_m = (segment.a_enu_m[:2], segment.b_enu_m[:2])
         way_m += reversed(ends_m) if planner.is_reversed(visit) else ends_m
     way_m.append(DEPOT_M)
-    energy = [(0.0, 0.0)]
-    for done, end_s in enumerate(planner.completion_times_s(instance, route), start=1):
-        energy.append((end_s, planner.energy_use_pct(instance, route, done)))
-    energy.append((planner.route_duration_s(instance, route), planner.route_energy_pct(instance, route)))
+    times_s = accumulate(compute_legs_s(instance, route), initial=began_s)
+    uses_pct = accumulate(compute_legs_pct(instance, route), initial=used_pct)
     return PlannedRoute(
         vehicle=vehicle.name,
         segments=tuple(segment.id for segment in segments),
         way_m=tuple(way_m),
-        energy=tuple((began_s + t_s, used_pct + spent) for t_s, spent in energy),
+        energy=tuple(zip(times_s, uses_pct, strict=True)),
         turns_m=tuple(_find_turns_m(content, route)),
     )
 
@@ -331,17 +331,14 @@ def inspection_time_s(
 class _VehicleMessages:
     """What one vehicle said, in the order of arrival and in seconds since the launch."""
 
-    positions: list[tuple[float, float, float, float]] = field(default_factory=list)
-    seas: list[float] = field(default_factory=list)
-    """Heights above mean sea level of the positions."""
+    positions: list[tuple[float, ...]] = field(default_factory=list)
+    """Of each: seconds, east, north, height over home, height above mean sea level, and whether GPS was lost."""
     samples: list[tuple[float, PositionSample]] = field(default_factory=list)
     battery: list[tuple[float, float]] = field(default_factory=list)
     status: list[tuple[float, float]] = field(default_factory=list)
     positioning: Positioning = field(default_factory=Positioning)
     newest: PositionFix | None = None
     armed: bool = False
-    reckoned: list[bool] = field(default_factory=list)
-    """Of the positions: whether GPS was lost."""
 
     def take(self, said: FlightMessage, t_s: float, frame: LocalFrame) -> None:
         """Take what it said; a position that is reckoned proves nothing."""
@@ -364,9 +361,7 @@ class _VehicleMessages:
         self.newest = PositionFix(
             t_s, said.boot_s, place_m, said.alt_rel_m, said.alt_msl_m, velocity_m_s, reckoned=is_reckoned
         )
-        self.positions.append((t_s, *place_m, said.alt_rel_m))
-        self.seas.append(said.alt_msl_m)
-        self.reckoned.append(is_reckoned)
+        self.positions.append((t_s, *place_m, said.alt_rel_m, said.alt_msl_m, is_reckoned))
         if not is_reckoned:
             self.samples.append((t_s, PositionSample(said.boot_s, place_m)))
 
@@ -451,6 +446,7 @@ def _build_vehicles(
     vehicles = []
     for layer, table in enumerate(site.vehicle):
         heard = log.heard[table.name]
+        positions = np.array(heard.positions, dtype=np.float64).reshape(-1, 6)
         vehicles.append(
             VehicleRecord(
                 name=table.name,
@@ -459,12 +455,12 @@ def _build_vehicles(
                 pad_m=heard.samples[0][1].place_m if heard.samples else (0.0, 0.0),
                 budget_pct=site_model.budget_pct_of(packs.get(table.name), drone, table),
                 reserve_pct=table.reserve_pct + site_model.find_empty_pct(packs.get(table.name), drone, table),
-                track=np.array(heard.positions, dtype=np.float64).reshape(-1, 4),
+                track=positions[:, :4],
                 # As in flight: SYS_STATUS counts only where there is no BATTERY_STATUS.
                 battery=np.array(heard.battery or heard.status, dtype=np.float64).reshape(-1, 2),
                 fault=faults.get(table.name),
-                sea_m=np.array(heard.seas, dtype=np.float64),
-                reckoned=np.array(heard.reckoned, dtype=np.bool_),
+                sea_m=positions[:, 4],
+                reckoned=positions[:, 5] > 0,
             )
         )
     return tuple(vehicles)

@@ -20,7 +20,7 @@ from executor.core.interface.messages import Actor
 from executor.core.interface.recorded_log import SkippedRecords
 from executor.errors import LogError
 from executor.replay.log_replay import ReplayRules, build_replay_rules, replay_log
-from executor.replay.open_log import is_log_by_content, open_log
+from executor.replay.open_log import is_log, open_log
 from executor.replay.replay_result import LogReplay, VehicleReplay, format_pack_lines, merge_packs
 from executor.replay.run_replay import DecisionComparison, RunReplay, replay_run
 from executor.site.learned_files import PacksDocument, read_packs
@@ -35,7 +35,6 @@ LogsArgument = Annotated[
 ]
 NOT_SHOWN = {"samples", "packs"}
 """What the JSON leaves out of a vehicle."""
-SUFFIXES = frozenset({".tlog", ".bin", ".ulg"})
 
 
 def replay_logs(
@@ -109,7 +108,7 @@ def find_logs(path: Path) -> list[Path]:
         raise LogError(f"{path}: no such file; expected a log, a run directory or a folder of logs")
     if not path.is_dir() or RunDirectory(path).events.exists():
         return [path]
-    found = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES or is_log_by_content(one))
+    found = sorted(one for one in path.iterdir() if is_log(one))
     if not found:
         raise LogError(f"{path}: expected a run directory, or a folder with .tlog, .BIN or .ulg files")
     return found

@@ -46,6 +46,7 @@ from missions import (
     Pricing,
     SolverRecord,
     Task,
+    build_plan_document,
     format_first_error,
     make_plan_file,
     read_plan,
@@ -154,7 +155,7 @@ def encode_checkpoint(checkpoint: Checkpoint, plan: bytes) -> bytes:
         checkpoint: What to write.
         plan: The file of the flight's first plan.
     """
-    body = _encode_body(checkpoint.state, checkpoint.legacy)
+    body = encode_body(checkpoint.state, checkpoint.legacy)
     head = _Head(
         format=FORMAT,
         program=describe_program(),
@@ -210,23 +211,20 @@ def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Check
         raise ValueError("it is torn or damaged")
     if not is_place_in_log(log, head.place):
         raise ValueError("the log does not reach as far, or is another one")
-    state, legacy = _decode_body(body)
+    state, legacy = decode_body(body)
     return Checkpoint(head.place, state, legacy)
 
 
-def round_trip_state(state: FleetState) -> FleetState:
-    """Return a state as it is once a checkpoint was made of it and read again."""
-    return _decode_body(_encode_body(state, NOTHING_LEFT))[0]
-
-
-def _encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
+def encode_body(state: FleetState, legacy: InheritedRecord) -> bytes:
+    """Return the lines of a checkpoint behind its head."""
     fleet = _Fleet.model_construct(state=replace(state, vehicles={}), legacy=legacy)
     parts: list[_Part] = [fleet, *(_Vehicle.model_construct(vehicle=vehicle) for vehicle in state.vehicles.values())]
     # What pydantic does not know of the state are read-only mappings.
     return b"".join(part.model_dump_json(fallback=dict, warnings=False).encode() + b"\n" for part in parts)
 
 
-def _decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
+def decode_body(body: bytes) -> tuple[FleetState, InheritedRecord]:
+    """Return what `encode_body` was given."""
     first, *rest = body.splitlines()
     fleet = _Fleet.model_validate_json(first)
     vehicles = {row.name: row for row in (_Vehicle.model_validate_json(line).vehicle for line in rest)}
@@ -396,7 +394,7 @@ class FlightRecorder:
         """Show and publish a line by the clock that people go by, which begins with the order to take off."""
         flight_s = None if self._launched_s is None else now_s - self._launched_s
         self._seat.console.say(line.level, line.text, flight_s)
-        self._publication.publish_line(line, now_s, flight_s)
+        self._publication.publish(lambda to: to.publish_line(line, now_s, flight_s))
 
     def record_event(self, event: Event, state: FleetState, now_s: float) -> None:
         """Show the fleet after an event, and keep the plan that it brought."""
@@ -413,7 +411,7 @@ class FlightRecorder:
         if self._unkept and (state.replanning.replan is None or state.replanning.replan.solve_s is None):
             self._write_plans()
         self._seat.console.show(self._seat.context, state, now_s)
-        self._publication.publish_event(event, state)
+        self._publication.publish(lambda to: to.publish_event(event, state))
         if self._checkpoints.is_due(state, now_s):
             # Between two events: what this one decides is in the log by then.
             asyncio.get_running_loop().call_soon(self._checkpoints.begin, now_s, self._build_checkpoint)
@@ -463,7 +461,7 @@ class FlightRecorder:
             return
         if plan_path_of(self._seat.request.run, planned).exists():
             self._in_no_file.remove(planned)
-        self._publication.publish_plan(planned[1].revision, content)
+        self._publication.publish(lambda to: to.publish_plan(planned[1].revision, build_plan_document(content)))
 
     async def settle(self) -> None:
         """Wait until everything is kept, but not for a disk that never answers."""

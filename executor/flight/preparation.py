@@ -38,7 +38,7 @@ from executor.core.state.onboard_fence import build_rally_list
 from executor.core.state.vehicle_parts import OnboardMission
 from executor.errors import ExecutorError, PreflightFailed
 from executor.flight import open_links
-from executor.flight.open_links import AT_ONCE, follow_fleet_time, run_concurrently, run_for_each
+from executor.flight.open_links import follow_fleet_time, run_concurrently, run_for_each
 from executor.flight.restore_vehicles import LISTS, PARAMETERS, BoardRecord, Links
 from executor.flight.run_start import Console, FlightRequest, build_context_and_boards
 from executor.runtime import vehicle_preflight as asking
@@ -286,11 +286,9 @@ async def apply_changes(
     record.write_first("nothing was changed on board")
     checks: list[Check] = []
     unfenced: list[str] = []
-    turn = asyncio.Semaphore(AT_ONCE)
 
     async def one(name: str) -> None:
-        async with turn:
-            ends = await asking.set_changes(links[name], clock, proposal.changes_of(name))
+        ends = await asking.set_changes(links[name], clock, proposal.changes_of(name))
         record.set_stage(name, (key for key, problem in ends.items() if not problem), ChangeStage.SET)
         own = fence_changes.list_fence_parameters(context, name)
         unfenced.extend(f"{name}: {ends[one]}; without it there is no fence" for one in own if ends.get(one))
@@ -301,9 +299,7 @@ async def apply_changes(
             checks.append(check_return_height(context, name, proposal, rest))
             console.show_checks(checks[-1:])
 
-    async with asyncio.TaskGroup() as tasks:
-        for name in dict.fromkeys(change.vehicle for change in proposal.changes):
-            tasks.create_task(one(name))
+    await run_for_each(dict.fromkeys(change.vehicle for change in proposal.changes), one)
     refused = unfenced + [f"{check.subject}: {check.text}" for check in checks if check.severity is Severity.STOP]
     if refused:
         raise PreflightFailed(refused[0])

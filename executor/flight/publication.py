@@ -18,8 +18,7 @@ from urllib.parse import urlsplit
 from executor.adapters.clock import SystemClock
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.imaging.asset_status import AssetView
-from executor.core.interface.commands import Level, Say
-from executor.core.interface.events import Event
+from executor.core.interface.commands import Level
 from executor.core.interface.intents import Intent, IntentRecord
 from executor.core.state.fleet_state import FleetState
 from executor.errors import ConnectionFailed, LogError, SiteError
@@ -28,7 +27,6 @@ from executor.runtime.flight_loop import Flight
 from executor.site.ground_view import GroundView, compute_shown_area, encode_ground, read_ground_files
 from executor.site.mqtt_and_web_keys import WebTable
 from executor.supervised import call_safely, keep_going, report_on_loop
-from missions import PlanFile, build_plan_document
 
 if TYPE_CHECKING:
     from executor.adapters.mqtt.publisher import Publisher
@@ -55,19 +53,8 @@ class Publication:
             self._outbox = Outbox()
             self._publisher = Publisher(settings.topics, self._outbox, run.resolve().name, clock.unix_s)
 
-    def publish_event(self, event: Event, state: FleetState) -> None:
-        """Publish what an event led to."""
-        self._publish(lambda to: to.publish_event(event, state))
-
-    def publish_line(self, line: Say, at_s: float, flight_s: float | None = None) -> None:
-        """Publish a line for the operator."""
-        self._publish(lambda to: to.publish_line(line, at_s, flight_s))
-
-    def publish_plan(self, revision: int, plan: PlanFile) -> None:
-        """Publish the plan in force."""
-        self._publish(lambda to: to.publish_plan(revision, build_plan_document(plan)))
-
-    def _publish(self, work: Callable[[Publisher], None]) -> None:
+    def publish(self, work: Callable[[Publisher], None]) -> None:
+        """Publish something, if there is a broker."""
         if self._publisher is not None:
             call_safely("mqtt", work, self._publisher)
 
@@ -129,9 +116,9 @@ class Publication:
             await asyncio.sleep(period_s)
 
     def _publish_view(self, view: Callable[[], FleetView], assets: AssetsNow | None, *, last: bool = False) -> None:
-        self._publish(lambda to: to.publish_view(view()))
+        self.publish(lambda to: to.publish_view(view()))
         if assets is not None:
-            self._publish(lambda to: to.publish_assets(assets, last=last))
+            self.publish(lambda to: to.publish_assets(assets, last=last))
 
 
 def check_web(table: WebTable) -> None:

@@ -6,11 +6,11 @@ import asyncio
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from executor.adapters.clock import SystemClock
 from executor.adapters.mavlink.joined_link import open_joined_links
@@ -32,7 +32,7 @@ from executor.core.preflight.parameter_changes import (
     list_return_parameters,
 )
 from executor.errors import LogError, PreflightFailed
-from executor.flight.open_links import AT_ONCE, follow_fleet_time
+from executor.flight.open_links import follow_fleet_time, run_for_each
 from executor.flight.run_start import Console
 from executor.protocols import vehicle_commands
 from executor.runtime import procedures
@@ -66,16 +66,20 @@ class _ParameterFile(Document):
     parameters: tuple[_ParameterRow, ...]
 
 
+_Parameter = Annotated[Number, BeforeValidator(lambda value: 0.0 if value != value else value)]
+"""PX4 answers NaN for what means nothing in a fence, and JSON has none."""
+
+
 class _Item(Document):
     frame: Whole
     command: Whole
-    param1: Number
-    param2: Number
-    param3: Number
-    param4: Number
+    param1: _Parameter
+    param2: _Parameter
+    param3: _Parameter
+    param4: _Parameter
     x: Whole
     y: Whole
-    z: Number
+    z: _Parameter
     autocontinue: YesNo
 
 
@@ -95,13 +99,8 @@ def _parse_items(rows: Iterable[_Item]) -> Items:
     return tuple(MissionItem(seq, **row.model_dump()) for seq, row in enumerate(rows))
 
 
-def _build_rows(items: Iterable[MissionItem]) -> tuple[_Item, ...]:
-    keys = _Item.model_fields
-    # PX4 answers NaN for what means nothing in a fence, and JSON has none.
-    return tuple(
-        _Item(**{key: 0.0 if value != value else value for key, value in asdict(one).items() if key in keys})
-        for one in items
-    )
+def _build_rows(items: Items) -> tuple[_Item, ...]:
+    return tuple(map(_Item.build_from, items))
 
 
 def _parse_parameters(path: Path) -> tuple[KeptParameter, ...]:
@@ -110,7 +109,7 @@ def _parse_parameters(path: Path) -> tuple[KeptParameter, ...]:
 
 
 def _build_parameter_file(kept: Iterable[KeptParameter]) -> Document:
-    rows = tuple(_ParameterRow(**{**asdict(one), "state": one.stage}) for one in kept)
+    rows = tuple(_ParameterRow.build_from(one, state=one.stage) for one in kept)
     return _ParameterFile(format="faultline-parameters/1", parameters=rows)
 
 
@@ -125,10 +124,9 @@ def _parse_lists(path: Path) -> tuple[KeptList, ...]:
 
 def _build_list_file(kept: Iterable[KeptList]) -> Document:
     rows = tuple(
-        _ListRow(
-            vehicle=one.vehicle, sysid=one.sysid, autopilot=one.autopilot,
-            list="fence" if one.name == "fence" else "rally", old=_build_rows(one.old),
-            new=tuple(_build_rows(items) for items in (*one.earlier, one.new)), state=one.stage,
+        _ListRow.build_from(
+            one, list=one.name, old=_build_rows(one.old), new=tuple(map(_build_rows, (*one.earlier, one.new))),
+            state=one.stage,
         )
         for one in kept
     )  # fmt: skip
@@ -347,22 +345,18 @@ class BoardRecord(Generic[Change]):
         for change in self.kept:
             if change.is_open:
                 waiting[change.vehicle].append(change)
-        turn = asyncio.Semaphore(AT_ONCE)
 
-        async def one(name: str, kept: Sequence[Change]) -> None:
-            problems = ["is not in the site file"]
+        async def one(name: str) -> None:
+            kept, problems = waiting[name], ["is not in the site file"]
             if name in links:
-                async with turn, wait_for_rest(links[name], clock, kept[0].autopilot, heard_s) as rest:
+                async with wait_for_rest(links[name], clock, kept[0].autopilot, heard_s) as rest:
                     problems = [rest.problem]
                     if not rest.problem:
                         problems = await self._restore_vehicle(links[name], clock, kept, rest)
-            waiting.pop(name)
-            self._report(kept, problems)
+            self._report(waiting.pop(name), problems)
 
         try:
-            async with asyncio.TaskGroup() as tasks:
-                for name, kept in tuple(waiting.items()):
-                    tasks.create_task(one(name, kept))
+            await run_for_each(waiting, one)
         except asyncio.CancelledError:
             for kept in waiting.values():
                 self._report(kept, ["interrupted"])

@@ -47,6 +47,7 @@ from executor.site import day_plans
 from executor.site.learned_files import build_flown_packs, learn_from_flight
 from executor.site.plan_summary import describe_routes, summarise_plan
 from executor.site.site_model import SiteModel
+from missions import build_plan_document
 from missions.fences import Fence
 
 LEAVE_AFTER_S = 5.0
@@ -302,10 +303,10 @@ async def supervise(seat: FlightSession, begins: LaunchPreparation | Reopened) -
     request, console, context, clock, links = seat.request, seat.console, seat.context, seat.clock, seat.links
     publication = Publication(request.mqtt, request.run, clock)
     keeper = FlightRecorder(seat, publication)
-    if request.mqtt is not None:
-        publication.publish_plan(
-            seat.state.replanning.revision, read_plan_in_force(request, seat.state.replanning.revision)
-        )
+    revision = seat.state.replanning.revision
+    publication.publish(
+        lambda to: to.publish_plan(revision, build_plan_document(read_plan_in_force(request, revision)))
+    )
     flight = Flight(context, seat.state, links, clock, seat.log, seat.solver, keeper.build_observer())
     hearing = supervised.watch_internal_errors(
         lambda text: keeper.show_notice(Say(Level.FAULT, text), clock.now_s()), request.run

@@ -84,7 +84,7 @@ class AssetRow(Document):
 
 
 _IMAGE = tuple(ImageRow.model_fields)
-_ASSET = tuple(name for name in AssetRow.model_fields if name != "line")
+_ASSET = tuple(AssetRow.model_fields)
 
 
 def build_image_rows(context: Context, state: FleetState, began_unix_s: float) -> list[ImageRow]:
@@ -179,7 +179,7 @@ def write_index(run: Path, index: ImageIndex) -> None:
 
 def format_csv(images: Iterable[ImageRow]) -> str:
     """Return the pictures as a table of text."""
-    rows = ((row.time_iso, *(_round_value(name, getattr(row, name)) for name in _IMAGE)) for row in images)
+    rows = ((row.time_iso, *(_round_value(*field) for field in row)) for row in images)
     return _format_table(("time", *_IMAGE), rows)
 
 
@@ -201,7 +201,7 @@ def build_geojson(index: ImageIndex) -> dict[str, object]:
         _build_feature(
             "Point",
             [row.lon_deg, row.lat_deg, row.alt_msl_m],
-            {"kind": "image", "time": row.time_iso} | {name: getattr(row, name) for name in _IMAGE},
+            {"kind": "image", "time": row.time_iso, **dict(row)},
         )
         for row in index.images
     ]
@@ -209,7 +209,7 @@ def build_geojson(index: ImageIndex) -> dict[str, object]:
         _build_feature(
             "LineString",
             [[lon_deg, lat_deg] for lat_deg, lon_deg in row.line],
-            {"kind": "asset"} | {name: getattr(row, name) for name in _ASSET},
+            {"kind": "asset", **row.model_dump(exclude={"line"})},
         )
         for row in index.assets
     ]
@@ -224,9 +224,9 @@ def _write_tables(path: Path, index: ImageIndex) -> None:
     fresh = path.with_name(f"{path.name}.new")
     fresh.unlink(missing_ok=True)
     with closing(sqlite3.connect(fresh)) as tables, tables:
-        _write_table(tables, "image", _IMAGE, [tuple(getattr(row, name) for name in _IMAGE) for row in index.images])
-        flat = [(*(getattr(row, name) for name in _ASSET), json.dumps(row.line)) for row in index.assets]
-        _write_table(tables, "asset", (*_ASSET, "line"), flat)
+        _write_table(tables, "image", _IMAGE, [tuple(dict(row).values()) for row in index.images])
+        flat = [tuple({**dict(row), "line": json.dumps(row.line)}.values()) for row in index.assets]
+        _write_table(tables, "asset", _ASSET, flat)
     fresh.replace(path)
 
 
@@ -250,11 +250,12 @@ def read_index(run: Path) -> ImageIndex:
         raise LogError(f"{path}: no such file; expected {EXPECTED}")
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as tables:
+            tables.row_factory = sqlite3.Row
             images = tables.execute(f"SELECT {', '.join(_IMAGE)} FROM image").fetchall()  # noqa: S608 - ours
-            assets = tables.execute(f"SELECT {', '.join((*_ASSET, 'line'))} FROM asset").fetchall()  # noqa: S608
+            assets = tables.execute(f"SELECT {', '.join(_ASSET)} FROM asset").fetchall()  # noqa: S608
         return ImageIndex(
-            tuple(ImageRow(**dict(zip(_IMAGE, row, strict=True))) for row in images),
-            tuple(AssetRow(**dict(zip(_ASSET, row[:-1], strict=True)), line=json.loads(row[-1])) for row in assets),
+            tuple(ImageRow(**row) for row in images),
+            tuple(AssetRow(**{**row, "line": json.loads(row["line"])}) for row in assets),
         )
     except (sqlite3.Error, ValueError, TypeError) as error:
         raise LogError(f"{path}: {error}; expected {EXPECTED}") from error

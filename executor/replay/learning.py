@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
-from statistics import fmean, median, stdev
 from typing import Any
 
 import numpy as np
@@ -38,6 +36,7 @@ from executor.errors import LogError
 from executor.replay.log_replay import LogClock, is_known_copter
 from executor.replay.open_log import open_log
 from executor.site.site_keys import FigureTable, LearnedTable, SpeedTable, SwitchTable
+from missions.geo import FloatArray
 from missions.validation import format_first_error
 from planner import Drone, InstanceError, pct_per_s
 
@@ -77,26 +76,8 @@ HEAD = """\
 """
 
 
-@dataclass(frozen=True, slots=True)
-class SteadyBlock:
-    """Some seconds of one flight in which little changed."""
-
-    flight: int
-    speed_m_s: float
-    climb_m_s: float
-    current_a: float
-    voltage_v: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Report:
-    at_s: float
-    volts: float | None
-    amperes: float | None
-    consumed_ah: float | None
-    percent: float | None
-    speed_m_s: float
-    climb_m_s: float
+FLIGHT, AT_S, VOLTS, AMPERES, CONSUMED_AH, PERCENT, SPEED_M_S, CLIMB_M_S = range(8)
+"""Columns of a flight's reports, and of the means of some of them; NaN where nobody said it."""
 
 
 @dataclass(slots=True)
@@ -105,7 +86,8 @@ class AircraftNotes:
 
     logs: int = 0
     flown_s: float = 0.0
-    flights: list[list[_Report]] = field(default_factory=list)
+    flights: list[list[tuple[float | None, ...]]] = field(default_factory=list)
+    """The reports of each, by their columns."""
     rests_v: list[float] = field(default_factory=list)
     settings: dict[str, float] = field(default_factory=dict)
     changes: int = 0
@@ -121,8 +103,8 @@ class _LogReading:
     """One system in one log, message by message into its notes."""
 
     notes: AircraftNotes
-    is_copter: bool = False
     beat: Heartbeat | None = None
+    """The last one; None until it is known to be a copter."""
     place: Position | None = None
     placed_s: float = -math.inf
     flown_until_s: float | None = None
@@ -140,7 +122,7 @@ class _LogReading:
 
     def read_message(self, message: FlightMessage, now_s: float) -> None:
         """Take what the system says; until it is known to be a copter only its settings."""
-        if not self.is_copter and not isinstance(message, Heartbeat | VehicleSetting):
+        if self.beat is None and not isinstance(message, Heartbeat | VehicleSetting):
             return
         match message:
             case Heartbeat():
@@ -158,13 +140,11 @@ class _LogReading:
                 pass
 
     def _read_heartbeat(self, beat: Heartbeat, now_s: float) -> None:
-        self.is_copter = self.is_copter or is_known_copter(beat)
-        if not self.is_copter:
+        if self.beat is None and not is_known_copter(beat):
             return
-        before, self.beat = self.beat, beat
-        if before is not None and beat.custom_mode != before.custom_mode:
+        if self.beat is not None and beat.custom_mode != self.beat.custom_mode:
             self.changed_s.append(now_s)
-        was_armed = before is not None and before.armed
+        was_armed, self.beat = self._is_armed(), beat
         if beat.armed and not was_armed:
             self.notes.flights.append([])
         elif was_armed and not beat.armed:
@@ -207,33 +187,31 @@ class _LogReading:
         place = self.place
         if place is None or now_s - self.placed_s > STALE_S or place.alt_rel_m < HIGH_M:
             return
-        speed_m_s = math.hypot(place.north_m_s, place.east_m_s)
-        self.notes.flights[-1].append(
-            _Report(
-                now_s, said.voltage_v, said.current_a, self.consumed_ah, said.remaining_pct, speed_m_s,
-                -place.down_m_s,
+        flights, speed_m_s = self.notes.flights, math.hypot(place.north_m_s, place.east_m_s)
+        flights[-1].append(
+            (
+                len(flights), now_s, said.voltage_v or None, said.current_a or None, self.consumed_ah,
+                said.remaining_pct, speed_m_s, -place.down_m_s,
             )
         )  # fmt: skip
 
     def end_log(self) -> None:
         """Note what shows only once the log has ended."""
         notes = self.notes
-        notes.logs += self.is_copter
+        notes.logs += self.beat is not None
         notes.changes += len(self.changed_s)
         for at_s in self.changed_s:
             notes.moved.update({one for seen_s, one in self.switched if at_s - BEFORE_S <= seen_s <= at_s + AFTER_S})
         notes.minutes += self.minutes.values()
 
 
-def _integrate_charge(reports: list[_Report]) -> list[_Report]:
+def _integrate_charge(flight: FloatArray) -> FloatArray:
     """Return reports with the charge that was used: by the counter, or else by the currents, added up."""
-    if any(one.consumed_ah for one in reports):
-        return reports
-    used_ah, counted = 0.0, reports[:1]
-    for before, after in pairwise(reports):
-        used_ah += (before.amperes or 0.0) * min(STALE_S, after.at_s - before.at_s) / 3600.0
-        counted.append(replace(after, consumed_ah=used_ah if before.amperes else None))
-    return counted
+    if np.nan_to_num(flight[:, CONSUMED_AH]).any():
+        return flight
+    drawn_a, lasted_s = np.nan_to_num(flight[:-1, AMPERES]), np.minimum(STALE_S, np.diff(flight[:, AT_S]))
+    flight[1:, CONSUMED_AH] = np.where(drawn_a > 0.0, np.cumsum(drawn_a * lasted_s) / 3600.0, np.nan)
+    return flight
 
 
 def read_aircraft_notes(paths: Sequence[Path]) -> dict[int, AircraftNotes]:
@@ -300,21 +278,21 @@ def learn_from_logs(paths: Sequence[Path]) -> LearnedAircraft:
 
 def estimate_aircraft(system: int, notes: AircraftNotes, others: tuple[int, ...]) -> LearnedAircraft:
     """Return what the notes of one vehicle say of it."""
-    flights = [_integrate_charge(flight) for flight in notes.flights]
+    flights = [_integrate_charge(np.array(one, dtype=np.float64).reshape(-1, 8)) for one in notes.flights]
     blocks, climbs = (
-        [block for number, flight in enumerate(flights) for block in _cut_blocks(number, flight, length_s)]
+        np.array([block for flight in flights for block in _average_blocks(flight, length_s)]).reshape(-1, 8)
         for length_s in (BLOCK_S, CLIMB_BLOCK_S)
     )
-    steady = [one for one in blocks if abs(one.climb_m_s) < LEVEL_M_S]
-    hovers = [one for one in steady if one.speed_m_s < HOVER_M_S]
-    measured = [one for one in hovers if one.voltage_v]
+    steady = blocks[np.abs(blocks[:, CLIMB_M_S]) < LEVEL_M_S]
+    hovers = steady[steady[:, SPEED_M_S] < HOVER_M_S]
+    measured = hovers[~np.isnan(hovers[:, VOLTS])]
     capacity_ah, told_ah = _estimate_capacity(flights), _read_capacity_ah(notes.settings)
     level = _estimate_level_flight(steady, told_ah if capacity_ah is None else capacity_ah.mean)
     table = LearnedTable(
         logs=notes.logs,
         minutes=notes.flown_s / 60,
-        hover_a=_estimate_figure(hovers, lambda one: one.current_a),
-        hover_w=_estimate_figure(measured, lambda one: one.current_a * (one.voltage_v or 0.0)),
+        hover_a=_estimate_figure(hovers[:, AMPERES], hovers[:, FLIGHT]),
+        hover_w=_estimate_figure(measured[:, AMPERES] * measured[:, VOLTS], measured[:, FLIGHT]),
         level=level,
         climb_share=_estimate_climb(climbs, level),
         capacity_ah=capacity_ah,
@@ -325,100 +303,85 @@ def estimate_aircraft(system: int, notes: AircraftNotes, others: tuple[int, ...]
     return LearnedAircraft(system, others, table, _find_cell_count(notes), told_ah)
 
 
-def _cut_blocks(flight: int, reports: Sequence[_Report], length_s: float) -> Iterable[SteadyBlock]:
-    """Cut a flight into blocks, and keep those in which speed and climb hardly change."""
-    block: list[_Report] = []
-    for report in reports:
-        if block and report.at_s - block[0].at_s >= length_s:
-            yield from _build_block(flight, block)
-            block = []
-        if block and report.at_s - block[-1].at_s > STALE_S:
-            block = []
-        block.append(report)
-
-
-def _build_block(flight: int, reports: Sequence[_Report]) -> Iterable[SteadyBlock]:
-    drawn = [one.amperes for one in reports if one.amperes]
-    if len(drawn) < LEAST_REPORTS:
-        return
-    for values in ([one.speed_m_s for one in reports], [one.climb_m_s for one in reports]):
-        if not max(values) - min(values) <= STEADY_M_S:  # nor where it is unknown
-            return
-    volts = [one.volts for one in reports if one.volts]
-    yield SteadyBlock(
-        flight, fmean(one.speed_m_s for one in reports), fmean(one.climb_m_s for one in reports), fmean(drawn),
-        fmean(volts) if volts else None,
-    )  # fmt: skip
+def _average_blocks(flight: FloatArray, length_s: float) -> Iterator[FloatArray]:
+    """Cut a flight into blocks, and yield the means of those in which speed and climb hardly change."""
+    begin, times_s = 0, flight[:, AT_S]
+    for number in range(1, len(flight)):
+        if times_s[number] - times_s[begin] >= length_s:
+            block, begin = flight[begin:number], number
+            told, changes_m_s = (~np.isnan(block)).sum(axis=0), np.ptp(block[:, [SPEED_M_S, CLIMB_M_S]], axis=0)
+            if told[AMPERES] >= LEAST_REPORTS and (changes_m_s <= STEADY_M_S).all():  # nor where it is unknown
+                with np.errstate(invalid="ignore"):
+                    yield np.nansum(block, axis=0) / told
+        elif times_s[number] - times_s[number - 1] > STALE_S:
+            begin = number
 
 
 def _build_figure(mean: float, sd: float, samples: int, least_share: float = 0.0) -> FigureTable:
     return FigureTable(mean=mean, sd=max(sd, least_share * abs(mean)), samples=samples)
 
 
-def _estimate_figure(blocks: Sequence[SteadyBlock], value: Callable[[SteadyBlock], float]) -> FigureTable | None:
-    """Return the mean of what blocks say, with the deviation of that mean."""
-    if len(blocks) < FEWEST:
+def _compute_sd_of_mean(values: Sequence[float] | FloatArray) -> float:
+    """Return the deviation of a mean; 0 where there is no scatter to see it from."""
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+
+
+def _estimate_figure(values: FloatArray, flights: FloatArray) -> FigureTable | None:
+    """Return the mean of what blocks of flights say, with the deviation of that mean."""
+    if len(values) < FEWEST:
         return None
-    values = [value(one) for one in blocks]
-    mean = fmean(values)
-    sd = stdev(values) / math.sqrt(len(values))
-    flights: dict[int, list[float]] = {}
-    for one in blocks:
-        flights.setdefault(one.flight, []).append(value(one))
-    whole = [fmean(those) for those in flights.values() if len(those) >= FEWEST]
-    if len(whole) > 1:  # flights differ by more than their blocks: wind, payload, pack
-        sd = max(sd, stdev(whole) / math.sqrt(len(whole)))
-    return _build_figure(mean, sd, len(values), SENSOR_SHARE)
+    # Flights differ by more than their blocks: wind, payload, pack.
+    own = [values[flights == flight] for flight in np.unique(flights)]
+    whole = [float(those.mean()) for those in own if len(those) >= FEWEST]
+    sd = max(_compute_sd_of_mean(values), _compute_sd_of_mean(whole))
+    return _build_figure(float(values.mean()), sd, len(values), SENSOR_SHARE)
 
 
-def _estimate_level_flight(blocks: Sequence[SteadyBlock], capacity_ah: float | None) -> tuple[SpeedTable, ...]:
-    bins: dict[int, list[SteadyBlock]] = {}
-    for one in blocks:
-        number = 0 if one.speed_m_s < HOVER_M_S else 1 + int((one.speed_m_s - FIRST_BIN_M_S) / BIN_M_S)
-        bins.setdefault(number, []).append(one)
-    found = []
-    for _, own in sorted(bins.items()):
-        drawn = _estimate_figure(own, lambda one: one.current_a)
+def _estimate_level_flight(blocks: FloatArray, capacity_ah: float | None) -> tuple[SpeedTable, ...]:
+    speeds_m_s, found = blocks[:, SPEED_M_S], []
+    bins = np.where(speeds_m_s < HOVER_M_S, 0, 1 + ((speeds_m_s - FIRST_BIN_M_S) / BIN_M_S).astype(np.int64))
+    for number in np.unique(bins):
+        own = blocks[bins == number]
+        drawn = _estimate_figure(own[:, AMPERES], own[:, FLIGHT])
         if drawn is not None:
             share = 0.0 if capacity_ah is None else 100.0 / capacity_ah / 60.0
             used = _build_figure(share * drawn.mean, share * drawn.sd, drawn.samples) if share else None
-            found.append(SpeedTable(speed_m_s=fmean(one.speed_m_s for one in own), current_a=drawn, pct_per_min=used))
+            found.append(SpeedTable(speed_m_s=float(own[:, SPEED_M_S].mean()), current_a=drawn, pct_per_min=used))
     return tuple(found)
 
 
-def _estimate_climb(blocks: Sequence[SteadyBlock], level: Sequence[SpeedTable]) -> FigureTable | None:
+def _estimate_climb(blocks: FloatArray, level: Sequence[SpeedTable]) -> FigureTable | None:
     """Return what a climb draws beyond level flight of its speed: between two that are known, or near the last."""
-    speeds_m_s, drawn_a = [one.speed_m_s for one in level], [one.current_a.mean for one in level]
-    shares = []
-    for one in blocks:
-        is_known = level and speeds_m_s[0] - BIN_M_S <= one.speed_m_s <= speeds_m_s[-1] + BIN_M_S
-        if one.climb_m_s > CLIMBS_M_S and is_known:
-            usual_a = float(np.interp(one.speed_m_s, speeds_m_s, drawn_a))
-            shares.append((one.current_a / usual_a - 1.0) / one.climb_m_s)
+    if not level:
+        return None
+    known_m_s, drawn_a = [one.speed_m_s for one in level], [one.current_a.mean for one in level]
+    climbing = blocks[blocks[:, CLIMB_M_S] > CLIMBS_M_S]
+    speeds_m_s = climbing[:, SPEED_M_S]
+    near = (known_m_s[0] - BIN_M_S <= speeds_m_s) & (speeds_m_s <= known_m_s[-1] + BIN_M_S)
+    extra = climbing[:, AMPERES] / np.interp(speeds_m_s, known_m_s, drawn_a) - 1.0
+    shares = (extra / climbing[:, CLIMB_M_S])[near]
     if len(shares) < FEWEST:
         return None
-    return _build_figure(fmean(shares), stdev(shares) / math.sqrt(len(shares)) + SENSOR_SHARE, len(shares))
+    return _build_figure(float(shares.mean()), _compute_sd_of_mean(shares) + SENSOR_SHARE, len(shares))
 
 
-def _estimate_capacity(flights: Sequence[Sequence[_Report]]) -> FigureTable | None:
+def _estimate_capacity(flights: Sequence[FloatArray]) -> FigureTable | None:
     """Return what the counter gives for a full percentage, over the stretch of each flight in which it falls."""
     found: list[tuple[float, float]] = []
     for flight in flights:
-        moving = [
-            (after.percent, after.consumed_ah)
-            for before, after in pairwise(flight)
-            if before.percent is not None and after.percent is not None and after.consumed_ah is not None
-            and after.percent < before.percent < 100.0
-        ]  # fmt: skip
-        used_pct, used_ah = (moving[0][0] - moving[-1][0], moving[-1][1] - moving[0][1]) if moving else (0.0, 0.0)
-        if len(moving) >= FEWEST and used_pct >= COUNTED_PCT and used_ah > 0.0:
+        before_pct, after_pct, counted = flight[:-1, PERCENT], flight[1:, PERCENT], ~np.isnan(flight[1:, CONSUMED_AH])
+        moving = flight[1:][(after_pct < before_pct) & (before_pct < 100.0) & counted]
+        used_pct = used_ah = 0.0
+        if len(moving) >= FEWEST:
+            used_pct, used_ah = moving[0, PERCENT] - moving[-1, PERCENT], np.ptp(moving[[0, -1], CONSUMED_AH])
+        if used_pct >= COUNTED_PCT and used_ah > 0.0:
             capacity = 100.0 * used_ah / used_pct
             found.append((capacity, (used_pct / (ROUNDED_PCT * capacity)) ** 2))
     if not found:
         return None
-    weights = sum(weight for _, weight in found)
-    mean = sum(weight * capacity for capacity, weight in found) / weights
-    return _build_figure(mean, 1 / math.sqrt(weights), len(found), SENSOR_SHARE)
+    capacities, weights = np.array(found).T
+    mean = float(np.average(capacities, weights=weights))
+    return _build_figure(mean, 1 / math.sqrt(weights.sum()), len(found), SENSOR_SHARE)
 
 
 def _read_capacity_ah(settings: dict[str, float]) -> float | None:
@@ -426,23 +389,21 @@ def _read_capacity_ah(settings: dict[str, float]) -> float | None:
     return value / 1e3 if value > 0 else None
 
 
-def _estimate_resistance(flights: Sequence[Sequence[_Report]]) -> FigureTable | None:
+def _estimate_resistance(flights: Sequence[FloatArray]) -> FigureTable | None:
     """Return the pack's resistance: how much the voltage falls for a step of the current, by least squares."""
-    steps: list[tuple[float, float]] = []
+    steps = [np.zeros((0, 3))]
     for flight in flights:
-        least = STEP_SHARE * median([one.amperes for one in flight if one.amperes] or [math.inf])
-        known = [(one.at_s, one.amperes, one.volts) for one in flight]
-        for (before_s, before_a, before_v), (after_s, after_a, after_v) in pairwise(known):
-            if before_a is None or before_v is None or after_a is None or after_v is None:
-                continue
-            if after_s - before_s <= STEP_S and abs(after_a - before_a) >= least:
-                steps.append((after_a - before_a, after_v - before_v))
-    if len(steps) < FEWEST:
+        drawn_a = flight[~np.isnan(flight[:, AMPERES]), AMPERES]
+        least_a = STEP_SHARE * np.median(drawn_a) if len(drawn_a) else math.inf
+        own = np.diff(flight[:, [AT_S, AMPERES, VOLTS]], axis=0)
+        steps.append(own[(own[:, 0] <= STEP_S) & (np.abs(own[:, 1]) >= least_a) & ~np.isnan(own[:, 2])])
+    _, step, fell = np.concatenate(steps).T
+    if len(step) < FEWEST:
         return None
-    squares = sum(step * step for step, _ in steps)
-    mean = -sum(step * fell for step, fell in steps) / squares
-    spread = math.sqrt(sum((step * (fell + mean * step)) ** 2 for step, fell in steps)) / squares
-    return _build_figure(mean, spread, len(steps), 2 * SENSOR_SHARE) if mean > 0 else None
+    squares = float(step @ step)
+    mean = -float(step @ fell) / squares
+    spread = float(np.linalg.norm(step * (fell + mean * step))) / squares
+    return _build_figure(mean, spread, len(step), 2 * SENSOR_SHARE) if mean > 0 else None
 
 
 def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> FigureTable | None:
@@ -452,20 +413,18 @@ def _estimate_link_loss(minutes: Sequence[Sequence[int]]) -> FigureTable | None:
         return None
     mean = 100.0 * missing / (received + missing)
     frames = math.sqrt(mean * (100.0 - mean) / (received + missing))
-    spread = stdev(full) / math.sqrt(len(full)) if len(full) > 1 else 0.0
-    return _build_figure(mean, max(frames, spread), len(full))
+    return _build_figure(mean, max(frames, _compute_sd_of_mean(full)), len(full))
 
 
 def _find_cell_count(notes: AircraftNotes) -> int | None:
     """Return the number of cells, where one number alone fits what the pack showed at rest and in flight."""
-    seen = notes.rests_v or [one.volts for flight in notes.flights for one in flight if one.volts]
+    seen = notes.rests_v or [one[VOLTS] or 0.0 for flight in notes.flights for one in flight if one[VOLTS]]
     if not seen:
         return None
+    if told := notes.settings.get("BAT1_N_CELLS", notes.settings.get("BAT_N_CELLS", 0)):
+        return int(told)
     top = sorted(seen)[int(0.95 * (len(seen) - 1))]
     fewest, most = math.ceil(top / FULL_CELL_V), math.floor(top / LEAST_CELL_V)
-    told = notes.settings.get("BAT1_N_CELLS", notes.settings.get("BAT_N_CELLS", 0))
-    if told:
-        return int(told)
     return fewest if fewest == most else None
 
 
@@ -523,27 +482,17 @@ def _format_energy(found: LearnedAircraft, drone: str, base: Drone) -> list[str]
 
 def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float) -> tuple[float, float] | None:
     """Return the efficiency with which the model uses what was used in level flight, and how sure it is."""
-    observed = [
-        (
-            one.speed_m_s,
-            one.current_a.mean / capacity_ah / 36.0,
-            one.current_a.sd / one.current_a.mean,
-            one.current_a.samples,
-        )
-        for one in level
-    ]
-    if not observed:
+    if not level:
         return None
+    weights = [one.current_a.samples for one in level]
 
     def excess(efficiency: float) -> float:
-        tried, total, weights = replace(drone, efficiency=efficiency), 0.0, 0.0
-        for speed, used_pct_s, _, samples in observed:
-            try:
-                model = pct_per_s(tried, speed)
-            except InstanceError:
-                return math.inf  # more than the pack could give
-            total, weights = total + samples * math.log(model / used_pct_s), weights + samples
-        return total / weights
+        tried = replace(drone, efficiency=efficiency)
+        try:
+            times = [pct_per_s(tried, one.speed_m_s) * 36.0 * capacity_ah / one.current_a.mean for one in level]
+        except InstanceError:
+            return math.inf  # more than the pack could give
+        return float(np.average(np.log(times), weights=weights))
 
     low, high = LEAST_EFFICIENCY, MOST_EFFICIENCY
     if excess(low) < 0 or excess(high) > 0:
@@ -551,9 +500,8 @@ def fit_efficiency(level: Sequence[SpeedTable], drone: Drone, capacity_ah: float
     for _ in range(60):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    weights = sum(samples for *_, samples in observed)
-    share = math.sqrt(sum((samples * sd) ** 2 for *_, sd, samples in observed)) / weights
-    return low, max(share * low, 10.0**-DIGITS)
+    shares = [weight * one.current_a.sd / one.current_a.mean for weight, one in zip(weights, level, strict=True)]
+    return low, max(math.hypot(*shares) / sum(weights) * low, 10.0**-DIGITS)
 
 
 def build_learned_table(found: LearnedAircraft) -> dict[str, Any]:

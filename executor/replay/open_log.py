@@ -56,10 +56,10 @@ def open_log(path: Path, *, every_record: bool = False) -> RecordedFile:
     )
 
 
-def is_log_by_content(path: Path) -> bool:
-    """Return whether a file in a folder is a log by another name than usual: much else is called .log."""
+def is_log(path: Path) -> bool:
+    """Return whether a file in a folder is a log, by its name, or by its content: much else is called .log."""
     if path.suffix.lower() != ".log" or not path.is_file():
-        return False
+        return path.suffix.lower() in KNOWN
     with path.open("rb") as file:
         return _detect_format(file.read(HEAD), "") not in {"", ".raw"}
 

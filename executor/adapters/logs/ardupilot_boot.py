@@ -75,42 +75,25 @@ ERRORS: Mapping[int, tuple[str, str]] = MappingProxyType({
     31: ("gps", "dead reckoning failsafe"),
 })  # fmt: skip
 """LogErrorSubsystem, but for what is no failsafe: initialising, a mode that was refused, a flip, a lane of the EKF."""
-LOSS_OF_CONTROL = 2
-"""Of the crash check: it flies on where it should not, or tumbles."""
-DISARMED_BY: Mapping[int, tuple[str, str]] = MappingProxyType({
-    5: ("other", "terminated"),
-    6: ("other", "CPU failsafe"),
-    7: ("battery", "battery failsafe"),
-    11: ("crash", "parachute"),
-    12: ("crash", "Crash: Disarming"),
-    15: ("fence", "fence breached"),
-    16: ("rc", "radio failsafe"),
-    18: ("ground station", "ground station failsafe"),
-    19: ("terrain", "terrain failsafe"),
-    21: ("terrain", "terrain failsafe"),
-    24: ("ekf", "EKF failsafe"),
-    33: ("gps", "dead reckoning failsafe"),
+LOSS_OF_CONTROL = ("crash", 2)
+"""The crash check's other code: it flies on where it should not, or tumbles."""
+DISARMED_BY: Mapping[int, OwnFailsafe] = MappingProxyType({
+    5: OwnFailsafe("other", True, "terminated"),
+    6: OwnFailsafe("other", True, "CPU failsafe"),
+    7: OwnFailsafe("battery", True, "battery failsafe"),
+    11: OwnFailsafe("crash", True, "parachute"),
+    12: OwnFailsafe("crash", True, "Crash: Disarming"),
+    15: OwnFailsafe("fence", True, "fence breached"),
+    16: OwnFailsafe("rc", True, "radio failsafe"),
+    18: OwnFailsafe("ground station", True, "ground station failsafe"),
+    19: OwnFailsafe("terrain", True, "terrain failsafe"),
+    21: OwnFailsafe("terrain", True, "terrain failsafe"),
+    24: OwnFailsafe("ekf", True, "EKF failsafe"),
+    33: OwnFailsafe("gps", True, "dead reckoning failsafe"),
 })  # fmt: skip
 """AP_Arming::Method, of ways to disarm that somebody must know of."""
 Fields = Mapping[str, Any]
 """Of a record, by their names."""
-
-
-def failsafe_of(subsystem: int, code: int) -> OwnFailsafe | None:
-    """Return what an ERR says; None if it is no failsafe."""
-    known = ERRORS.get(subsystem)
-    if known is None:
-        return None
-    kind, words = known
-    if kind == "crash" and code == LOSS_OF_CONTROL:
-        words = "loss of control"
-    return OwnFailsafe(kind, code != RESOLVED, words)
-
-
-def disarm_cause_of(method: int) -> OwnFailsafe | None:
-    """Return what disarmed it, if that was neither a person nor a landing."""
-    known = DISARMED_BY.get(method)
-    return None if known is None else OwnFailsafe(known[0], active=True, words=known[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,11 +223,15 @@ def _read_event(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessage
 
 def _read_arming(boot: ArduPilotBoot, _: int, fields: Fields) -> ArduPilotMessages:
     boot.set_armed(armed=bool(fields["ArmState"]))
-    return None if boot.armed else disarm_cause_of(int(fields.get("Method", 0)))
+    return None if boot.armed else DISARMED_BY.get(int(fields.get("Method", 0)))
 
 
 def _read_error(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:
-    return failsafe_of(int(fields["Subsys"]), int(fields["ECode"]))
+    code, known = int(fields["ECode"]), ERRORS.get(int(fields["Subsys"]))
+    if known is None:
+        return None
+    kind, words = known
+    return OwnFailsafe(kind, code != RESOLVED, "loss of control" if (kind, code) == LOSS_OF_CONTROL else words)
 
 
 def _read_rc_channels(_: ArduPilotBoot, __: int, fields: Fields) -> ArduPilotMessages:

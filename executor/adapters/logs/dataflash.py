@@ -15,7 +15,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFMessage
 
@@ -73,7 +73,6 @@ class RecordKind:
     described: DFFormat
     wanted: WantedColumns
     in_text: bool
-    """Whether its fields are texts, with the numbers in their own units."""
     newest: dict[int, int] = field(default_factory=dict)
     """When a record was taken last, by its instance."""
     columns: tuple[str, ...] = field(init=False)
@@ -121,6 +120,8 @@ class Rows(ABC):
     """Of what is wanted, by number; in text by name."""
     kinds: set[str] = field(default_factory=set)
     """That the log describes, wanted or not."""
+    in_text: ClassVar[bool] = False
+    """Whether its fields are texts, with the numbers in their own units."""
     _in_garbage: bool = False
 
     @property
@@ -132,20 +133,20 @@ class Rows(ABC):
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
 
-    def _describe_kind(
-        self, number: int, length: int, name: str, letters: str, columns: Sequence[str], *, in_text: bool
-    ) -> RecordKind | None:
-        """Note that the log describes a kind; return how to read it, if it is wanted and can be read."""
+    def _describe_kind(self, key: int | str, length: int, name: str, letters: str, columns: Sequence[str]) -> None:
+        """Note that the log describes a kind, and how to read it if it is wanted and can be read."""
         self.kinds.add(name)
+        self.formats.pop(key, None)
         if name not in self.wanted:
-            return None
+            return
         if len(letters) == len(columns) and all(letter in FORMAT_TO_STRUCT for letter in letters):
-            made = RecordKind(DFFormat(number, name, length, letters, ",".join(columns)), self.wanted[name], in_text)
+            described = DFFormat(key, name, length, letters, ",".join(columns))
+            made = RecordKind(described, self.wanted[name], self.in_text)
             timed = not made.time_column or letters[columns.index(made.time_column)] in "QqIi"
-            if timed and (in_text or made.layout.size + HEAD_SIZE <= length):
-                return made
+            if timed and (self.in_text or made.layout.size + HEAD_SIZE <= length):
+                self.formats[key] = made
+                return
         self.skipped.unreadable += 1
-        return None
 
 
 @dataclass(slots=True)
@@ -209,14 +210,13 @@ class BinaryRows(Rows):
             self.skipped.unreadable += 1
             return
         self.sizes[number] = length
-        self.formats.pop(number, None)
-        made = self._describe_kind(number, length, name, letters, columns.split(","), in_text=False)
-        if made is not None:
-            self.formats[number] = made
+        self._describe_kind(number, length, name, letters, columns.split(","))
 
 
 class TextRows(Rows):
     """A .log, as ground stations write it from a DataFlash log: a record a line, its numbers in their own units."""
+
+    in_text = True
 
     def __iter__(self) -> Iterator[Row]:
         """Yield what is wanted, in the order of the file."""
@@ -231,9 +231,7 @@ class TextRows(Rows):
                 self._in_garbage = False
                 texts = [one.strip() for one in rest.decode("utf-8", "replace").split(",")]
                 if kind == "FMT" and len(texts) >= 5:
-                    made = self._describe_kind(0, 0, texts[2], texts[3], texts[4:], in_text=True)
-                    if made is not None:
-                        self.formats[texts[2]] = made
+                    self._describe_kind(texts[2], 0, texts[2], texts[3], texts[4:])
                 elif (known := self.formats.get(kind)) is not None:
                     row = self._parse_row(known, texts)
                     if row is not None:

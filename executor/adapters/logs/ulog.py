@@ -248,9 +248,9 @@ def _read_event(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
 def _read_mode_switches(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     """Note that the pilot moved a switch of modes: before 1.13 nothing else tells."""
     switches = tuple(int(row[name]) for name in MODE_SWITCHES if name in row)
-    if vehicle.switches is not None and switches != vehicle.switches:
+    if switches and vehicle.switches not in {None, switches}:
         vehicle.asked = (t_usec, Actor.PILOT)
-    vehicle.switches = switches
+    vehicle.switches = switches or vehicle.switches  # a topic of another version of the firmware has none of them
     return None
 
 
@@ -384,8 +384,6 @@ class TopicReader:
     read: Callable[[Px4State, int, TopicRow], Px4Messages]
     every_usec: int = 0
     """One row in so long is enough."""
-    changing: tuple[str, ...] = ()
-    """Fields of which only changes matter."""
 
 
 TOPICS: Mapping[str, TopicReader] = {
@@ -403,8 +401,8 @@ TOPICS: Mapping[str, TopicReader] = {
     "vehicle_command": TopicReader(_read_vehicle_command),
     "action_request": TopicReader(_read_action_request),
     "event": TopicReader(_read_event),
-    "manual_control_switches": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
-    "manual_control_setpoint": TopicReader(_read_mode_switches, 0, MODE_SWITCHES),
+    "manual_control_switches": TopicReader(_read_mode_switches),
+    "manual_control_setpoint": TopicReader(_read_mode_switches),
     "input_rc": TopicReader(_read_rc_channels, 190_000),
     "mission_result": TopicReader(_read_mission_result),
 }
@@ -454,10 +452,7 @@ class UlogFile(RecordedFile):
     def _read_rows(self, dataset: Any, topic: TopicReader, began_usec: int) -> Iterator[_Turn]:  # noqa: ANN401 - pyulog is untyped
         """Yield the rows of a topic that may say something new."""
         data, times = dataset.data, dataset.data["timestamp"]
-        changing = [data[name] for name in topic.changing if name in data]
-        if topic.changing and not changing:
-            return  # of a version in which another topic says it
-        last_usec, last = -LONGEST_USEC, None
+        last_usec = -LONGEST_USEC
         for index in times.argsort(kind="stable"):  # in damaged files they are in any order
             t_usec = int(times[index])
             if not _is_near(t_usec, began_usec):
@@ -465,11 +460,6 @@ class UlogFile(RecordedFile):
                 continue
             if t_usec - last_usec < topic.every_usec and not self.every_record:
                 continue
-            if changing:
-                state = tuple(column[index] for column in changing)
-                if state == last:
-                    continue
-                last = state
             last_usec = t_usec
             yield t_usec, topic.read, {name: column[index] for name, column in data.items()}
 

@@ -24,7 +24,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mav
 from executor.adapters.chunks import read_in_chunks
 from executor.adapters.mavlink import message_readers
 from executor.adapters.mavlink.codec import FrameParser, MavlinkCodec
-from executor.adapters.mavlink.frame_layout import HEADS, V2, has_valid_checksum, message_id_of, payload_of
+from executor.adapters.mavlink.frame_layout import HEADS, V1, V2, has_valid_checksum, message_id_of, payload_of
 from executor.adapters.mavlink.message_readers import Frame
 from executor.core.interface import messages
 from executor.core.interface.messages import DoubleHeard, FlightMessage, HeightTarget, ListedItem, Message, Traffic
@@ -239,12 +239,8 @@ class TelemetryFile(RecordedFile):
             if at + LEAST > size:
                 self.skipped.truncated = 1  # only the end of the file can do that, once
                 break
-            stamp, mark, length, flags, _, seq = _HEAD.unpack_from(buffer, at)
-            if mark == V2:
-                key, end = buffer[at + 13 : at + 18], at + 18 + length + (15 if flags & 1 else 2)
-            else:  # the fields of the older version stand elsewhere
-                key, end, seq, flags = buffer[at + 11 : at + 14], at + 16 + length, flags, 0
-            if mark not in MARKS or flags > 1 or not self._is_record_at(buffer, at, end):
+            stamp, key, seq, end = _read_head(buffer, at)
+            if not key or not self._is_record_at(buffer, at, end):
                 self.skipped.garbage_runs += not (in_garbage or self.skipped.truncated)
                 in_garbage = True
                 at += 1
@@ -289,14 +285,10 @@ class TelemetryFile(RecordedFile):
     def _boots_after(self, buffer: bytes, at: int) -> list[tuple[BootTime, BootTime]]:
         """Return what vehicles say of their own time after a leap."""
         found, first = list[tuple[BootTime, BootTime]](), int.from_bytes(buffer[at : at + STAMP], "big")
-        while at + LONGEST <= len(buffer) and buffer[at + STAMP] in MARKS:
-            stamp, mark, length, flags, *_ = _HEAD.unpack_from(buffer, at)
-            if not -LOOKS_USEC < stamp - first < LOOKS_USEC:
+        while at + LONGEST <= len(buffer):
+            stamp, key, _, end = _read_head(buffer, at)
+            if not key or not -LOOKS_USEC < stamp - first < LOOKS_USEC:
                 break  # it leaps again
-            if mark == V2:
-                key, end = buffer[at + 13 : at + 18], at + 18 + length + (15 if flags & 1 else 2)
-            else:
-                key, end = buffer[at + 11 : at + 14], at + 16 + length
             lane, frame = self._lanes.get(key), buffer[at + STAMP : end]
             if (
                 lane is not None and lane.source.boot is not None
@@ -434,6 +426,15 @@ class TelemetryFile(RecordedFile):
             return _is_known(buffer, at, end) and abs(following - stamp) < STAMP_TOLERANCE_USEC
         is_followed = end == size or (end + STAMP < size and buffer[end + STAMP] in MARKS)
         return is_followed or _is_known(buffer, at, end)
+
+
+def _read_head(buffer: bytes, at: int) -> tuple[int, bytes, int, int]:
+    """Return a record's stamp, who says what kind in it, its number, and where it ends; nobody where none begins."""
+    stamp, mark, length, flags, _, seq = _HEAD.unpack_from(buffer, at)
+    if mark == V2 and flags <= 1:
+        return stamp, buffer[at + 13 : at + 18], seq, at + 18 + length + (15 if flags else 2)
+    # The fields of the older version stand elsewhere.
+    return stamp, buffer[at + 11 : at + 14] if mark == V1 else b"", flags, at + 16 + length
 
 
 def _boot_usec(frame: bytes) -> int:

@@ -14,7 +14,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, MultipleLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, MultipleLocator
 
 from executor.analysis.pictures import style
 from executor.analysis.pictures.battery_figure import LineEnd, label_lines
@@ -52,12 +52,7 @@ def draw_front_figure(front: Sequence[PlanFile], references: Mapping[str, PlanFi
     energies = [sum(one.energies_pct) for one in plans]
     scale = Normalize(min(energies), max(*energies, min(energies) + 0.1))
     shade = colormaps[FRONT_COLOURS]
-    limits = []
-    for values in zip(*points, strict=True):
-        room = 0.08 * (max(values) - min(values)) + 5.0
-        limits.append((min(values) - room, max(values) + room))
-    axes.set_xlim(limits[0])
-    axes.set_ylim(limits[1])
+    axes.margins(0.1)
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     markers = [MARKERS[number % len(MARKERS)] for number in range(len(references))]
@@ -123,9 +118,8 @@ def draw_risk_figure(swept: Sequence[RiskEstimate], given: RiskEstimate) -> Figu
     lowest = min(100 * chance.low for risk in swept for chance in risk.finished)
     floor = max(0.0, 10.0 * math.floor(lowest / 10.0 - 0.3))
     axes.set_ylim(floor, 100.0 + 0.03 * (100.0 - floor))
-    axes.xaxis.set_major_locator(FixedLocator(hours))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xticks(hours, [f"{value:g}" for value in hours])
+    axes.minorticks_off()
     axes.grid(color="#e4e4e4", lw=0.8)
     axes.set_axisbelow(True)
     axes.axvline(given.mtbf_h, color=style.FAINT, lw=1.2, zorder=1)

@@ -21,6 +21,7 @@ from executor.flight.publication import Publication
 from executor.flight.run_start import MqttSettings, read_mqtt_settings
 from executor.site.mqtt_and_web_keys import MqttTable
 from executor.supervised import watch_internal_errors
+from missions import build_plan_document
 from tests.brokers import secured_in
 from tests.executor.flights import first_plan_file
 from tests.ports import free_port
@@ -111,13 +112,13 @@ async def test_no_mistake_reaches_the_flight(tmp_path: Path) -> None:
     def assets() -> tuple[AssetView, ...]:
         raise ZeroDivisionError("a mistake")
 
-    publication.publish_plan(0, first_plan_file())
+    publication.publish(lambda to: to.publish_plan(0, build_plan_document(first_plan_file())))
     with watch_internal_errors(lambda text: said.append((Level.FAULT, text)), None):
         async with publication.run(broken, lambda _: None, lambda *line: said.append(line), assets):
             for _ in range(3):
-                publication.publish_event(Tick(), FleetState({}))
-                publication.publish_line(Say(Level.INFO, "a line"), 1.0)
-                publication.publish_line(Say(Level.INFO, "another"), float("nan"))
+                publication.publish(lambda to: to.publish_event(Tick(), FleetState({})))
+                publication.publish(lambda to: to.publish_line(Say(Level.INFO, "a line"), 1.0))
+                publication.publish(lambda to: to.publish_line(Say(Level.INFO, "another"), float("nan")))
     assert said == [
         *[(Level.FAULT, "internal error in mqtt: ZeroDivisionError: a mistake")] * 2,
         (Level.WARNING, said[-1][1]),

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from executor.core.interface.intents import Action, Intent
 from executor.flight.publication import Publication
 from executor.flight.run_start import read_mqtt_settings
 from executor.site.mqtt_and_web_keys import MqttTable
+from missions import build_plan_document
 from tests.brokers import KIND, RealBroker, running, slowed
 from tests.executor.core.stories import EVERYTHING, story
 from tests.executor.flights import first_plan_file
@@ -56,10 +58,10 @@ class Published:
     def look(self) -> None:
         """Publish what has happened since it was looked at last."""
         for _, event in self.flight.events[self._events :]:
-            self.publication.publish_event(event, self.flight.state)
+            self.publication.publish(methodcaller("publish_event", event, self.flight.state))
         for at_s, command in self.flight.commands[self._commands :]:
             if isinstance(command, Say):
-                self.publication.publish_line(command, at_s)
+                self.publication.publish(methodcaller("publish_line", command, at_s))
         self._events, self._commands = len(self.flight.events), len(self.flight.commands)
 
     def accept(self, intent: Intent) -> None:
@@ -83,7 +85,7 @@ async def published(port: int, folder: Path) -> AsyncIterator[Published]:
     settings = read_mqtt_settings(MqttTable(port=port, telemetry_rate_hz=10.0), Path(), "site.toml", {})
     assert settings is not None
     here = Published(Publication(settings, folder, SystemClock()))
-    here.publication.publish_plan(0, first_plan_file())
+    here.publication.publish(lambda to: to.publish_plan(0, build_plan_document(first_plan_file())))
 
     def view() -> Any:
         return build_fleet_view(here.flight.context, here.flight.state, here.flight.now_s)

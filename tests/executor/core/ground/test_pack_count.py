@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.virtual_day import round_trip_state
 from executor.core.context import Context, DayRules, PackRules
 from executor.core.fleet_step import step
 from executor.core.fleet_view import build_fleet_view
@@ -18,7 +19,6 @@ from executor.core.interface.intents import Action, Intent, IntentReason, Outcom
 from executor.core.state.fleet_state import FleetState
 from executor.core.state.vehicle_parts import FlownSortie, PlannedSortie
 from executor.core.state.vehicle_state import Stage
-from executor.flight.flight_recorder import round_trip_state
 from missions import Pad
 from planner.sorties import SortieBase
 from tests.executor.builders import with_facts
