@@ -1,4 +1,4 @@
-"""The commands of the command line, one function each; `executor.cli.main` registers them."""
+"""What of ours is raised for somebody to read: bad input, or what is outside of this program."""
 
 from executor.errors import ExecutorError
 from missions import MissionsError

@@ -238,7 +238,13 @@ def export(
 ) -> None:
     """Write a plan for other ground stations, or a plan or a flight for maps."""
     if what.is_dir():
-        _export_run(what, output, FormatName.KML if to is None else to)
+        shown = to or FormatName.KML
+        if shown not in DRAWN:
+            raise SiteError(
+                f"{what}: --format {shown.value}: expected kml, geojson or gpx for a run directory; its plans can be "
+                f"exported one by one, such as {RunDirectory(what).plan_path(0)}"
+            )
+        _write(output, f"flight.{shown.value}", DRAWN[shown](build_drawn_run(what)))
         return
     content = missions.read_plan(what)
     setup, paths = _build_paths(content, what, site)
@@ -334,15 +340,6 @@ def _autopilot_of(content: missions.PlanFile, name: str, asked: AutopilotName | 
 
 def _warn(text: str) -> None:
     TerminalConsole(quiet=False, yes=True).say(Level.WARNING, text)
-
-
-def _export_run(run: Path, output: Path, to: FormatName) -> None:
-    if to not in DRAWN:
-        raise SiteError(
-            f"{run}: --format {to.value}: expected kml, geojson or gpx for a run directory; its plans can be exported "
-            f"one by one, such as {RunDirectory(run).plan_path(0)}"
-        )
-    _write(output, f"flight.{to.value}", DRAWN[to](build_drawn_run(run)))
 
 
 def _write(output: Path, name: str, text: str) -> None:

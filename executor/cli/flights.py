@@ -47,8 +47,7 @@ DEMO_ITERATIONS = 300_000
 """Of the usual demo, whose budgets ask for them: some ten seconds of one processor."""
 DEMO_MOST_S = 300.0
 DEMO_SEARCHES = 2
-"""Side by side, however many processors there are: their number is a part of what decides the plan."""
-"""Of the solver."""
+"""Of the solver, side by side, however many processors there are: their number is a part of what decides the plan."""
 
 
 def demo(

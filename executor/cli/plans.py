@@ -255,10 +255,12 @@ def replan(
 ) -> None:
     """Plan the response to the loss of one vehicle at a given time; exit 1 if segments are left over."""
     plan_inputs.check_can_write(output)
-    result = site_planning.preview_loss(missions.read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed)
-    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, result.plan))
-    _print_plan(result.plan, as_json=as_json)
-    if not result.feasible:
+    content, is_feasible = site_planning.preview_loss(
+        missions.read_plan(plan), lost, at, cost=cost, seconds=seconds, seed=seed
+    )
+    plan_inputs.write_named_file(output, lambda path: missions.write_plan(path, content))
+    _print_plan(content, as_json=as_json)
+    if not is_feasible:
         raise typer.Exit(ANSWER_IS_NO)
 
 

@@ -106,7 +106,8 @@ class Bucket:
 
     per_s: float
     most: float
-    left: float
+    left: float = math.inf
+    """It begins full."""
     at_s: float = -math.inf
 
     def take(self, amount: float, now_s: float, kept: float = 0.0) -> Bucket | None:
@@ -116,11 +117,6 @@ class Bucket:
         if left - amount < kept:
             return None
         return Bucket(self.per_s, self.most, left - amount, max(self.at_s, now_s))
-
-
-def fill_bucket(per_s: float, most: float) -> Bucket:
-    """Return a full bucket."""
-    return Bucket(per_s, most, most)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +159,7 @@ class Allowance:
         bucket = known.get(frame.sender)
         if bucket is None and len(known) >= MOST_SENDERS:
             return self, ""
-        taken = (bucket or fill_bucket(BEAT_HZ, BEAT_BURST)).take(1.0, now_s)
+        taken = (bucket or Bucket(BEAT_HZ, BEAT_BURST)).take(1.0, now_s)
         if taken is None:
             return self, ""
         return replace(self, beats=tuple({**known, frame.sender: taken}.items())), None
@@ -176,6 +172,6 @@ def make_allowance(share_bytes_s: float | None) -> Allowance:
         share_bytes_s: Their share of a radio; None where there is none.
     """
     if share_bytes_s is None:
-        return Allowance(fill_bucket(CORRECTIONS_BYTES_S, BURST_S * CORRECTIONS_BYTES_S), is_radio=False)
+        return Allowance(Bucket(CORRECTIONS_BYTES_S, BURST_S * CORRECTIONS_BYTES_S), is_radio=False)
     burst = max(LEAST_BURST_BYTES, BURST_S * share_bytes_s)
-    return Allowance(fill_bucket(share_bytes_s, burst), is_radio=True)
+    return Allowance(Bucket(share_bytes_s, burst), is_radio=True)

@@ -31,7 +31,7 @@ from executor.core.state.vehicle_state import build_onboard_mission
 from executor.errors import SiteError
 from executor.site import day_plans, site_model
 from executor.site.ground_view import GroundView, view_for, write_ground
-from executor.site.learned_files import build_learned_document, read_learned_before
+from executor.site.learned_files import build_learned_document, read_learned
 from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
@@ -232,7 +232,8 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
         MissionsError: the first plan, or the network, cannot be used.
     """
     kept = RunDirectory(run)
-    ground = site_model.load_site_model(read_site(kept.site), run, read_learned_before(run))
+    learned = read_learned(kept.learned_before).known_by_name if kept.learned_before.exists() else {}
+    ground = site_model.load_site_model(read_site(kept.site), run, learned)
     plan = read_plan(kept.plan_path(0))
     check_plan_belongs(plan, ground, str(kept.plan_path(0)))
     return ground, plan

@@ -81,9 +81,7 @@ def build_day_problem(ground: SiteModel, segments: Iterable[int] | None = None) 
     ]  # fmt: skip
     vehicles = tuple(_build_day_vehicles(ground, table, tables, days, pads))
     _check_landings(ground, vehicles, {place.name: at for place, at in zip(places, at_m, strict=True)})
-    everywhere = tuple(pad for own in ground.day_pads.values() for pad in own.values())
-    setup = replace(ground.setup, day_pads=everywhere)
-    pricing = build_pricing(ground, setup, speeds_m_s=_collect_speeds_m_s(ground))
+    pricing = build_pricing(ground, add_day_pads(ground.setup, ground.day_pads), speeds_m_s=_collect_speeds_m_s(ground))
     return DayPlanFile(
         format=FORMAT,
         frame=ground.network.frame,

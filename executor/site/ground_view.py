@@ -49,11 +49,9 @@ class Heights(Protocol):
     @property
     def cell_m(self) -> float:
         """The size of the smallest cells."""
-        ...
 
     def grid_m(self, easts_m: FloatArray, norths_m: FloatArray) -> FloatArray:
         """Return (norths, easts) heights above mean sea level; not a number where nobody knows."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from executor.adapters.run_directory import Document, Hundredths, Number, RunDirectory, Thousandths, Whole
+from executor.adapters.run_directory import Document, Hundredths, Number, Thousandths, Whole
 from executor.core import vehicle_learning
 from executor.core.battery.kalman import Prior
 from executor.core.battery.pack_condition import PackFlightRecord, PackHistory, build_pack_history
@@ -217,16 +216,6 @@ def read_learned(path: Path) -> LearnedDocument:
         LogError: one line that names the file, the key and what was expected.
     """
     return LearnedDocument.read(path, "what a flight taught about its vehicles")
-
-
-def read_learned_before(run: Path) -> Mapping[str, KnownVehicle]:
-    """Return what a flight began with, by its run directory.
-
-    Raises:
-        LogError: the file cannot be used.
-    """
-    path = RunDirectory(run).learned_before
-    return read_learned(path).known_by_name if path.exists() else MappingProxyType({})
 
 
 def build_learned_document(known: Mapping[str, KnownVehicle], date: str) -> LearnedDocument:

@@ -465,17 +465,10 @@ def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class LossPreview:
-    """What a loss makes of a plan."""
-
-    left: RemainingProblem
-    plan: PlanFile
-    feasible: bool
-
-
-def preview_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int) -> LossPreview:
-    """Re-plan a plan file for the loss of one vehicle at a time.
+def preview_loss(
+    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int
+) -> tuple[PlanFile, bool]:
+    """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
@@ -497,4 +490,4 @@ def preview_loss(plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds:
     content = make_plan_file(
         plan.build_network(), reduced, plan.travel, result.plan, cost, solved, inspection=plan.inspection,
     )  # fmt: skip
-    return LossPreview(left, content.with_site_of(plan), result.feasible)
+    return content.with_site_of(plan), result.feasible

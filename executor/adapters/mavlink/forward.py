@@ -25,7 +25,6 @@ from executor.core.forwarding import (
     Bucket,
     ForwardRules,
     StationFrame,
-    fill_bucket,
     make_allowance,
 )
 from executor.core.interface import messages
@@ -229,7 +228,7 @@ class Forwarder:
             return
         if frame.sender not in self._lines and len(self._lines) >= MOST_STATIONS:
             return
-        bucket = self._lines.setdefault(frame.sender, fill_bucket(TOLD_HZ, TOLD_AT_ONCE))
+        bucket = self._lines.setdefault(frame.sender, Bucket(TOLD_HZ, TOLD_AT_ONCE))
         if passed:
             left = bucket.take(1.0, now_s)
             if left is None:

@@ -15,6 +15,7 @@ from typing import Annotated
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from executor.adapters.intent_body import IntentBody
+from executor.core.forwarding import Bucket
 from executor.core.interface.codes import ReasonCode
 from executor.core.interface.commands import Level
 from executor.core.interface.intents import FOR_ALL, FOR_BASE, Action, Intent
@@ -35,6 +36,7 @@ MOST_BYTES = 4096
 MOST_A_SECOND = 5.0
 """Intents that are taken in the long run; each is written to the event log."""
 BURST = 20
+_ALLOWED = Bucket(MOST_A_SECOND, BURST)
 MOST_REASON = 200
 """Letters of a refusal."""
 SOURCE = "mqtt"
@@ -147,23 +149,6 @@ def _id_of(payload: bytes) -> str | None:
         return None
 
 
-@dataclass(slots=True)
-class RateLimiter:
-    """Lets so many intents through in a while and no more; begins with a whole burst."""
-
-    _at_s: float
-    _left: float = float(BURST)
-
-    def may_pass(self, now_s: float) -> bool:
-        """Return whether one more may pass at a time, in real seconds that never go back."""
-        self._left = min(BURST, self._left + MOST_A_SECOND * (now_s - self._at_s))
-        self._at_s = now_s
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
-
-
 @dataclass(eq=False, repr=False)
 class IntentIntake:
     """Takes what comes in, as fast as an operator could mean it."""
@@ -180,33 +165,28 @@ class IntentIntake:
     """Called with what is refused, as long as it is not too much."""
     _say: Callable[[Level, str], None]
     """Called with what the operator should know."""
-    _accepting: RateLimiter = field(init=False)
-    _refusing: RateLimiter = field(init=False)
+    _accepting: Bucket = _ALLOWED
+    _refusing: Bucket = _ALLOWED
     _told_s: float = float("-inf")
     refused: int = 0
     """Messages that were not carried out."""
-
-    def __post_init__(self) -> None:
-        """Begin with whole bursts."""
-        now_s = self._monotonic_s()
-        self._accepting, self._refusing = RateLimiter(now_s), RateLimiter(now_s)
 
     def handle_message(self, payload: bytes, retained: bool) -> None:
         """Take one message; an empty one only clears what the broker had kept."""
         if not payload:
             return
-        found = read_intent(payload, self._rules, self._clock(), retained=retained)
-        now_s = self._monotonic_s()
-        if isinstance(found, Intent) and not self._accepting.may_pass(now_s):
-            found = RefusedMessage(
-                found.id, f"expected at most {MOST_A_SECOND:g} intents a second", IntakeReason.TOO_MANY
-            )
+        found, now_s = read_intent(payload, self._rules, self._clock(), retained=retained), self._monotonic_s()
         if isinstance(found, Intent):
-            self._accept(found)
-            return
+            if (accepting := self._accepting.take(1.0, now_s)) is not None:
+                self._accepting = accepting
+                self._accept(found)
+                return
+            too_many = f"expected at most {MOST_A_SECOND:g} intents a second"
+            found = RefusedMessage(found.id, too_many, IntakeReason.TOO_MANY)
         self.refused += 1
         # An answer to each would push the answers that somebody waits for out of the row.
-        if self._refusing.may_pass(now_s):
+        if (refusing := self._refusing.take(1.0, now_s)) is not None:
+            self._refusing = refusing
             self._refuse(found)
         if now_s - self._told_s > TOLD_EVERY_S:
             self._told_s = now_s

@@ -146,10 +146,7 @@ def assess_pack(
     if known.resting and known.rest is not None:
         if known.rest.at_s - known.loaded_s < RECOVERS_S:
             return None
-        rest_cell_v = known.rest.voltage_v / cells
-        return PackCondition(
-            rest_cell_v, claimed_pct, *_compare_voltage_with_percentage(rest_cell_v, claimed_pct, chemistry, 0.0)
-        )
+        return assess_resting_pack(known.rest.voltage_v, cells, facts, claimed_pct)
     sag = known.sag
     if sag is None or sag.rest_sd_v > SURE_SD_V * cells or now_s < sag.at_s:
         return None
@@ -163,19 +160,10 @@ def assess_pack(
     return PackCondition(cell_v, claimed_pct, held_pct, short_v, times, likely, in_flight=True)
 
 
-def is_doubtful_at_rest(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> bool:
-    """Return whether a pack that rested held less than it reported, as `PackCondition.doubtful` has it.
-
-    Args:
-        rest_v: Of the whole pack.
-        cells: In series.
-        facts: What is said of it.
-        claimed_pct: What it reported then.
-    """
-    cell_v = rest_v / cells
-    return PackCondition(
-        cell_v, claimed_pct, *_compare_voltage_with_percentage(cell_v, claimed_pct, facts.chemistry, 0.0)
-    ).doubtful
+def assess_resting_pack(rest_v: float, cells: int, facts: PackFacts, claimed_pct: float) -> PackCondition:
+    """Return how a pack of so many cells in series stood that rested with a voltage, and reported a percentage."""
+    cell_v, chemistry = rest_v / cells, facts.chemistry
+    return PackCondition(cell_v, claimed_pct, *_compare_voltage_with_percentage(cell_v, claimed_pct, chemistry, 0.0))
 
 
 def _compare_voltage_with_percentage(

@@ -67,11 +67,6 @@ def _keep_on_ground(context: Context, state: FleetState, vehicle: VehicleState, 
     return replan_cycle.release_vehicle(state, plan, vehicle.name, why, now_s)
 
 
-def open_base(state: FleetState, base: str) -> FleetState:
-    """Return the state in which vehicles may be sent out from a base again, each by the crew's word."""
-    return state.with_crew(closed_bases=state.crew.closed_bases - {base})
-
-
 def apply_kill_switch_text(state: FleetState, vehicle: VehicleState, text: StatusText, now_s: float) -> Stepped:
     """Leave a vehicle on the ground that says that its kill switch is on."""
     stands = vehicle.stage in _STANDS and not vehicle.armed and not vehicle.orders.excluded

@@ -141,16 +141,15 @@ def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> b
 
 def _is_landing_expected(state: FleetState) -> bool:
     """Return whether somebody who may be offered is on its way home."""
+
+    def comes_home(vehicle: VehicleState) -> bool:
+        leg = vehicle.leg if vehicle.stage is Stage.FLYING else None
+        return vehicle.stage is Stage.RETURNING or (leg is not None and leg.phase in {Phase.RETURN, Phase.LAND})
+
     return any(
-        not vehicle.orders.excluded
-        and (vehicle.fault is None or vehicle.fault.kind in MAY_FLY_AGAIN)
-        and (vehicle.stage is Stage.RETURNING or (vehicle.stage is Stage.FLYING and _is_on_last_legs(vehicle)))
-        for vehicle in state.vehicles.values()
+        comes_home(one) and not one.orders.excluded and (one.fault is None or one.fault.kind in MAY_FLY_AGAIN)
+        for one in state.vehicles.values()
     )
-
-
-def _is_on_last_legs(vehicle: VehicleState) -> bool:
-    return vehicle.leg is not None and vehicle.leg.phase in {Phase.RETURN, Phase.LAND}
 
 
 def _expire_offer(context: Context, state: FleetState, now_s: float) -> Stepped:

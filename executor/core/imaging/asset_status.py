@@ -176,12 +176,10 @@ def reopen_segments(coverage: Coverage, again: frozenset[int]) -> Coverage:
 
 def discard_proof(coverage: Coverage, again: frozenset[int]) -> Coverage:
     """Return the coverage in which segments do not count, and what proved them does not either."""
-    inspected: dict[int, str] = {one: by for one, by in coverage.inspected.items() if one not in again}
-    flown: dict[int, SegmentPass] = {one: how for one, how in coverage.flown.items() if one not in again}
     return replace(
         coverage,
-        inspected=MappingProxyType(inspected),
-        flown=MappingProxyType(flown),
+        inspected=MappingProxyType({one: by for one, by in coverage.inspected.items() if one not in again}),
+        flown=MappingProxyType({one: how for one, how in coverage.flown.items() if one not in again}),
         inferred=coverage.inferred - again,
         given_up=coverage.given_up - again,
         caught=MappingProxyType({one: seen for one, seen in coverage.caught.items() if one not in again}),
@@ -359,55 +357,42 @@ def judge_pictures(context: Context, state: FleetState, now_s: float) -> Stepped
         why = describe_unseen_parts(context, segment, caught.get(segment, ()))
         if why and now_s - waits.since_s < WAITS_S:
             continue
+        unseen = {one: other for one, other in state.coverage.unseen.items() if one != segment}
+        state = state.with_coverage(unseen=MappingProxyType(unseen))
         if waits.nearer_m is None:
-            state, more = _judge_segment(context, state, segment, waits, why)
+            state, more = _judge_segment(context, state, segment, waits.vehicle, why)
         else:
-            state, more = _judge_nearer_pictures(context, state, segment, waits, waits.nearer_m, why)
+            state, more = _judge_nearer_pictures(context, state, segment, waits.vehicle, waits.nearer_m, why)
         commands.extend(more)
     return state, tuple(commands)
 
 
-def _judge_segment(
-    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, why: list[str]
-) -> Stepped:
+def _judge_segment(context: Context, state: FleetState, segment: int, vehicle: str, why: list[str]) -> Stepped:
     coverage = state.coverage
-    unseen = MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment})
     if not why:
-        return state.with_coverage(
-            unseen=unseen, inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle})
-        ), ()
-    words = "; ".join(why)
+        return state.with_coverage(inspected=MappingProxyType({**coverage.inspected, segment: vehicle})), ()
     passes = MappingProxyType({one: how for one, how in coverage.flown.items() if one != segment})
-    not_seen = MappingProxyType({**coverage.not_seen, segment: waits.vehicle})
-    state = state.with_coverage(unseen=unseen, flown=passes, not_seen=not_seen)
-    return state, (pictures.NOT_SEEN.say(vehicle=waits.vehicle, segment=context.segment_name(segment), why=words),)
+    not_seen = MappingProxyType({**coverage.not_seen, segment: vehicle})
+    said = pictures.NOT_SEEN.say(vehicle=vehicle, segment=context.segment_name(segment), why="; ".join(why))
+    return state.with_coverage(flown=passes, not_seen=not_seen), (said,)
 
 
 def _judge_nearer_pictures(
-    context: Context, state: FleetState, segment: int, waits: AwaitedPictures, at_m: float, why: list[str]
+    context: Context, state: FleetState, segment: int, vehicle: str, at_m: float, why: list[str]
 ) -> Stepped:
     """Judge what counted already: by pictures from nearer, where they show all of it."""
-    coverage = state.coverage
-    nearer = coverage.caught_nearer.get(segment, ())
-    coverage = replace(
-        coverage,
-        unseen=MappingProxyType({one: other for one, other in coverage.unseen.items() if one != segment}),
-        caught_nearer=MappingProxyType({one: had for one, had in coverage.caught_nearer.items() if one != segment}),
-    )
-    if why:
-        state = replace(state, coverage=coverage)
-        if segment not in coverage.inspected:
-            return state, ()  # somebody has it open again meanwhile
-        name = context.segment_name(segment)
-        return state, (pictures.COUNTS_AS_BEFORE.say(vehicle=waits.vehicle, segment=name, why="; ".join(why)),)
-    coverage = replace(
-        coverage,
-        inspected=MappingProxyType({**coverage.inspected, segment: waits.vehicle}),
+    coverage, name = state.coverage, context.segment_name(segment)
+    others = {one: had for one, had in coverage.caught_nearer.items() if one != segment}
+    state = state.with_coverage(caught_nearer=MappingProxyType(others))
+    if why:  # or somebody has it open again meanwhile
+        said = pictures.COUNTS_AS_BEFORE.say(vehicle=vehicle, segment=name, why="; ".join(why))
+        return state, (said,) if segment in coverage.inspected else ()
+    return state.with_coverage(
+        inspected=MappingProxyType({**coverage.inspected, segment: vehicle}),
         inspected_at_m=MappingProxyType({**coverage.inspected_at_m, segment: at_m}),
-        caught=MappingProxyType({**coverage.caught, segment: nearer}),
+        caught=MappingProxyType({**coverage.caught, segment: coverage.caught_nearer.get(segment, ())}),
         inferred=coverage.inferred - {segment},
-    )
-    return replace(state, coverage=coverage), ()
+    ), ()
 
 
 def _request_lost_pictures(state: FleetState, now_s: float) -> Stepped:

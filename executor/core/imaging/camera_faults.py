@@ -73,14 +73,11 @@ def _track_camera_work(context: Context, vehicle: VehicleState, now_s: float) ->
     """Return the vehicle with since when it moves along the span under way, and points wrong."""
     leg, fix, known = vehicle.leg, vehicle.motion.fix, vehicle.payload
     moves = fix is not None and math.hypot(*fix.velocity_m_s[:2]) >= MOVES * context.inspection_speed_m_s
-    if not _is_on_leg(vehicle) or leg is None or not leg.captures or leg.visit is None or not moves:
-        if known.working is None and known.off_since_s is None:
-            return vehicle
-        return replace(vehicle, payload=replace(known, working=None, off_since_s=None))
-    working = known.working if known.working is not None and known.working[0] == leg.visit else (leg.visit, now_s)
-    off_s = None
-    if any(_is_gimbal_off(vehicle, capture, now_s) for capture in leg.captures):
-        off_s = now_s if known.off_since_s is None else known.off_since_s
+    working = off_s = None
+    if _is_on_leg(vehicle) and leg is not None and leg.captures and leg.visit is not None and moves:
+        working = known.working if known.working is not None and known.working[0] == leg.visit else (leg.visit, now_s)
+        if any(_is_gimbal_off(vehicle, capture, now_s) for capture in leg.captures):
+            off_s = now_s if known.off_since_s is None else known.off_since_s
     if (working, off_s) == (known.working, known.off_since_s):
         return vehicle
     return replace(vehicle, payload=replace(known, working=working, off_since_s=off_s))

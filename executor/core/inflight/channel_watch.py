@@ -61,7 +61,8 @@ def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped
         if now_s - known.looked_s < LOOKS_S or (found := measure_channel(share, vehicles, now_s)) is None:
             continue
         known, lines = _take_look(known, found, now_s)
-        busy, dialect = any(one.assignment.pending is not None for one in vehicles), _dialect_of(context, share)
+        busy = any(one.assignment.pending is not None for one in vehicles)
+        dialect = context.vehicles[share.names[0]].dialect
         if any(_is_to_be_asked(vehicle, known.step) for vehicle in vehicles):
             after = known  # what that comes to is not known yet
         else:
@@ -71,21 +72,17 @@ def watch_channels(context: Context, state: FleetState, now_s: float) -> Stepped
         commands += lines
         state = replace(state, channels=MappingProxyType({**state.channels, share.names[0]: after}))
         free_pct = None if found.radio is None else found.radio.free_buffer_pct
-        behind = iter(() if busy or (free_pct is not None and free_pct < FULL_PCT) else vehicles)
-        asked: tuple[Command, ...] = ()
-        while not asked and (vehicle := next(behind, None)) is not None:  # the others in the next second
+        for vehicle in () if busy or (free_pct is not None and free_pct < FULL_PCT) else vehicles:
             state, asked = _ask_again(context, state, vehicle, after.step, now_s)
-        commands += asked
+            commands += asked
+            if asked:
+                break  # the others in the next second
     return state, tuple(commands)
 
 
 def list_channels(context: Context) -> tuple[RadioShare, ...]:
     """Return what there is of links that may be radios, each with the vehicles behind it."""
     return tuple(dict.fromkeys(setup.radio for setup in context.vehicles.values() if setup.radio.names))
-
-
-def _dialect_of(context: Context, share: RadioShare) -> Dialect:
-    return context.vehicles[share.names[0]].dialect
 
 
 def _describe_step(share: RadioShare, dialect: Dialect, step: int, *, raised: bool) -> Command:

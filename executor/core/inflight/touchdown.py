@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from executor.core.battery import account
-from executor.core.battery.pack_condition import is_doubtful_at_rest
+from executor.core.battery.pack_condition import assess_resting_pack
 from executor.core.context import Context, RelaunchPolicy
 from executor.core.inflight.custody.mode_causes import is_in_manual_mode
 from executor.core.inflight.homing import is_coming_home
@@ -113,9 +113,9 @@ def _describe_remaining_charge(context: Context, vehicle: VehicleState, now_s: f
     blind = context.vehicles[vehicle.name].dialect.rounds_twice and account.is_blind(battery)
     if last is None or last.rest_v is None or last.began_pct is None or blind:  # blind: read off that very voltage
         return landing.LEFT.format(left_pct=held_pct)
-    if not is_doubtful_at_rest(last.rest_v, vehicle.power.volts.cells, pack_facts_of(context, vehicle), last.began_pct):
-        return landing.LEFT.format(left_pct=held_pct)
-    return landing.LEFT_DOUBTFUL.format(left_pct=held_pct)
+    cells, facts = vehicle.power.volts.cells, pack_facts_of(context, vehicle)
+    rested = assess_resting_pack(last.rest_v, cells, facts, last.began_pct)
+    return (landing.LEFT_DOUBTFUL if rested.doubtful else landing.LEFT).format(left_pct=held_pct)
 
 
 def describe_unexpected_landing(context: Context, vehicle: VehicleState, now_s: float) -> str:

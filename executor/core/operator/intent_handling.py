@@ -223,8 +223,8 @@ def _close(pending: PendingIntent) -> _IntentResult:
 
 
 def _open(pending: PendingIntent) -> _IntentResult:
-    state = out_of_service.open_base(pending.state, pending.intent.base)
-    return _IntentResult(state, operator.BASE_IS_OPENED)
+    shut = pending.state.crew.closed_bases - {pending.intent.base}
+    return _IntentResult(pending.state.with_crew(closed_bases=shut), operator.BASE_IS_OPENED)
 
 
 def _count(pending: PendingIntent) -> _IntentResult:

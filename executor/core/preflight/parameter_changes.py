@@ -282,19 +282,16 @@ def list_newer_return_parameters(dialect: Dialect, present: Present) -> tuple[st
     return (rule.newer_height,) if rule.newer_height is not None and rule.height not in present else ()
 
 
-def propose_return_changes(
-    context: Context, answered: Mapping[str, Answers], *, ceiling_m: float | None = None
-) -> ParameterProposal:
+def propose_return_changes(context: Context, answered: Mapping[str, Answers]) -> ParameterProposal:
     """Return what must be set so that every vehicle comes home by itself clear of the others.
 
-    What is right already stays, and so does a higher return of the one vehicle above which there is nobody. A vehicle
-    lower down may not return higher than its layer: it would climb through the layers of others.
+    What is right already stays, and so does a higher return of the one vehicle above which there is nobody, as high as
+    the site's ceiling over the ground allows. A vehicle lower down may not return higher than its layer: it would climb
+    through the layers of others.
 
     Args:
         context: Of the flight.
         answered: What came of asking each vehicle.
-        ceiling_m: How high over its own home a return that is set already may be to stay; by default as high as the
-            site's ceiling over the ground allows.
     """
     changes: list[KeptParameter] = []
     checks: list[Check] = []
@@ -309,8 +306,8 @@ def propose_return_changes(
             unread = describe_unread_parameters(answers.unread)
             checks.append(checklist.CHANGES_UNKNOWN.say(name, unread=unread))
             continue
-        allowed_m = max_return_height_m(context.setup, name) if ceiling_m is None else ceiling_m
-        own, check = _propose_for_vehicle(context, name, said, allowed_m if name == highest else 0.0)
+        kept_to_m = max_return_height_m(context.setup, name) if name == highest else 0.0
+        own, check = _propose_for_vehicle(context, name, said, kept_to_m)
         changes += own
         checks += [check, *list_change_checks(own)]
     present = {name: answers.present for name, answers in answered.items() if not answers.unread}

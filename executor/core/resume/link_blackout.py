@@ -135,15 +135,15 @@ def _close_gap(
     Why the others do not count may be `told` already.
     """
     known, before, fix = vehicle.assignment, vehicle.assignment.before, vehicle.motion.fix
-    judged = replace(known, before=None)
+    vehicle = vehicle.with_assignment(before=None)
     if before is None or before.run is None or before.run_visit is None or fix is None:
-        return replace(vehicle, assignment=judged)
+        return vehicle
     segment = board.tracks[before.run_visit].segment
     if segment in counted:
-        return replace(vehicle, assignment=judged)
+        return vehicle
     why = inspection.NO_POSITION.format(gap_s=fix.boot_s - before.fix.boot_s)
     owed = known.owed if told else (before.run_visit, why)
-    return replace(vehicle, assignment=replace(judged, runs_broken=(*known.runs_broken, (segment, why)), owed=owed))
+    return vehicle.with_assignment(runs_broken=(*known.runs_broken, (segment, why)), owed=owed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,9 +21,9 @@ from executor.core.forwarding import (
     SET_MESSAGE_INTERVAL,
     TRANSFERS,
     Allowance,
+    Bucket,
     ForwardRules,
     StationFrame,
-    fill_bucket,
     make_allowance,
 )
 from executor.core.lines import link
@@ -178,7 +178,7 @@ def test_a_file_of_theirs_does_not_end_the_session_of_ours() -> None:
 
 
 def test_a_bucket_fills_up_to_its_brim_and_time_that_stands_still_fills_nothing() -> None:
-    bucket = fill_bucket(10.0, 30.0).take(30.0, 100.0)
+    bucket = Bucket(10.0, 30.0).take(30.0, 100.0)
     assert bucket is not None
     assert bucket.take(1.0, 100.0) is None
     assert bucket.take(1.0, 90.0) is None

@@ -172,8 +172,8 @@ def replan(loaded: Loaded) -> object:
     content = loaded.plan
     at_s = 0.3 * max(content.durations_s)
     lost = content.vehicles[0].name
-    found = site_planning.preview_loss(content, lost, at_s, cost=Cost.MINMAX, seconds=60.0, seed=1)
-    answer = document(replace(found.plan, seconds=0.0))
+    found, _ = site_planning.preview_loss(content, lost, at_s, cost=Cost.MINMAX, seconds=60.0, seed=1)
+    answer = document(replace(found, seconds=0.0))
     later = None
     if loaded.sets_day:
         later = decide(begin(loaded, loaded.first, loaded.day)[0])

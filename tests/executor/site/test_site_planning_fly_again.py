@@ -42,10 +42,11 @@ def test_who_has_landed_takes_over_nothing() -> None:
     at_s = max(content.durations_s[0] + 1.0, first_s)
     assert at_s < second_s
     for again in (True, False):
-        found = preview_loss(replace(content, fly_again=again), "uav2", at_s, cost=Cost.MINMAX, seconds=0.1, seed=1)
-        assert found.feasible is again
-        assert found.plan.fly_again is again
-        assert len(found.left.open_segments) == 2
+        flown = replace(content, fly_again=again)
+        found, is_feasible = preview_loss(flown, "uav2", at_s, cost=Cost.MINMAX, seconds=0.1, seed=1)
+        assert is_feasible is again
+        assert found.fly_again is again
+        assert len(found.segments) == 2
 
 
 def test_a_window_is_smaller_without_them() -> None:

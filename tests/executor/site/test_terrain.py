@@ -130,7 +130,7 @@ def test_a_plan_file_needs_nothing_else_to_be_checked(plan: PlanFile, tmp_path: 
     assert again.terrain == plan.terrain
     assert again.durations_s == plan.durations_s
     assert check_plan(again) == []
-    lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
+    lost, _ = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1)
     assert lost.terrain == plan.terrain
     assert check_plan(lost, search_window=False) == []
 

@@ -112,7 +112,7 @@ def test_a_re_plan_leads_around_them_as_well(ground: SiteModel, plan: PlanFile, 
     again = read_plan(tmp_path / "plan.json")
     assert check_plan(again) == []
     assert again.areas == plan.areas
-    lost = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1).plan
+    lost, _ = preview_loss(again, "uav2", 60.0, cost=Cost.MINMAX, seconds=0.2, seed=1)
     assert check_plan(lost, search_window=False) == []
     setup, [path, *_] = ground.setup, paths_of(ground, plan)
     rng = np.random.default_rng(4)

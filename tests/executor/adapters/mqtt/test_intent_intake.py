@@ -13,7 +13,6 @@ from executor.adapters.mqtt.intent_intake import (
     IntakeReason,
     IntakeRules,
     IntentIntake,
-    RateLimiter,
     RefusedMessage,
     read_intent,
 )
@@ -128,10 +127,13 @@ def test_where_none_are_taken_the_answer_says_why() -> None:
 
 
 def test_a_gate_lets_a_burst_through_and_then_so_many_a_second() -> None:
-    gate = RateLimiter(0.0)
-    assert sum(gate.may_pass(0.0) for _ in range(100)) == BURST
-    assert sum(gate.may_pass(2.0) for _ in range(100)) == 10
-    assert sum(gate.may_pass(1000.0) for _ in range(100)) == BURST
+    accepted, now_s = list[Intent](), [0.0]
+    intake = IntentIntake(OPEN, lambda: NOW_UNIX_S, lambda: now_s[0], accepted.append, lambda _: None, lambda *_: None)
+    for at_s, let_through in ((0.0, BURST), (2.0, BURST + 10), (1000.0, 2 * BURST + 10)):
+        now_s[0] = at_s
+        for _ in range(100):
+            intake.handle_message(json.dumps(GOOD).encode(), retained=False)
+        assert len(accepted) == let_through
 
 
 def test_a_flood_is_counted_and_neither_answered_nor_told_in_full() -> None:

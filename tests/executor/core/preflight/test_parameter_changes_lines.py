@@ -13,11 +13,13 @@ from executor.core.preflight import parameter_changes
 from executor.core.preflight.parameter_changes import KeptParameter
 from missions import ARDUPILOT, PX4
 from tests.executor.builders import fleet_of
+from tests.executor.core.preflight.test_parameter_changes_proposed import with_return_ceiling
 from tests.executor.core.steps import rounded
 from tests.executor.core.vehicles import FLEET
 
 CONTEXT = FLEET.context
 UNEVEN = fleet_of(autopilot="px4").context
+UNDER_CEILING = with_return_ceiling(CONTEXT, 40.0)
 CHANGE = KeptParameter("uav1", 1, "ardupilot", "RTL_ALT", 3000.0, 1500.0, 4, "cm", "why")
 
 
@@ -29,12 +31,8 @@ def known(**values: float) -> Mapping[str, ParamValue]:
     return {name: ParamValue(name, value, 9 if name.endswith("_M") else 4) for name, value in values.items()}
 
 
-def proposed(
-    said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT, ceiling_m: float | None = None
-) -> list[str]:
-    found = parameter_changes.propose_return_changes(
-        context, {name: parameter_changes.Answers(said)}, ceiling_m=ceiling_m
-    )
+def proposed(said: Mapping[str, ParamValue], name: str = "uav1", context: Context = CONTEXT) -> list[str]:
+    found = parameter_changes.propose_return_changes(context, {name: parameter_changes.Answers(said)})
     return [one.words_set for one in found.changes] + lines(found.checks)
 
 
@@ -79,7 +77,9 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     ),
     (
         "a height of the highest under a ceiling",
-        lambda: [proposed(known(RTL_ALT=value), "uav3", ceiling_m=40.0) for value in (4000.0, 4001.0)],
+        lambda: [
+            proposed(known(RTL_ALT=value), "uav3", with_return_ceiling(CONTEXT, 40.0)) for value in (4000.0, 4001.0)
+        ],
         [
             ["ok: RTL altitude is 40 m (RTL_ALT)"],
             [

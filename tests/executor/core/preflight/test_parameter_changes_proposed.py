@@ -36,6 +36,12 @@ def proposed(context: Context, vehicle: str, kind: int = REAL32, **values: float
     return propose_return_changes(context, {vehicle: Answers(said(kind, **values))})
 
 
+def with_return_ceiling(context: Context, ceiling_m: float) -> Context:
+    """Return a flight in which returns end so far over the ground."""
+    setup = context.setup
+    return replace(context, setup=replace(setup, inspection=replace(setup.inspection, return_ceiling_m=ceiling_m)))
+
+
 def new_values(proposal: ParameterProposal) -> dict[str, float]:
     """Return what is to be set."""
     return {change.name: change.new for change in proposal.changes}
@@ -110,9 +116,7 @@ def test_the_highest_may_return_higher_and_nobody_else() -> None:
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + 20.0)).changes == ()
     assert proposed(COPTERS, "uav2", RTL_ALT=100 * (height_m + 20.0)).changes
     assert proposed(COPTERS, "uav3", RTL_ALT=100 * (height_m + KEPT_HIGHER_M + 1.0)).changes, "it would cost too much"
-    low = propose_return_changes(
-        COPTERS, {"uav3": Answers(said(RTL_ALT=100 * (height_m + 20.0)))}, ceiling_m=height_m + 10.0
-    )
+    low = proposed(with_return_ceiling(COPTERS, height_m + 10.0), "uav3", RTL_ALT=100 * (height_m + 20.0))
     assert new_values(low) == {"RTL_ALT": 100 * height_m}, "it would be above the ceiling"
 
 
