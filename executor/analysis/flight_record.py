@@ -97,8 +97,8 @@ class VehicleRecord:
     """The last that was declared."""
     sea_m: FloatArray
     """(n,) float64: height of each of the track's places above mean sea level, as the vehicle said it."""
-    reckoned: npt.NDArray[np.bool_] | None = None
-    """(n,) bool: whether each of them came while GPS was lost; None where all are by GPS."""
+    reckoned: npt.NDArray[np.bool_]
+    """(n,) bool: whether each of them came while GPS was lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,8 +271,7 @@ def draw_at_pct(vehicle: VehicleRecord, t_s: float) -> float:
 
 def find_last_row(vehicle: VehicleRecord, t_s: float) -> int | None:
     """Return which row of its track says where a vehicle was by GPS last until a time; None if it was not heard."""
-    by_gps = True if vehicle.reckoned is None else ~vehicle.reckoned
-    heard = np.flatnonzero((vehicle.track[:, 0] <= t_s) & by_gps)
+    heard = np.flatnonzero((vehicle.track[:, 0] <= t_s) & ~vehicle.reckoned)
     return int(heard[-1]) if len(heard) else None
 
 

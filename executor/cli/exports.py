@@ -140,8 +140,8 @@ def _build_flown_ways(
 ) -> Iterator[exports.MapLine]:
     """Yield a vehicle's track since the launch, in as many pieces as it was heard in; what is reckoned for itself."""
     kept = _thin_positions(vehicle.track[:, 0])
-    adrift = np.zeros(len(vehicle.track), dtype=np.bool_) if vehicle.reckoned is None else vehicle.reckoned
-    cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | (np.diff(adrift[kept].astype(np.int8)) != 0)
+    adrift = vehicle.reckoned
+    cuts = (np.diff(vehicle.track[kept, 0]) > GAP_S) | np.diff(adrift[kept])
     breaks = [0, *(np.flatnonzero(cuts) + 1).tolist(), len(kept)]
     lat_lon = frame.many_to_wgs84_deg(vehicle.track[kept, 1:3]) if len(kept) else np.zeros((0, 2))
     pieces: dict[bool, list[exports.MapLinePiece]] = {False: [], True: []}

@@ -19,6 +19,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -55,7 +56,7 @@ from missions import (
 from missions.files import write_whole
 from planner import Plan, Route, segment_of
 
-FORMAT = "faultline-checkpoint/2"
+FORMAT: Literal["faultline-checkpoint/2"] = "faultline-checkpoint/2"
 
 Planned = tuple[Solve, SolveEnded]
 """A problem and its answer."""
@@ -106,7 +107,7 @@ class _Part(BaseModel):
 
 
 class _Head(_Part):
-    format: str
+    format: Literal["faultline-checkpoint/2"]
     program: str
     """Which wrote it: another one may know another state, or decide otherwise."""
     plan: str
@@ -173,10 +174,11 @@ def find_newest_checkpoint(run: Path, log: Path) -> FoundCheckpoint:
     for file in RunDirectory(run).checkpoints:
         name = file.name
         try:
-            files[name] = _parse_header(file.read_bytes())
+            head, _, body = file.read_bytes().partition(b"\n")
+            files[name] = _Head.model_validate_json(head), body
         except FileNotFoundError:
             continue
-        except (OSError, ValueError, RecursionError) as error:
+        except (OSError, ValueError) as error:
             notes.append(f"{name} is not used: {_describe_error(error)}")
     for name in sorted(files, key=lambda name: files[name][0].place.size, reverse=True):
         try:
@@ -186,15 +188,6 @@ def find_newest_checkpoint(run: Path, log: Path) -> FoundCheckpoint:
     if notes:
         notes.append("without a checkpoint the whole log is read")
     return FoundCheckpoint(None, "", tuple(notes))
-
-
-def _parse_header(content: bytes) -> tuple[_Head, bytes]:
-    head, _, body = content.partition(b"\n")
-    found = json.loads(head)
-    known = found.get("format") if isinstance(found, dict) else None
-    if known != FORMAT:
-        raise ValueError(f"expected format {FORMAT}, got {known!s:.40}")
-    return _Head.model_validate_json(head), body
 
 
 def _restore_checkpoint(run: Path, log: Path, head: _Head, body: bytes) -> Checkpoint:

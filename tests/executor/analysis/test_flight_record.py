@@ -32,7 +32,9 @@ NOTHING = np.empty((0, 4))
 def vehicle_of(
     name: str = "uav1", battery: FloatArray = PACK, track: FloatArray = TRACK, **given: Any
 ) -> VehicleRecord:
-    return replace(VehicleRecord(name, 0, (0.0, 0.0), 75.0, 15.0, track, battery, None, track[:, 3]), **given)
+    by_gps = np.zeros(len(track), dtype=np.bool_)
+    record = VehicleRecord(name, 0, (0.0, 0.0), 75.0, 15.0, track, battery, None, track[:, 3], by_gps)
+    return replace(record, **given)
 
 
 def passing(*places: tuple[float, float, float]) -> FloatArray:
