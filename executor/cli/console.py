@@ -18,7 +18,7 @@ from rich.text import Text
 from executor.adapters.interrupts import discard_output
 from executor.core import formatting
 from executor.core.context import Context
-from executor.core.fleet_view import FleetView, VehicleView, build_fleet_view
+from executor.core.fleet_view import FleetView, PositionView, TakenView, VehicleView, build_fleet_view
 from executor.core.interface.codes import Check, Severity
 from executor.core.interface.commands import Level
 from executor.core.state.fleet_state import FleetState
@@ -264,20 +264,18 @@ def _build_row(vehicle: VehicleView) -> tuple[str, ...]:
 def _build_notes(view: FleetView) -> Iterator[str]:
     for vehicle in view.vehicles:
         if vehicle.state in FOUND_BY_PLACE:
-            yield f"{vehicle.name} {formatting.format_state_word(vehicle.state)}: {_describe_last_place(vehicle)}"
+            place = "position unknown" if vehicle.position is None else _describe_last_place(vehicle.position)
+            yield f"{vehicle.name} {formatting.format_state_word(vehicle.state)}: {place}"
         if vehicle.turn is not None and vehicle.turn.text:
             mark = "?" if vehicle.turn.awaited else " "
             yield f"{mark} {vehicle.name}: {formatting.escape_controls(vehicle.turn.text)}"
         if vehicle.taken is not None:
-            yield f"{vehicle.name}: {describe_other_control(vehicle)}"
+            yield f"{vehicle.name}: {_describe_other_control(vehicle.taken)}"
     if view.offer is not None:
         yield f"? {formatting.escape_controls(view.offer.text)}"
 
 
-def _describe_last_place(vehicle: VehicleView) -> str:
-    at = vehicle.position
-    if at is None:
-        return "position unknown"
+def _describe_last_place(at: PositionView) -> str:
     place = formatting.format_known_place(at.lat_deg, at.lon_deg, at.known, at.accuracy_m)
     reported = f"last at {place}, {at.relative_alt_m:.0f} m, {formatting.format_age(at.age_s)}"
     if (fix := at.last_fix) is None:
@@ -286,11 +284,8 @@ def _describe_last_place(vehicle: VehicleView) -> str:
     return f"last GPS fix {gps}, {formatting.format_age(fix.age_s)}, at {fix.ground_speed_m_s:.0f} m/s; {reported}"
 
 
-def describe_other_control(vehicle: VehicleView) -> str:
+def _describe_other_control(hands: TakenView) -> str:
     """Return what holds of a vehicle that is in other hands."""
-    hands = vehicle.taken
-    if hands is None:
-        return ""
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:

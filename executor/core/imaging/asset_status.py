@@ -384,7 +384,7 @@ def _judge_nearer_pictures(
     coverage, name = state.coverage, context.segment_name(segment)
     others = {one: had for one, had in coverage.caught_nearer.items() if one != segment}
     state = state.with_coverage(caught_nearer=MappingProxyType(others))
-    if why:  # or somebody has it open again meanwhile
+    if why:  # nothing is said where somebody has it open again meanwhile
         said = pictures.COUNTS_AS_BEFORE.say(vehicle=vehicle, segment=name, why="; ".join(why))
         return state, (said,) if segment in coverage.inspected else ()
     return state.with_coverage(

@@ -23,7 +23,7 @@ def apply_battery_status(context: Scene, state: VehicleState, message: Battery, 
         # Of several packs the emptiest one ends the flight.
         packs = tuple({**dict(packs), message.battery: message.remaining_pct}.items())
     single = len(packs) <= 1  # the counters of several packs are not one account
-    charge, roundings, volts = old.battery, old.roundings, old.volts
+    charge, roundings = old.battery, old.roundings
     if message.consumed_ah is not None and single and _is_seen_flying(context, state, now_s):
         charge = account.apply_consumed_report(charge, message.consumed_ah, now_s, context.limits)
     if message.remaining_pct is not None:
@@ -41,7 +41,7 @@ def apply_battery_status(context: Scene, state: VehicleState, message: Battery, 
     if message.voltage_v and single:
         report = VoltageReport(message.voltage_v, message.current_a, message.cells_v)
         return _apply_voltage(context, state, power, report, now_s)
-    return replace(power, volts=volts)
+    return power
 
 
 def apply_system_status(context: Scene, state: VehicleState, message: SystemStatus, now_s: float) -> PowerState:
