@@ -58,7 +58,7 @@ def parse_json(text: str, source: str, error: type[Exception]) -> object:
 
 
 def find_object(text: str) -> dict[str, Any]:
-    """Return the JSON object that a text is; an empty one where it is none: whoever reads it all says why."""
+    """Return the JSON object that a text is; an empty one where it is none, as a reader of the whole file explains."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError):

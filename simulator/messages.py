@@ -71,12 +71,12 @@ class MavCommand(IntEnum):
 class FileOperation(IntEnum):
     """MAVFTP's opcodes."""
 
-    TERMINATE = 1
-    RESET = 2
-    CREATE = 6
-    WRITE = 7
-    OPEN_TO_WRITE = 11
-    CHECKSUM = 14
+    TERMINATESESSION = 1
+    RESETSESSION = 2
+    CREATEFILE = 6
+    WRITEFILE = 7
+    OPENFILEWO = 11
+    CALCFILECRC = 14
     ACK = 128
     NAK = 129
 
@@ -302,7 +302,7 @@ def describe_order(body: Body) -> str:
             return f"order mode {mode}"
         case MissionCount(count):
             return f"order mission {count}"
-        case FileRequest(operation=FileOperation.OPEN_TO_WRITE):
+        case FileRequest(operation=FileOperation.OPENFILEWO):
             return "order mission file"
         case MissionClearAll():
             return "order clear"

@@ -95,12 +95,12 @@ class MissionFileServer:
         answer = self._carry_out(request, now_s, board, refuses=refuses)
         frame = _build_answer(request, sender, answer)
         self._last = _Answer(sender, request.session, request.number, frame)
-        ends = request.operation == FileOperation.TERMINATE
+        ends = request.operation == FileOperation.TERMINATESESSION
         self._answered_s = float("-inf") if ends else now_s
         return frame
 
     def _carry_out(self, request: FileRequest, now_s: float, board: Board, *, refuses: bool) -> bytes | Error:
-        ends = request.operation in {FileOperation.TERMINATE, FileOperation.RESET}
+        ends = request.operation in {FileOperation.TERMINATESESSION, FileOperation.RESETSESSION}
         if request.session != self._session:
             if ends:
                 return b""
@@ -110,11 +110,11 @@ class MissionFileServer:
         if ends:
             self._close(board.put)
             return b""
-        if request.operation == FileOperation.CHECKSUM:
+        if request.operation == FileOperation.CALCFILECRC:
             return CHECKSUM.pack(compute_checksum(board.items)) if request.data == NAME else Error.FILE_NOT_FOUND
-        if request.operation in {FileOperation.OPEN_TO_WRITE, FileOperation.CREATE}:
+        if request.operation in {FileOperation.OPENFILEWO, FileOperation.CREATEFILE}:
             return self._open_file(request, refuses=refuses)
-        return self._write(request) if request.operation == FileOperation.WRITE else Error.FAIL
+        return self._write(request) if request.operation == FileOperation.WRITEFILE else Error.FAIL
 
     def _open_file(self, request: FileRequest, *, refuses: bool) -> bytes | Error:
         if self._open is not None:
@@ -171,7 +171,7 @@ def compute_checksum(items: Sequence[MissionItem]) -> int:
 def _build_answer(request: FileRequest, to: Peer, answer: bytes | Error) -> Outbound:
     accepted = isinstance(answer, bytes)
     opcode, data = (FileOperation.ACK, answer) if isinstance(answer, bytes) else (FileOperation.NAK, bytes([answer]))
-    offset = request.offset if request.operation == FileOperation.WRITE and accepted else 0
+    offset = request.offset if request.operation == FileOperation.WRITEFILE and accepted else 0
     head = REPLY.pack((request.number + 1) & 0xFFFF, request.session, opcode, len(data), request.operation, 0, offset)
     return build_message(
         "FILE_TRANSFER_PROTOCOL", target_network=0, target_system=to.sysid, target_component=to.compid,

@@ -164,6 +164,7 @@ SIMULATED = {
     "MavCommand": "MAV_CMD_",
     "MissionState": "MISSION_STATE_",
     "LandedState": "MAV_LANDED_STATE_",
+    "FileOperation": "MAV_FTP_OPCODE_",
 }
 
 

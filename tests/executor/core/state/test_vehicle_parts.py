@@ -129,7 +129,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
                 "not_followed": 0,
             },
             {"component": 1, "heard": False},
-            {"received": 0, "missing": 0, "foreign": 0, "refused": {}, "strangers": {}},
+            {"received": 0, "missing": 0, "foreign": 0, "refused": {}, "strangers": {}, "by_connection": {}},
         ],
     ),
 ]
