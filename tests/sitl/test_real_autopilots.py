@@ -27,9 +27,12 @@ SILENCE_S = 20.0
 
 
 def shape(value: object) -> object:
-    """Return the keys of a report, of its first rows too."""
+    """Return the keys of a report, of its first rows too.
+
+    A last fix is there where the position is reckoned: PX4's estimator may give up its absolute one once it has landed.
+    """
     if isinstance(value, dict):
-        return {key: shape(entry) for key, entry in value.items()}
+        return {key: None if key == "last_fix" else shape(entry) for key, entry in value.items()}
     if isinstance(value, list):
         return [shape(entry) for entry in value[:1]]
     return None
