@@ -145,11 +145,20 @@ def end_processes(processes: Collection[BaseProcess], *, patience_s: float = END
 
 
 def _wait_for_processes(processes: Collection[BaseProcess], within_s: float) -> list[BaseProcess]:
-    """Return those that still run after a while."""
+    """Return those that still run after a while.
+
+    Their sentinels say so: a pool's own thread may have asked the system for the exit code first, and a process that
+    somebody else has reaped is alive for `Process.is_alive`.
+    """
+    from multiprocessing import connection
+
     until_s = time.monotonic() + within_s
-    for process in processes:
-        process.join(max(0.0, until_s - time.monotonic()))
-    return [process for process in processes if process.is_alive()]
+    left = {process.sentinel: process for process in processes}
+    while left and (ended := connection.wait(list(left), max(0.0, until_s - time.monotonic()))):
+        for one in ended:
+            if isinstance(one, int):
+                left.pop(one).join(0.0)
+    return list(left.values())
 
 
 def end_with_parent() -> None:

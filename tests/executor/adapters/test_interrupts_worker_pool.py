@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+from executor.adapters.interrupts import end_processes
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).parents[3]
@@ -39,3 +42,13 @@ def test_workers_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode < 0
     assert (tmp_path / "begun-1").read_text() == "working\n"
+
+
+def test_a_process_that_ended_is_not_killed_though_somebody_else_has_its_exit_code() -> None:
+    process = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(3600.0,))
+    process.start()
+    assert process.pid is not None
+    process.terminate()
+    os.waitpid(process.pid, 0)  # a pool's own thread asks for it too, and one of the two is first
+    assert process.is_alive()
+    assert end_processes([process]) == 0
