@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
@@ -29,7 +30,10 @@ window.map = new FleetMap(document.getElementById("alone"), {
   name: "Map", isMetres: location.search === "?metres", onChoose: (choice) => window.said.push(choice),
   onCancel: () => window.said.push("cancel"), onPoint: (place) => { window.pointed = place; },
 });
-window.use = (tool, given) => { window.found = []; window.map.startTool(tool, (one) => window.found.push(one), given); };
+window.use = (tool, given) => {
+  window.found = [];
+  window.map.startTool(tool, (one) => window.found.push(one), given);
+};
 """
 KINDS: Mapping[str, str] = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 FRAME = LocalFrame(49.6, 15.6)
@@ -59,7 +63,7 @@ class Mapped:
         spans = [
             {"id": 10 + number, "name": f"P{number + 1}", "a": self.place(a), "b": self.place(b),
              "state": states.get(f"P{number + 1}", "open")}
-            for number, (a, b) in enumerate(zip(places_m, places_m[1:], strict=False))
+            for number, (a, b) in enumerate(itertools.pairwise(places_m))
         ]  # fmt: skip
         if self.frame is not None:
             await self.run(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 
@@ -13,7 +14,11 @@ pytestmark = [pytest.mark.campaign, pytest.mark.asyncio, pytest.mark.needs("chro
 
 LINES, SPANS, LONG_M = 40, 250, 300.0
 TIMED = """async ([what, seconds]) => {
-  const step = { nothing: () => {}, move: (n) => map.move(n % 60 < 30 ? 6 : -6, 2), zoom: (n) => map.zoom(n % 80 < 40 ? 1.06 : 1 / 1.06) }[what];
+  const step = {
+    nothing: () => {},
+    move: (n) => map.move(n % 60 < 30 ? 6 : -6, 2),
+    zoom: (n) => map.zoom(n % 80 < 40 ? 1.06 : 1 / 1.06),
+  }[what];
   const frame = () => new Promise((go) => requestAnimationFrame(go));
   await frame();
   const from = performance.now();
@@ -56,7 +61,7 @@ def _lines() -> list[list[Place]]:
 
 async def _show(shown: Mapped) -> float:
     """Show everything; returns the milliseconds until it is seen."""
-    pairs = [(a, b) for line in _lines() for a, b in zip(line, line[1:], strict=False)]
+    pairs = [(a, b) for line in _lines() for a, b in itertools.pairwise(line)]
     spans = [
         {"id": number, "name": f"P{number}", "a": a, "b": b, "state": STATES[number % len(STATES)]}
         for number, (a, b) in enumerate(pairs)

@@ -81,6 +81,7 @@ export class FleetMap {
     /** @type {ReturnType<typeof makeTool> | null} */
     this.tool = null;
     this.isDue = false;
+    this.sharpening = 0;
     this.gestures = new Gestures(this.canvas, this.makeHearer());
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.renew());
@@ -361,7 +362,8 @@ export class FleetMap {
     // Between two pixels it would be blurred.
     if (zoomed === 1) [left, top] = [Math.round(left * ratio) / ratio, Math.round(top * ratio) / ratio];
     context.drawImage(canvas, left, top, wide, high);
-    if (zoomed !== 1) setTimeout(() => this.later(), ZOOMED_MS);
+    clearTimeout(this.sharpening);
+    if (zoomed !== 1) this.sharpening = setTimeout(() => this.later(), ZOOMED_MS);
   }
 
   /** Whether the picture reaches over the whole map, and is sharp enough. */
