@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from playwright.async_api import Page, Route, async_playwright, expect
@@ -122,7 +123,13 @@ def is_near(one: Place, other: Place, most_m: float = 0.01) -> bool:
 
 
 @asynccontextmanager
-async def mapped(*, frame: LocalFrame | None = FRAME, touch: bool = False, dark: bool = False) -> AsyncIterator[Mapped]:
+async def mapped(
+    *,
+    frame: LocalFrame | None = FRAME,
+    touch: bool = False,
+    dark: bool = False,
+    ground: Mapping[str, bytes] = MappingProxyType({}),
+) -> AsyncIterator[Mapped]:
     """Open the map in a browser; whatever it complains of, or fetches from elsewhere, fails the test."""
     complaints = list[str]()
 
@@ -135,9 +142,12 @@ async def mapped(*, frame: LocalFrame | None = FRAME, touch: bool = False, dark:
             await route.abort()
         elif name == "/":
             await route.fulfill(body=PAGE, content_type="text/html; charset=utf-8", headers=dict(HEADERS))
+        elif name.startswith("/ground/"):
+            body = ground.get(name.removeprefix("/ground/"))
+            await route.fulfill(status=404 if body is None else 200, body=body or b"", headers=dict(HEADERS))
         else:
-            body = extra[name] if name in extra else file.read_text(encoding="utf-8")
-            await route.fulfill(body=body, headers={**HEADERS, "content-type": KINDS[file.suffix]})
+            script = extra[name] if name in extra else file.read_text(encoding="utf-8")
+            await route.fulfill(body=script, headers={**HEADERS, "content-type": KINDS[file.suffix]})
 
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=find_program("chromium"), args=list(QUIET))
@@ -147,7 +157,7 @@ async def mapped(*, frame: LocalFrame | None = FRAME, touch: bool = False, dark:
         page.set_default_timeout(60_000.0)
         expect.set_options(timeout=60_000.0)
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.on("console", lambda line: complaints.append(line.text))
+        page.on("console", lambda line: complaints.append(line.text) if "status of 404" not in line.text else None)
         await page.route("**/*", serve)
         await page.goto(f"{HOST}/" if frame else f"{HOST}/?metres")
         await page.locator("#alone canvas").wait_for()

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 from playwright.async_api import expect
 
+from executor.site.ground_view import encode_ground
 from missions import LocalFrame
 from tests.e2e.mapped import FRAME, PLACES_M, STATIC, Mapped, Place, is_near, mapped
+from tests.executor.grounds import Hills, ground_about
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 
@@ -221,6 +224,19 @@ async def test_degrees_are_where_the_program_has_them() -> None:
             assert degrees == pytest.approx(shown.place(place_m), abs=1e-12)
 
 
+async def test_what_was_given_before_its_frame_is_where_it_belongs_after_it() -> None:
+    async with mapped() as shown:
+        await _show_area(shown)
+        await shown.show()
+        await shown.run("map.zoom(1.2)")
+        seen = await shown.run("map.projection.toDegrees(map.view.middle)")
+        await shown.run("frame => map.setFrame(frame)", {"lat_deg": FRAME.lat_deg + 0.1, "lon_deg": FRAME.lon_deg})
+        assert await shown.run("map.projection.toDegrees(map.view.middle)") == pytest.approx(seen, abs=1e-9)
+        for place_m in ((100.0, 0.0), (200.0, -160.0)):
+            await shown.click(place_m)
+        assert await shown.run("said") == [{"kind": "segment", "id": 10}, {"kind": "area", "id": 3}]
+
+
 async def test_metres_are_taken_as_they_are_and_the_dark_map_is_dark() -> None:
     pictures = []
     for dark in (False, True):
@@ -230,6 +246,24 @@ async def test_metres_are_taken_as_they_are_and_the_dark_map_is_dark() -> None:
             assert await shown.run("said") == [{"kind": "segment", "id": 10}]
             pictures.append(await shown.picture())
     assert len(set(pictures)) == 2
+
+
+async def test_a_background_is_shown_where_it_lies_and_gone_when_its_site_has_none_any_more() -> None:
+    ground = dict(encode_ground(ground_about(np.array(PLACES_M), hills=Hills(cell_m=5.0)), FRAME))
+    async with mapped(ground=ground) as shown:
+        await shown.show()
+        await shown.run("map.ground.load()")
+        await expect(shown.page.locator("#alone")).to_have_attribute("data-ground", "photo")
+        lat_deg, lon_deg = shown.place((200.0, 50.0))
+        told = await shown.run("place => map.ground.describe(place)", (lat_deg, lon_deg))
+        assert told.startswith(f"{lat_deg:.6f}, {lon_deg:.6f} · ground ")
+        assert await shown.run("map.ground.next()") == "Relief"
+        await shown.run("map.ground.load()")  # the same again: the layer that was chosen stays
+        await expect(shown.page.locator("#alone")).to_have_attribute("data-ground", "relief")
+        ground.clear()
+        await shown.run("map.ground.load()")
+        await expect(shown.page.locator("#alone")).to_have_attribute("data-ground", "plain")
+        assert await shown.run("place => map.ground.describe(place)", (lat_deg, lon_deg)) == ""
 
 
 def _luminance(colour: str) -> float:
