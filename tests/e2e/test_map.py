@@ -237,6 +237,22 @@ async def test_what_was_given_before_its_frame_is_where_it_belongs_after_it() ->
         assert await shown.run("said") == [{"kind": "segment", "id": 10}, {"kind": "area", "id": 3}]
 
 
+async def test_a_map_that_was_hidden_or_tiny_is_right_when_it_is_seen() -> None:
+    async with mapped() as shown:
+        await shown.run("() => { document.getElementById('alone').hidden = true; }")
+        await shown.show()
+        await shown.run("() => { document.getElementById('alone').hidden = false; }")
+        await expect(shown.page.locator("#alone")).to_be_visible()
+        await shown.picture()
+        await shown.click((100.0, 0.0))
+        assert await shown.run("said") == [{"kind": "segment", "id": 10}]
+        await shown.run("() => { document.getElementById('alone').style.height = '60px'; }")
+        await shown.picture()
+        await shown.run("map.showSegment(12)")
+        assert await shown.run("map.view.scale") > 0.0
+        await expect(shown.page.locator("#alone")).to_have_attribute("title", "P3")
+
+
 async def test_metres_are_taken_as_they_are_and_the_dark_map_is_dark() -> None:
     pictures = []
     for dark in (False, True):
