@@ -7,17 +7,19 @@ segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits
+from planner.moves import FloatArray, MoveGeometry, Moves, MoveTables, Travel, compute_moves, compute_transits
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+BARRED_PCT = 1e5
+"""Of a full battery: what a visit costs more that a vehicle must not make; it fits into no budget."""
 BY_VISIT = ("start_s", "home_s", "depot_s", "start_pct", "home_pct", "depot_pct")
 """Tables of an instance with a row for each vehicle and a column for each visit."""
 
@@ -94,6 +96,8 @@ class Instance:
     """Where every route ends, local east and north in metres."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    locked: Mapping[int, int] = field(default_factory=dict)
+    """Segments that one vehicle alone is given, and its number: they cost every other one BARRED_PCT more."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -271,5 +275,31 @@ def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: S
         idle_pct=instance.idle_pct[fleet],
         value=instance.value[list(segments)],
         end_m=instance.end_m[visits],
+        locked={
+            number: fleet.index(instance.locked[segment])
+            for number, segment in enumerate(segments)
+            if instance.locked.get(segment) in fleet
+        },
         **{name: getattr(instance, name)[rows] for name in BY_VISIT},
     )
+
+
+def lift_locks(instance: Instance, lost: Collection[int]) -> Instance:
+    """Return an instance in which everybody may be given what some vehicles alone were."""
+    lifted = {segment: vehicle for segment, vehicle in instance.locked.items() if vehicle in lost}
+    if not lifted:
+        return instance
+    tables, rows = (
+        instance.moves.tabulate(),
+        {name: getattr(instance, name).copy() for name in ("start_pct", "depot_pct")},
+    )
+    pct = tables.table_pct.copy()
+    for segment, keeper in lifted.items():
+        own = slice(2 * segment, 2 * segment + 2)
+        others = [number for number in range(len(instance.vehicles)) if number != keeper]
+        pct[[profile for profile in range(len(pct)) if profile != instance.profile[keeper]], :, own] -= BARRED_PCT
+        for other in others:
+            rows["start_pct"][other, own] -= BARRED_PCT * instance.vehicles[other].consumption
+        rows["depot_pct"][others, own] -= BARRED_PCT
+    locked = {segment: vehicle for segment, vehicle in instance.locked.items() if segment not in lifted}
+    return replace(instance, moves=MoveTables(tables.table_s, pct), locked=locked, **rows)

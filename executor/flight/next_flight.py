@@ -75,7 +75,7 @@ def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> Plan
         seed: Of the solver.
     """
     lost = {fault.vehicle for fault in report.faults}
-    never = {one.segment for one in ground.setup.unreachable}
+    never = {one.segment for one in ground.setup.unreachable} | ground.left_out
     if not set(report.segments_uncovered) - never or lost >= set(ground.names):
         return None
     wanted = replace(site_planning.DEFAULT, seconds=PLAN_S, seed=seed)
