@@ -63,8 +63,8 @@ class Site(site_keys.SiteTable):
     @model_validator(mode="after")
     def _check_together(self) -> Site:
         checks = (
-            self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(), self._check_locks(),
-            self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
+            self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(),
+            self._check_locks(), self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
             self._check_connections(), self._check_forward(),
         )  # fmt: skip
         for text in chain.from_iterable(checks):

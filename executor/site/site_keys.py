@@ -89,13 +89,15 @@ class NetworkTable(SiteTable):
     """The spans that are inspected, such as `V101.3`; a range `V101.3..V101.7`, a line `V101` or a pattern `V10*` names
     several. Without it all."""
     leave_out: tuple[SpanName, ...] = ()
-    """The spans that are not inspected, named the same way. The line is still there: flights keep clear of it, and spans
-    keep their numbers."""
+    """The spans that are not inspected, named the same way. The line is still there: flights keep clear of it, and
+    spans keep their numbers."""
 
 
 class LockTable(SiteTable):
-    """Spans that one vehicle alone flies, or that are flown in one direction alone; one of both is needed. When a
-    vehicle is lost, others may fly what was locked to it."""
+    """Spans that one vehicle alone flies, or that are flown in one direction alone; one of both is needed.
+
+    When a vehicle is lost, others may fly what was locked to it.
+    """
 
     model_config = ConfigDict(serialize_by_alias=True)
 

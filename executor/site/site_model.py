@@ -24,7 +24,6 @@ from executor.errors import SiteError
 from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
 from executor.site.site_keys import VehicleTable
-from executor.site.span_names import find_left_out, find_locks
 from executor.site.site_parts import (
     base_places_m,
     build_looks,
@@ -34,6 +33,7 @@ from executor.site.site_parts import (
     load_areas,
     place_day_pads,
 )
+from executor.site.span_names import find_left_out, find_locks
 from missions.area_rules import apply_areas
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments

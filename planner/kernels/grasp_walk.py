@@ -212,8 +212,8 @@ def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[in
 def construct(problem: Problem, weights: Weights, state: State, never: float, rng: RandomState) -> None:
     """Insert all segments into the empty routes of ``state``, each time at random from a restricted candidate list.
 
-    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards. What adds ``never``
-    or more is no insertion.
+    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards. What adds
+    ``never`` or more is none.
     """
     segments = len(state.route_of)
     routes = len(state.lengths)
