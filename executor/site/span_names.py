@@ -48,9 +48,10 @@ class SpanNames:
         if found := frozenset(between or line or self._match(entry)):
             return found
         known = [*self._number, *(one.removesuffix(".") for one in self._lines if one.endswith("."))]
-        wrong = next((part.strip() for part in (first, last) if last and part.strip() not in self._number), entry)
+        parts = [part.strip() for part in (first, last)] if last else [entry]
+        wrong = next((part for part in parts if part not in self._number), None)
         raise SiteError(
-            f"{key}: expected a span such as '{known[0]}', a range FIRST..LAST, a line or a pattern, got '{entry}'"
+            f"{key}: expected a span such as '{known[0]}', a range FIRST..LAST of one line, a line or a pattern, got '{entry}'"
             f"{name_nearest(wrong, known)}"
         )
 
@@ -67,9 +68,9 @@ class SpanNames:
         return (segment for name, segment in self._number.items() if fnmatchcase(name, pattern))
 
 
-def name_nearest(wrong: str, known: Sequence[str]) -> str:
-    """Return in words which of some names is most like a wrong one."""
-    nearest = difflib.get_close_matches(wrong, known, n=1)
+def name_nearest(wrong: str | None, known: Sequence[str]) -> str:
+    """Return in words which of some names is most like a wrong one; nothing where none is wrong, or none is like it."""
+    nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1)
     return f"; the nearest is '{nearest[0]}'" if nearest else ""
 
 
