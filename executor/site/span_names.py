@@ -51,8 +51,8 @@ class SpanNames:
         parts = [part.strip() for part in (first, last)] if last else [entry]
         wrong = next((part for part in parts if part not in self._number), None)
         raise SiteError(
-            f"{key}: expected a span such as '{known[0]}', a range FIRST..LAST of one line, a line or a pattern, got '{entry}'"
-            f"{name_nearest(wrong, known)}"
+            f"{key}: expected a span such as '{known[0]}', a range FIRST..LAST of one line, a line or a pattern, got "
+            f"'{entry}'{name_nearest(wrong, known)}"
         )
 
     def _find_range(self, first: str, last: str) -> Iterable[int]:
