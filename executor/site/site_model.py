@@ -103,9 +103,7 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
-    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
-    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    understood = missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    understood = import_site_network(site, base)
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
@@ -122,6 +120,17 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     )
     ground = build_site_model(site, network, worth_a_look, base, terrain)
     return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
+
+
+def import_site_network(site: Site, base: Path) -> missions.NetworkImport:
+    """Read a site's network as its file has it.
+
+    Raises:
+        MissionsError: it cannot be used.
+    """
+    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
+    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
+    return missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
 
 
 def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
