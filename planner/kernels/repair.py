@@ -116,7 +116,7 @@ def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossCloc
 
 
 @inner()
-def lift_locks(problem: Problem, loss: Loss, lost: int) -> None:
+def switch_lifted_locks(problem: Problem, loss: Loss, lost: int) -> None:
     """Have everybody be given what a vehicle alone was, and no longer what the one lost before alone was."""
     before, own = loss.lifted[0], loss.problem
     if before == lost:
@@ -147,7 +147,7 @@ def begin_loss(
     loss: Loss,
 ) -> None:
     """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
-    lift_locks(problem, loss, lost)
+    switch_lifted_locks(problem, loss, lost)
     for segment in range(len(base.route_of)):
         loss.is_open[segment] = int(base.route_of[segment] < 0)
     for route in range(len(base.lengths)):
