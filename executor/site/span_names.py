@@ -122,7 +122,10 @@ def find_locks(site: Site, network: Network, left_out: Collection[int]) -> tuple
                 raise SiteError(
                     f"lock[{index}].from: expected the direction of {earlier} for {name}, got the other one"
                 )
-    return tuple({span: one for span, one in found.items() if span not in left_out} for found in (locked, directions))
+    for span in left_out:
+        locked.pop(span, None)
+        directions.pop(span, None)
+    return locked, directions
 
 
 def _direct_spans(network: Network, spans: Collection[int], begin: str, key: str) -> dict[int, bool]:

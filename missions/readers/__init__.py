@@ -464,7 +464,7 @@ def _build_features(understood: NetworkImport, said: Mapping[int, Mapping[str, o
     for segment in network.segments:
         a, b = network.pylons[segment.a], network.pylons[segment.b]
         line = understood.lines.get(segment.label, "")
-        named = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
+        named: dict[str, object] = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
         named |= said.get(segment.id, {})
         yield _build_feature("LineString", [_to_coordinates(a), _to_coordinates(b)], named)
 
