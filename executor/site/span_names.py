@@ -106,25 +106,26 @@ def find_locks(site: Site, network: Network, left_out: Collection[int]) -> tuple
     Raises:
         SiteError: a name is of no span or pylon, or two locks contradict each other.
     """
-    names, locked, directions = SpanNames(network), dict[int, str](), dict[int, bool]()
-    first: dict[int, int] = {}
+    names, vehicles, ways = SpanNames(network), dict[int, tuple[int, str]](), dict[int, tuple[int, bool]]()
     for index, lock in enumerate(site.lock):
-        spans = names.find(lock.segments, f"lock[{index}].segments")
-        turned = {} if lock.begin is None else _direct_spans(network, spans, lock.begin, f"lock[{index}].from")
+        spans, place = names.find(lock.segments, f"lock[{index}].segments"), f"lock[{index}]"
+        turned = {} if lock.begin is None else _direct_spans(network, spans, lock.begin, f"{place}.from")
         for span in sorted(spans):
-            earlier, name = f"lock[{first.setdefault(span, index)}]", network.segment_name(span)
-            if lock.vehicle is not None and locked.setdefault(span, lock.vehicle) != lock.vehicle:
-                raise SiteError(
-                    f"lock[{index}].vehicle: expected '{locked[span]}' for {name}, as {earlier} has it, got "
-                    f"'{lock.vehicle}'"
-                )
-            if span in turned and directions.setdefault(span, turned[span]) != turned[span]:
-                raise SiteError(
-                    f"lock[{index}].from: expected the direction of {earlier} for {name}, got the other one"
-                )
-    for span in left_out:
-        locked.pop(span, None)
-        directions.pop(span, None)
+            name = network.segment_name(span)
+            if lock.vehicle is not None:
+                first, vehicle = vehicles.setdefault(span, (index, lock.vehicle))
+                if vehicle != lock.vehicle:
+                    expected = f"'{vehicle}' for {name}, as lock[{first}] has it, got '{lock.vehicle}'"
+                    raise SiteError(f"{place}.vehicle: expected {expected}")
+            if span in turned:
+                first, way = ways.setdefault(span, (index, turned[span]))
+                if way != turned[span]:
+                    raise SiteError(
+                        f"{place}.from: expected the direction of lock[{first}] for {name}, got the other one"
+                    )
+    locked, directions = (
+        {span: one for span, (_, one) in found.items() if span not in left_out} for found in (vehicles, ways)
+    )
     return locked, directions
 
 

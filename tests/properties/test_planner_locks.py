@@ -31,6 +31,7 @@ from planner.evaluate import RepairStatus
 from planner.exact import find_covering_plan
 from planner.model import BARRED_PCT, lift_locks, visit_of
 from planner.moves import MoveTables
+from planner.params import DEFAULT_PARAMS
 from planner.risk import build_state_before_losses, repair_plan
 from planner.sorties import SortieInstance, evaluate_sorties, solve_sorties
 from planner.sorties.sortie_losses import build_sorties_after_loss
@@ -191,3 +192,15 @@ def test_days_keep_locks_until_their_vehicle_is_lost(instance: SortieInstance) -
     lifted = [segment for segment, keeper in instance.locked.items() if keeper == 0]
     if not again.plan.uncovered:
         assert all(any(visit >> 1 == one for route in again.plan.routes for visit in route.visits) for one in lifted)
+
+
+def test_a_large_network_is_covered_though_locks_are_far_from_their_vehicles_routes() -> None:
+    vehicles = [Vehicle(f"v{number}", (0.0, 0.0), 100.0) for number in range(16)]
+    locked = {segment: segment % 16 for segment in range(0, 300, 7)}
+    directions = {segment: segment % 2 == 0 for segment in range(0, 300, 5)}
+    instance = lock(random_instance(3, 300, vehicles), locked, directions)
+    regions = replace(DEFAULT_PARAMS.large, above=100, region=40, region_routes=3, spell=300)
+    params = replace(DEFAULT_PARAMS, large=regions)
+    plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(30_000), params=params).plan
+    assert find_broken_locks(instance, directions, plan) == []
+    assert plan.uncovered == ()
