@@ -280,6 +280,10 @@ class PricedMoves(Moves):
         first_m, last_m, besides = self.first_m[which], self.last_m[which], self.besides[..., which]
         return replace(self, first_m=first_m, last_m=last_m, besides=besides).tabulate()
 
+    def add_pct(self, more_pct: FloatArray) -> PricedMoves:
+        """Return moves that take more energy."""
+        return replace(self, besides=np.stack((self.besides[0], self.besides[1] + more_pct)))
+
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
         facing_m, flier = self.last_m[before] - self.first_m[before], self.fliers[profile]
@@ -335,8 +339,8 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
     flown, profiles = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
-    # Who comes down from a layer of its own has moves of its own.
-    tables = flown.profiles if pricing.steps_m else 1
+    # Who comes down from a layer of its own has moves of its own, and so has who alone is given something.
+    tables = flown.profiles if pricing.steps_m or pricing.locked else 1
     small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))

@@ -28,7 +28,7 @@ from planner.kernels.repair import (
     set_clock,
     try_loss,
 )
-from planner.model import BARRED_PCT, Instance, Plan, Route, lift_locks, renumber_visits, segment_of
+from planner.model import BARRED_PCT, Instance, Plan, Route, renumber_visits, segment_of
 from planner.plan_search import build_kernel_problem, build_random_state, build_state
 from planner.replan import RemainingProblem, build_remaining_problem
 
@@ -45,8 +45,6 @@ class LossScan:
         self, instance: Instance, plan: Plan, events_s: Sequence[float], *, seed: int, fly_again: bool
     ) -> None:
         self._instance = instance
-        self._lifted = [lift_locks(instance, [vehicle]) for vehicle in range(len(plan.routes))]
-        """As each loss leaves it."""
         self._plan = plan
         self._events_s = events_s
         self._fly_again = fly_again
@@ -157,15 +155,17 @@ class LossScan:
         self, lost: int, route: Route, kept: tuple[int, ...], done: int, visits: list[int]
     ) -> float:
         """Return what a survivor uses in all: on one route if it has visits left, else on two."""
-        vehicle, instance = route.vehicle, self._lifted[lost]
+        vehicle, instance = route.vehicle, self._instance
+        lifted = sum(instance.locked.get(segment_of(visit)) == lost for visit in visits)
+        visits_pct = -BARRED_PCT * lifted * instance.vehicles[vehicle].consumption
         if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
-            return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
+            return visits_pct + route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
         if not self._fly_again:
             return math.inf
         first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
         own_first = float(instance.start_pct[vehicle, visits[0]])
         flown = first - own_first + route_energy_pct(instance, Route(vehicle, tuple(visits)))
-        return self._energies_pct[vehicle] + flown
+        return self._energies_pct[vehicle] + visits_pct + flown
 
 
 def timing_of(instance: Instance) -> LossTiming:

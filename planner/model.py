@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
-from planner.moves import FloatArray, MoveGeometry, Moves, MoveTables, Travel, compute_moves, compute_transits
+from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves, compute_transits
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
@@ -289,17 +289,15 @@ def lift_locks(instance: Instance, lost: Collection[int]) -> Instance:
     lifted = {segment: vehicle for segment, vehicle in instance.locked.items() if vehicle in lost}
     if not lifted:
         return instance
-    tables, rows = (
-        instance.moves.tabulate(),
-        {name: getattr(instance, name).copy() for name in ("start_pct", "depot_pct")},
-    )
-    pct = tables.table_pct.copy()
+    more_pct = np.zeros((instance.moves.profiles, 2 * instance.segments))
+    start_pct, depot_pct = instance.start_pct.copy(), instance.depot_pct.copy()
     for segment, keeper in lifted.items():
         own = slice(2 * segment, 2 * segment + 2)
-        others = [number for number in range(len(instance.vehicles)) if number != keeper]
-        pct[[profile for profile in range(len(pct)) if profile != instance.profile[keeper]], :, own] -= BARRED_PCT
-        for other in others:
-            rows["start_pct"][other, own] -= BARRED_PCT * instance.vehicles[other].consumption
-        rows["depot_pct"][others, own] -= BARRED_PCT
+        more_pct[[one for one in range(len(more_pct)) if one != instance.profile[keeper]], own] = -BARRED_PCT
+        for number, vehicle in enumerate(instance.vehicles):
+            if number != keeper:
+                start_pct[number, own] -= BARRED_PCT * vehicle.consumption
+                depot_pct[number, own] -= BARRED_PCT
     locked = {segment: vehicle for segment, vehicle in instance.locked.items() if segment not in lifted}
-    return replace(instance, moves=MoveTables(tables.table_s, pct), locked=locked, **rows)
+    moves = instance.moves.add_pct(more_pct)
+    return replace(instance, moves=moves, locked=locked, start_pct=start_pct, depot_pct=depot_pct)

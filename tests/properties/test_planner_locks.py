@@ -45,17 +45,16 @@ Directions = Mapping[int, bool]
 
 def lock(instance: Instance, locked: Mapping[int, int], directions: Directions) -> Instance:
     """Return an instance with locks in its prices, as missions make them."""
-    fleet, tables = range(len(instance.vehicles)), instance.moves.tabulate()
+    fleet, profiles, tables = range(len(instance.vehicles)), list(instance.profile), instance.moves.tabulate()
     more = np.zeros((len(instance.vehicles), 2 * instance.segments))
     for segment, keeper in locked.items():
         more[[one for one in fleet if one != keeper], 2 * segment : 2 * segment + 2] += BARRED_PCT
     for segment, is_turned in directions.items():
         more[:, visit_of(segment, not is_turned)] += BARRED_PCT
-    profiles = list(instance.profile)
     return replace(
         instance,
         profile=tuple(fleet),
-        moves=MoveTables(tables.table_s[profiles], tables.table_pct[profiles] + more[:, np.newaxis]),
+        moves=MoveTables(tables.table_s[profiles], tables.table_pct[profiles]).add_pct(more),
         start_pct=instance.start_pct + more * np.array([[one.consumption] for one in instance.vehicles]),
         depot_pct=instance.depot_pct + more,
         locked=locked,
