@@ -70,7 +70,7 @@ class SpanNames:
 
 def name_nearest(wrong: str | None, known: Sequence[str]) -> str:
     """Return in words which of some names is most like a wrong one; nothing where none is wrong, or none is like it."""
-    nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1)
+    nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1, cutoff=0.4)
     return f"; the nearest is '{nearest[0]}'" if nearest else ""
 
 

@@ -88,7 +88,7 @@ EXPECTED = "expected a span such as 'V1.1', a range FIRST..LAST of one line, a l
                    {"segments": ["V1.2"], "vehicle": "uav2"}]},
          "lock[2].vehicle: expected 'uav1' for V1.2, as lock[1] has it, got 'uav2'"),
         ({"lock": [{"segments": ["V1.1"], "from": "p5"}]},
-         "lock[0].from: expected a pylon at an end of its spans, p0, p1, got 'p5'"),
+         "lock[0].from: expected a pylon at an end of its spans, p0, p1, got 'p5'; the nearest is 'p1'"),
         ({"lock": [{"segments": ["V1.1", "V1.3"], "from": "p0"}]},
          "lock[0].from: expected spans that hang together from p0 on, got V1.3"),
         ({"lock": [{"segments": ["V1.1"], "from": "p0"}, {"segments": ["V1"], "from": "p5"}]},
@@ -218,3 +218,12 @@ def test_the_loss_of_a_vehicle_lifts_its_locks_and_no_direction() -> None:
     flown = {names[visit.segment]: visit.reversed for route in answer.routes for visit in route.visits}
     assert {flown[name] for name in ("V1.1", "V1.2") if name in flown} <= {True}
     assert {flown[name] for name in ("V2.1", "V2.2") if name in flown} <= {False}
+
+
+def test_what_a_camera_is_good_for_on_a_day_is_named_the_same_way() -> None:
+    ground = site(day={"vehicle": [{"name": "uav2", "segments": ["V1.2..V1.4", "V2"]}]})
+    assert build_day_problem(ground).pricing.barred == {"uav2": {0, 4, 7}}
+    wrong = site(day={"vehicle": [{"name": "uav2", "segments": ["V1.1", "V7"]}]})
+    with pytest.raises(SiteError) as refused:
+        build_day_problem(wrong)
+    assert str(refused.value) == f"day.vehicle[0].segments[1]: {EXPECTED}'V7'; the nearest is 'V2'"
