@@ -71,6 +71,7 @@ EXPECTED = "expected a span such as 'V1.1', a range FIRST..LAST of one line, a l
     [
         ({"network": {"leave_out": ["V2.1", "V1.22"]}},
          f"network.leave_out[1]: {EXPECTED}'V1.22'; the nearest is 'V1.2'"),
+        ({"network": {"only": ["\x1b[2J"]}}, f"network.only[0]: {EXPECTED}' [2J'"),
         ({"network": {"only": ["W*"]}}, f"network.only[0]: {EXPECTED}'W*'"),
         ({"network": {"only": ["V1.2..V1.9"]}}, f"network.only[0]: {EXPECTED}'V1.2..V1.9'; the nearest is 'V1.5'"),
         ({"network": {"only": ["V1.2..V2.2"]}}, f"network.only[0]: {EXPECTED}'V1.2..V2.2'"),
