@@ -226,7 +226,12 @@ def _compute_transfers_s(
 
 def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Pricing:
     """Return a pricing in which vehicles are given no other segments than [[day.vehicle]] names for them."""
-    names, barred = SpanNames(ground.network), dict(pricing.barred)
+    names, barred, spares = SpanNames(ground.network), dict(pricing.barred), list_spares(ground)
+    for index, lock in enumerate(ground.site.lock):
+        if lock.vehicle in spares:
+            raise SiteError(
+                f"lock[{index}].vehicle: expected one that is planned for, got '{lock.vehicle}', a spare of [day]"
+            )
     for index, other in enumerate(table.vehicle):
         if other.segments:
             own = names.find(other.segments, f"day.vehicle[{index}].segments")

@@ -228,3 +228,32 @@ def test_what_a_camera_is_good_for_on_a_day_is_named_the_same_way() -> None:
     with pytest.raises(SiteError) as refused:
         build_day_problem(wrong)
     assert str(refused.value) == f"day.vehicle[0].segments[1]: {EXPECTED}'V7'; the nearest is 'V2'"
+
+
+CAMERA = {"name": "zoom", "focal_mm": 20.0, "sensor_mm": [20.0, 15.0], "image_px": [4000, 3000]}
+PYLONS = {"camera": "zoom", "of": "pylons", "pylons": ["p0", "p5", "p8"], "bearings_deg": [60, 120]}
+
+
+@pytest.mark.parametrize(
+    ("wish", "flown"),
+    [
+        ({}, {"p0", "p5", "p8"}),
+        ({"leave_out": ["V1.5"]}, {"p0", "p8"}),  # p5 carries nothing else
+        ({"leave_out": ["pylon p0"]}, {"p5", "p8"}),
+        ({"only": ["V2"]}, {"p8"}),
+        ({"only": ["V2", "pylon p0"]}, {"p0", "p8"}),
+        ({"only": ["V2"], "leave_out": ["pylon *"]}, set()),
+    ],
+)
+def test_a_pylon_that_is_looked_at_goes_with_the_spans_that_it_carries(wish: dict[str, Any], flown: set[str]) -> None:
+    ground = site(network=wish, camera=[CAMERA], look=[PYLONS])
+    names = {ground.network.segment_name(one) for one in build_first_task(ground).segment_ids}
+    assert {name.removeprefix("pylon ") for name in names if name.startswith("pylon ")} == flown
+
+
+def test_a_spare_of_a_day_has_nothing_locked_to_it() -> None:
+    ground = site(lock=LOCKS, day={"vehicle": [{"name": "uav2", "spare": True}]})
+    assert planned(ground).uncovered == ()  # a single flight has no spares
+    with pytest.raises(SiteError) as refused:
+        build_day_problem(ground)
+    assert str(refused.value) == "lock[0].vehicle: expected one that is planned for, got 'uav2', a spare of [day]"
