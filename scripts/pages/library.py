@@ -93,7 +93,7 @@ def _class(name: str, kind: type) -> Iterator[str]:
         for key, held in vars(base).items():
             getter = getattr(held, "fget", getattr(held, "func", None))
             if key[0] != "_" and inspect.isfunction(getter):
-                rows[key] = (getter.__annotations__["return"], inspect.getdoc(getter).partition("\n")[0])
+                rows[key] = (getter.__annotations__["return"], (inspect.getdoc(getter) or "").partition("\n")[0])
     yield from ("", "| attribute | type | |", "| --- | --- | --- |")
     yield from (f"| `{key}` | `{_cell(held)}` | {_cell(text)} |" for key, (held, text) in rows.items())
 
