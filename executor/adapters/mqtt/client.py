@@ -228,8 +228,8 @@ class MqttClient:
                 reader = tasks.create_task(self._read(client), name="mqtt intents")
                 await self._write(client)
                 reader.cancel()
-            for topic in self._outbox.list_retained() if self._clear else ():
-                await _publish(client, MqttMessage(topic, b"", retain=True))
+            if self._clear:
+                await self._send(client, [MqttMessage(one, b"", retain=True) for one in self._outbox.list_retained()])
             await _publish(client, self._presence(Presence.OFFLINE))
         except BaseException:
             # Without a goodbye, so that the broker publishes the last will.

@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -80,8 +81,9 @@ def test_tls_has_a_port_of_its_own(tmp_path: Path) -> None:
 
 
 def test_a_websocket_has_the_ports_of_the_web() -> None:
-    asked = {"host": "broker", "websocket_path": "/mqtt"}
-    assert [settings(**asked, **more).broker.port for more in ({}, {"tls": True}, {"port": 8083})] == [80, 443, 8083]
+    asked: dict[str, Any] = {"host": "broker", "websocket_path": "/mqtt"}
+    tables: tuple[dict[str, Any], ...] = ({}, {"tls": True}, {"port": 8083})
+    assert [settings(**asked, **more).broker.port for more in tables] == [80, 443, 8083]
     assert settings(**asked).broker.websocket_path == "/mqtt"
     assert (settings(protocol="5").broker.protocol, settings().broker.protocol) == ("5", "3.1.1")
 
@@ -94,9 +96,14 @@ def test_a_clients_certificate_and_what_is_none(tmp_path: Path) -> None:
     locked = serialization.BestAvailableEncryption(b"kites at noon")
     pem = (serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8)
     (tmp_path / "locked.key").write_bytes(key.private_bytes(*pem, locked))
-    asked = {"tls": True, "cert_file": "broker.pem", "key_file": "locked.key", "key_password_env": "WORD"}
+    asked: dict[str, Any] = {
+        "tls": True,
+        "cert_file": "broker.pem",
+        "key_file": "locked.key",
+        "key_password_env": "WORD",
+    }
     assert settings(tmp_path, {"WORD": "kites at noon"}, **asked).broker.tls is not None
-    wrong: dict[str, dict[str, object]] = {
+    wrong: dict[str, dict[str, Any]] = {
         "in none.pem: No such file": {"cert_file": "none.pem"},
         "in broker.pem: ": {"cert_file": "broker.pem"},
         "in broker.pem and none.key: No such file": {"cert_file": "broker.pem", "key_file": "none.key"},

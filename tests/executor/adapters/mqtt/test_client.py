@@ -243,7 +243,7 @@ async def held(port: int) -> set[str]:
     async with aiomqtt.Client("127.0.0.1", port) as client:
         await client.subscribe("t/#", qos=1)
         await client.publish("t/end", b"", qos=1)
-        found = set()
+        found = set[str]()
         async for message in client.messages:
             if message.topic.value == "t/end":
                 return found
