@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 import numpy as np
 from pydantic import (
@@ -88,9 +88,10 @@ def one_of(names: Iterable[str]) -> GetPydanticSchema:
 
 
 def document_of(kind: type[object]) -> GetPydanticSchema:
-    """Return that an object is what a type has written and checked already: in schemas it is the type's."""
+    """Return that an object, or a list, is what a type has written and checked already: in schemas it is the type's."""
+    schema = core_schema.list_schema() if get_origin(kind) is tuple else core_schema.dict_schema()
     return GetPydanticSchema(
-        lambda _kind, _handler: core_schema.dict_schema(),
+        lambda _kind, _handler: schema,
         lambda _schema, handler: handler(TypeAdapter(kind).core_schema),
     )
 

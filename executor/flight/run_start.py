@@ -83,6 +83,8 @@ class MqttSettings:
     """Of telemetry, in real seconds."""
     exposed: bool
     """Whether secrets leave this computer without TLS."""
+    clear: bool = False
+    """Whether the broker is to forget in the end what it holds of the flight."""
 
 
 def read_mqtt_settings(
@@ -97,24 +99,27 @@ def read_mqtt_settings(
         environment: Where the secrets are.
 
     Raises:
-        SiteError: a secret is not set, or the authority's certificate cannot be used.
+        SiteError: a secret is not set, or a certificate or its key cannot be used.
     """
     if table is None:
         return None
     broker = BrokerAddress(
         table.host,
-        table.port or (8883 if table.tls else 1883),
+        table.used_port,
         # The same at every connection of this flight, and nobody else's.
         f"faultline-{token_hex(6)}",
         read_secret(table.username_env, "mqtt.username_env", source, environment),
         read_secret(table.password_env, "mqtt.password_env", source, environment),
-        _build_tls_context(table, base, source),
+        _build_tls_context(table, base, source, environment),
+        table.protocol,
+        table.websocket_path,
     )
     token = (environment.get(table.token_env) if table.token_env is not None else None) or None
     exposed = not table.is_here and not table.tls and (token, broker.username, broker.password) != (None, None, None)
     return MqttSettings(
-        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed
-    )
+        MqttTopics(table.prefix), broker, _build_rules(table, token), 1.0 / table.telemetry_rate_hz, exposed,
+        table.clear_retained,
+    )  # fmt: skip
 
 
 def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
@@ -126,15 +131,30 @@ def _build_rules(table: MqttTable, token: str | None) -> IntakeRules:
     return IntakeRules(table.intent_max_age_s, token, closed)
 
 
-def _build_tls_context(table: MqttTable, base: Path, source: str) -> ssl.SSLContext | None:
+def _build_tls_context(
+    table: MqttTable, base: Path, source: str, environment: Mapping[str, str]
+) -> ssl.SSLContext | None:
     if not table.tls:
         return None
     try:
-        return ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
+        made = ssl.create_default_context(cafile=None if table.ca_file is None else str(base / table.ca_file))
     except (OSError, ssl.SSLError) as error:
         why = error.strerror or type(error).__name__
         text = f"{source}: mqtt.ca_file: expected a certificate (PEM) in {table.ca_file}: {why}"
         raise SiteError(text) from error
+    if table.cert_file is None:
+        return made
+    key = None if table.key_file is None else base / table.key_file
+    password = read_secret(table.key_password_env, "mqtt.key_password_env", source, environment) or ""
+    try:
+        # Without a password OpenSSL would ask for one at the terminal.
+        made.load_cert_chain(base / table.cert_file, key, password=lambda: password)
+    except (OSError, ssl.SSLError) as error:
+        files = table.cert_file if table.key_file is None else f"{table.cert_file} and {table.key_file}"
+        why = getattr(error, "reason", None) or error.strerror or type(error).__name__
+        text = f"{source}: mqtt.cert_file: expected a certificate and its private key (PEM) in {files}: {why}"
+        raise SiteError(text) from error
+    return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,9 +198,7 @@ def write_run_start(request: FlightRequest) -> None:
             _keep_file(request, table, "file", f"area{index}")
     if request.site.mqtt is not None and request.site.mqtt.ca_file is not None:
         _keep_file(request, content["mqtt"], "ca_file", "mqtt")
-    if request.site.signing is not None and request.site.signing.key_file is not None:
-        # The key stays where it is: a run directory is copied and handed on.
-        content["signing"] = {"key_file": str((request.base / request.site.signing.key_file).resolve())}
+    _keep_places_of_keys(request, content)
     # What the crew sees of it is kept; the whole picture may be as large as a county.
     content.get("map", {}).pop("background", None)
     if request.ground.terrain is not None:
@@ -201,6 +219,13 @@ def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: st
     file = request.base / table[key]
     table[key] = f"{name}{file.suffix}"
     shutil.copyfile(file, request.run / table[key])
+
+
+def _keep_places_of_keys(request: FlightRequest, content: dict[str, Any]) -> None:
+    """Name keys by their absolute paths: they stay where they are, as a run directory is copied and handed on."""
+    for table, key in (("signing", "key_file"), ("mqtt", "cert_file"), ("mqtt", "key_file")):
+        if key in content.get(table, {}):
+            content[table][key] = str((request.base / content[table][key]).resolve())
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,10 @@ from executor.core.interface.codes import ChannelCode, CheckCode, Ending, Reason
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
+from scripts.pages.asyncapi import PLACE as ASYNCAPI
+from scripts.pages.asyncapi import asyncapi_document
+from scripts.pages.library import PAGE as LIBRARY
+from scripts.pages.library import library_page
 from scripts.pages.page_types import TYPES, page_types
 from scripts.pages.schemas import SITE, docstrings, schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
@@ -58,7 +62,9 @@ def pages() -> dict[str, str]:
         REASONS: reasons_page(),
         PAGE: states,
         PICTURE: states_picture(),
+        LIBRARY: library_page(MADE.format(what="docstrings (faultline/__init__.py)")),
         TYPES: page_types(),
+        ASYNCAPI: asyncapi_document(),
         **schemas(),
     }
 
