@@ -16,7 +16,7 @@ from pathlib import Path
 
 from benchmarks.errors import FlightNotFlown
 from benchmarks.virtual.in_process_solver import InProcessSolver
-from benchmarks.virtual.loop import run_virtual
+from simulator.virtual_loop import run_virtual
 from benchmarks.virtual.memory_flight import MemoryFlight, NullEventSink, run_until
 from benchmarks.virtual.radio import JoinedRadio, MemoryRadio, share_port
 from executor.analysis.documents import FlightReport

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from benchmarks.virtual.loop import VirtualLoop, run_virtual
+from simulator.virtual_loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.context import Context
 from executor.core.interface.commands import Level, Say

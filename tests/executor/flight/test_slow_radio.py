@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.virtual.loop import run_virtual
+from simulator.virtual_loop import run_virtual
 from benchmarks.virtual.radio import MemoryRadio, run_radios, share_port
 from benchmarks.virtual_flight import SilentConsole
 from executor.adapters.clock import SystemClock

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import pytest
 
-from benchmarks.virtual.loop import VirtualLoop, run_virtual
+from simulator.virtual_loop import VirtualLoop, run_virtual
 from executor.core import fleet_step
 from executor.core.interface.events import Tick
 from executor.core.interface.messages import Heartbeat, SendCommand

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import pytest
 
-from benchmarks.virtual.loop import run_virtual
+from simulator.virtual_loop import run_virtual
 from benchmarks.virtual.radio import JoinedRadio, run_radios
 from executor.adapters.clock import SystemClock
 from executor.core.interface.commands import Say
