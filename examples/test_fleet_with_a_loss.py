@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pytest
@@ -85,6 +85,7 @@ class Pilot:
         raise AssertionError(f"no answer to {question.get_type()}")
 
     def _hear(self, datagram: bytes) -> None:
+        message: Any
         for message in self._parser.parse_buffer(datagram) or []:
             if message.get_srcSystem() == self.sysid:  # the radio on the ground talks as well
                 self.heard_s = self._now_s()
@@ -109,7 +110,7 @@ class Pilot:
         return asyncio.get_running_loop().time()
 
 
-async def fly_all(pilots: dict[str, Pilot], shares: dict[str, Sequence[Place]]) -> None:
+async def fly_all(pilots: dict[str, Pilot], shares: Mapping[str, Sequence[Place]]) -> None:
     """Fly every share; what a lost vehicle leaves is flown by the first one that is back."""
     await asyncio.gather(*(pilot.fly(shares[name]) for name, pilot in pilots.items()))
     while any(pilot.left for pilot in pilots.values()):

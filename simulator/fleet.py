@@ -506,20 +506,19 @@ async def fly_vehicles(
 ) -> None:
     """Do what `run_fleet` does, for vehicles that have their sockets; time is that of the running loop."""
     clock = SimClock(fleet.speedup, monotonic_s=asyncio.get_running_loop().time(), unix_s=time.time())
-    async with _keep_common_time(fleet, clock) as stations:
+    _, port = links[0].target or links[0].address
+    async with _keep_common_time(fleet.speedup, clock, port) as stations:
         if ready is not None:
             ready.set()
         await _fly(links, clock, stations, stop, on_truth, watched)
 
 
 @asynccontextmanager
-async def _keep_common_time(fleet: SimFleet, clock: SimClock) -> AsyncIterator[Stations]:
-    """Keep the time together with those who ask for it, unless it is real time."""
-    stations = Stations(fleet.speedup, clock.unix_s)
+async def _keep_common_time(speedup: float, clock: SimClock, port: int) -> AsyncIterator[Stations]:
+    """Keep the time together with those who ask for it at a port, unless it is real time."""
+    stations = Stations(speedup, clock.unix_s)
     server: asyncio.Server | None = None
-    if fleet.speedup > 1:
-        endpoint = parse_vehicle_endpoint(fleet.vehicles[0].connections[0])
-        _, port = endpoint.target or endpoint.bind
+    if speedup > 1:
         with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
             server = await stations.open(port)
     try:

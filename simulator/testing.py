@@ -85,8 +85,12 @@ class FleetVehicle:
     @property
     def connection(self) -> str:
         """How MAVSDK and faultline call it: ``udpout://127.0.0.1:PORT``."""
-        link = self.links[0]
-        return f"udpout://127.0.0.1:{link.address[1]}" if link.target is None else self._config.connections[0]
+        return f"udpout://127.0.0.1:{self.port}" if self.links[0].target is None else self._config.connections[0]
+
+    @property
+    def port(self) -> int:
+        """The UDP port at which it listens."""
+        return self.links[0].address[1]
 
     @property
     def pymavlink(self) -> str:
