@@ -16,6 +16,8 @@ HEARTBEAT_GAP_S = 5.0
 """So long a client may go without a HEARTBEAT, simulated; it owes one a second."""
 ANSWER_S = 1.0
 """What was asked for so long ago, and not sent, was left out."""
+AGAIN_S = 0.1
+"""So long after an item the next request may have been lost: it may be sent again, asked for or not."""
 SAME_NUMBER = 3
 """So many frames in a row with one number are not numbered."""
 
@@ -41,14 +43,19 @@ class Mistake:
 class _Upload:
     asked: Counter[int] = field(default_factory=Counter)
     sent: Counter[int] = field(default_factory=Counter)
-    asked_s: float = 0.0
+    last: int = -1
+    """The item asked for last."""
+    asked_s: dict[int, float] = field(default_factory=dict)
+    """When an item was asked for first."""
+    sent_s: float = 0.0
+    """When an item came last."""
     over: bool = False
     """Whether it has ended; an item that was asked for twice may come twice, the second time behind the end."""
 
     def end(self, now_s: float) -> Iterator[tuple[str, str]]:
         """Name what was asked for and never came."""
         for seq, times in self.asked.items():
-            if not self.over and not self.sent[seq] and now_s - self.asked_s >= ANSWER_S:
+            if not self.over and not self.sent[seq] and now_s - self.asked_s[seq] >= ANSWER_S:
                 yield "upload", f"never sends item {seq}, which was asked for {_count_times(times)}"
         self.over = True
 
@@ -117,7 +124,8 @@ class _Dialogue:
         match said.name:
             case "MISSION_REQUEST" | "MISSION_REQUEST_INT" if upload is not None and not upload.over:
                 upload.asked[said.message.seq] += 1
-                upload.asked_s = said.t_s
+                upload.last = said.message.seq
+                upload.asked_s.setdefault(upload.last, said.t_s)
             case "MISSION_ACK" if said.message.type != MissionResult.INVALID_SEQUENCE:
                 yield from self._end_upload(kind, said.t_s)
                 if said.message.type != MissionResult.ACCEPTED:
@@ -147,9 +155,10 @@ class _Dialogue:
             yield "upload", f"sends item {seq} while no upload is under way"
             return
         upload.sent[seq] += 1
+        waited_s, upload.sent_s = said.t_s - upload.sent_s, said.t_s
         if not upload.asked[seq]:
             yield "upload", f"sends item {seq}, which was never asked for"
-        elif upload.sent[seq] > upload.asked[seq]:
+        elif upload.sent[seq] > upload.asked[seq] and (seq != upload.last or waited_s < AGAIN_S):
             asked, sent = _count_times(upload.asked[seq]), _count_times(upload.sent[seq])
             yield "upload", f"sends item {seq} {sent}, asked for it {asked}"
 

@@ -351,10 +351,19 @@ class Fleet:
         if thread is None or thread is threading.current_thread() or not thread.is_alive():
             return work()
 
-        async def do() -> T:
-            return work()
+        done: Future[T] = Future()
 
-        return self._submit(do()).result()
+        def do() -> None:
+            try:
+                done.set_result(work())
+            except BaseException as failure:  # noqa: BLE001 - raised in the thread of the test
+                done.set_exception(failure)
+
+        try:
+            self._loop.call_soon_threadsafe(do)
+        except RuntimeError:  # it has just ended
+            return work()
+        return done.result()
 
     def require_loop(self) -> asyncio.AbstractEventLoop:
         """Return the running loop if the fleet lives in it.
@@ -401,11 +410,13 @@ class Fleet:
         self._watch(vehicles)
         if not self._ready.done():
             self._ready.set_result(None)
-        for is_so, until_s, waiting in self._waits:
-            so = is_so()
-            if not waiting.done() and (so or self.now_s >= until_s):
-                waiting.set_result(so)
         self._waits = [one for one in self._waits if not one[2].done()]
+        for is_so, until_s, waiting in self._waits:
+            try:
+                if (so := is_so()) or self.now_s >= until_s:
+                    waiting.set_result(so)
+            except Exception as failure:  # noqa: BLE001 - raised where it is waited
+                waiting.set_exception(failure)
 
     async def _wait(self, is_so: Callable[[], bool], until_s: float) -> bool:
         waiting = asyncio.get_running_loop().create_future()
@@ -425,13 +436,14 @@ class Fleet:
                 return False
 
     async def _step_until(self, until_s: float, is_so: Callable[[], bool]) -> bool:
-        while not is_so():
+        while True:
             await self._hear_all()
-            now_s = self.now_s
+            self._watch(live_until(self._links, (now_s := self.now_s), self._date_unix_s, self.truths.append))
+            if is_so():
+                return True
             if now_s >= until_s - STEP_S / 2:
-                return is_so()
-            self._watch(live_until(self._links, now_s + STEP_S, self._date_unix_s, self.truths.append))
-        return True
+                return False
+            live_until(self._links, now_s + STEP_S, self._date_unix_s, self.truths.append)
 
     async def _hear_all(self) -> None:
         """Read everything that waits at the sockets."""
