@@ -151,7 +151,7 @@ async def test_every_place_is_seen_though_a_vehicle_is_lost(radio: str) -> None:
         watching = asyncio.create_task(watch_places(flying, everywhere, seen))
         pilots = {vehicle.name: Pilot(vehicle) for vehicle in flying}
         await fly_all(pilots, shares)
-        await flying.until(lambda: not any(vehicle.truth.armed for vehicle in flying))
+        await flying.wait_for(lambda: not any(vehicle.truth.armed for vehicle in flying))
         for task in (watching, *(pilot.heartbeats for pilot in pilots.values())):
             task.cancel()
         flying.check_client()

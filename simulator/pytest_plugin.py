@@ -31,8 +31,8 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("markers", mark)
 
 
-@pytest.fixture
-def simulated_fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
+@pytest.fixture(name="simulated_fleet")
+def lend_fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
     """A fleet in a thread of its own, as the mark of this name orders it."""
     from simulator.testing import fleet
 
@@ -76,6 +76,6 @@ def pytest_runtest_makereport(  # pytest gives what a hook names
     testing = sys.modules.get("simulator.testing")
     if testing is not None and report.failed and call.when == "call":
         for one in testing.BEGUN:
-            lines = [*map(str, one.find_mistakes()), *one.transcript().splitlines()[-LAST_LINES:]]
+            lines = [*map(str, one.find_violations()), *one.transcript().splitlines()[-LAST_LINES:]]
             report.sections.append(("dialogue with the simulated fleet", "\n".join(lines)))
     return report

@@ -22,7 +22,7 @@ from typing import Self, TypeVar
 
 from missions.items import MissionItem
 from simulator.autopilot import STEP_S
-from simulator.client_mistakes import Mistake, find_mistakes
+from simulator.client_violations import Violation, find_violations
 from simulator.config import PX4_RATE_BYTES_S, AutopilotKind, SimFleet, SimVehicle
 from simulator.errors import FleetError
 from simulator.fault_kinds import faults_of, parse_fault
@@ -32,7 +32,7 @@ from simulator.transcript import Recorder, format_transcript
 from simulator.truth import Truth
 from simulator.virtual_loop import run_virtual
 
-__all__ = ["Fleet", "FleetVehicle", "Mistake", "Truth", "VehicleState", "fleet", "run_virtual"]
+__all__ = ["Fleet", "FleetVehicle", "Violation", "Truth", "VehicleState", "fleet", "run_virtual"]
 
 T = TypeVar("T")
 HOME = (47.397742, 8.545594, 488.0)
@@ -136,11 +136,11 @@ class FleetVehicle:
         """Return what it and its clients said to each other, telemetry left out."""
         return self._fleet.run(lambda: format_transcript(self._recorder.said, heartbeats))
 
-    def find_mistakes(self) -> list[Mistake]:
+    def find_violations(self) -> list[Violation]:
         """Return what clients did wrong towards it up to now."""
         known = [one.sysid for one in self._fleet.vehicles]
         said, vehicle = self._recorder.said, self.simulated
-        return self._fleet.run(lambda: find_mistakes(said, self.sysid, known, vehicle.now_s))
+        return self._fleet.run(lambda: find_violations(said, self.sysid, known, vehicle.now_s))
 
     def _read_state(self) -> VehicleState:
         autopilot = self.simulated.autopilot
@@ -238,9 +238,9 @@ class Fleet:
         """Return the dialogues of all vehicles, one after the other."""
         return "\n".join(filter(None, (vehicle.transcript() for vehicle in self.vehicles)))
 
-    def find_mistakes(self) -> list[Mistake]:
+    def find_violations(self) -> list[Violation]:
         """Return what clients did wrong up to now, in the order of time."""
-        found = [one for vehicle in self.vehicles for one in vehicle.find_mistakes()]
+        found = [one for vehicle in self.vehicles for one in vehicle.find_violations()]
         return sorted(found, key=lambda one: one.t_s)
 
     def check_client(self, *, but: Collection[str] = ()) -> None:
@@ -252,7 +252,7 @@ class Fleet:
         Raises:
             AssertionError: with what it did, and the dialogue with the vehicles concerned.
         """
-        found = [one for one in self.find_mistakes() if one.about not in but]
+        found = [one for one in self.find_violations() if one.about not in but]
         if found:
             concerned = dict.fromkeys(one.vehicle for one in found)
             dialogues = [self[name].transcript() for name in concerned]
@@ -289,7 +289,7 @@ class Fleet:
             so = self._submit(self._wait(is_so, until_s)).result()
         self._require(so, limit_s)
 
-    async def until(self, is_so: Callable[[], bool], limit_s: float = 600.0) -> None:
+    async def wait_for(self, is_so: Callable[[], bool], limit_s: float = 600.0) -> None:
         """Wait as `wait_until` does, in the event loop of the fleet.
 
         Raises:

@@ -47,7 +47,7 @@ class OnPads:
 
     async def landed(self) -> None:
         """Wait until everybody is on the ground again."""
-        await self.fleet.until(lambda: not any(one.truth.armed for one in self.fleet))
+        await self.fleet.wait_for(lambda: not any(one.truth.armed for one in self.fleet))
 
 
 @asynccontextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -46,16 +47,30 @@ async def test_it_fails_in_flight():
 """
 
 
-def test_it_serves_tests_of_another_program(tmp_path: Path) -> None:
-    (tmp_path / "test_theirs.py").write_text(TESTS, encoding="utf-8")
+PAGE = ROOT / "docs" / "how-to" / "test-a-fleet.md"
+
+
+def run_theirs(folder: Path, text: str) -> str:
+    """Run tests of somebody else, and return what pytest says."""
+    (folder / "test_theirs.py").write_text(text, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "--strict-markers", "-W", "error", "-p", "no:cacheprovider",
          "-p", "simulator.pytest_plugin", "test_theirs.py"],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         capture_output=True, text=True, check=False, timeout=PATIENCE_S,
     )  # fmt: skip
-    assert "2 failed, 4 passed" in done.stdout, done.stdout + done.stderr
-    assert "FAILED test_theirs.py::test_there_is_a_limit - TimeoutError" in done.stdout
-    assert "dialogue with the simulated fleet" in done.stdout
-    assert "uav1: client 255 never sends item 0, which was asked for" in done.stdout
-    assert "     0.00 s  uav1 -> 255     MISSION_REQUEST_INT 0" in done.stdout
+    return done.stdout + done.stderr
+
+
+def test_what_its_page_shows_runs(tmp_path: Path) -> None:
+    shown = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert "2 passed" in run_theirs(tmp_path, "\n".join(shown))
+
+
+def test_it_serves_tests_of_another_program(tmp_path: Path) -> None:
+    said = run_theirs(tmp_path, TESTS)
+    assert "2 failed, 4 passed" in said, said
+    assert "FAILED test_theirs.py::test_there_is_a_limit - TimeoutError" in said
+    assert "dialogue with the simulated fleet" in said
+    assert "uav1: client 255 never sends item 0, which was asked for" in said
+    assert "     0.00 s  uav1 -> 255     MISSION_REQUEST_INT 0" in said

@@ -96,11 +96,11 @@ async def test_in_virtual_time_a_client_in_memory_and_one_with_a_socket() -> Non
         )
         send(ARM)
         transport.sendto(ARM)
-        await living.until(lambda: all(one.truth.armed for one in living), 5.0)
+        await living.wait_for(lambda: all(one.truth.armed for one in living), 5.0)
         await asyncio.sleep(3600.0)
         assert living.now_s == pytest.approx(loop.time(), abs=0.1)
         with pytest.raises(TimeoutError):
-            await living.until(lambda: False, 10.0)
+            await living.wait_for(lambda: False, 10.0)
         transport.close()
     assert len(heard) > 3600
     assert not living[0].truth.armed, "PX4 disarms where nobody takes off"

@@ -23,7 +23,7 @@ SAME_NUMBER = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Mistake:
+class Violation:
     """One thing that a client did wrong."""
 
     t_s: float
@@ -211,7 +211,7 @@ def _count_times(times: int) -> str:
     return "once" if times == 1 else f"{times} times"
 
 
-def find_mistakes(said: Sequence[Said], sysid: int, fleet: Collection[int], now_s: float) -> list[Mistake]:
+def find_violations(said: Sequence[Said], sysid: int, fleet: Collection[int], now_s: float) -> list[Violation]:
     """Return what clients did wrong towards one vehicle, in the order of time.
 
     Args:
@@ -226,7 +226,7 @@ def find_mistakes(said: Sequence[Said], sysid: int, fleet: Collection[int], now_
         if one.client == 0:
             continue
         dialogue = dialogues.setdefault(one.client, _Dialogue(sysid, fleet))
-        found += [Mistake(one.t_s, one.vehicle, one.client, *wrong) for wrong in dialogue.judge(one)]
+        found += [Violation(one.t_s, one.vehicle, one.client, *wrong) for wrong in dialogue.judge(one)]
     for client, dialogue in dialogues.items():
-        found += [Mistake(now_s, said[0].vehicle, client, *wrong) for wrong in dialogue.end(now_s)]
+        found += [Violation(now_s, said[0].vehicle, client, *wrong) for wrong in dialogue.end(now_s)]
     return found

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
-from simulator.client_mistakes import HEARTBEAT_GAP_S
+from simulator.client_violations import HEARTBEAT_GAP_S
 from simulator.testing import fleet
 
 STEPS = 3
@@ -75,8 +75,8 @@ class Client:
         self.acknowledge()
 
     @property
-    def mistakes(self) -> list[str]:
-        return [one.what for one in self.vehicle.find_mistakes()]
+    def violations(self) -> list[str]:
+        return [one.what for one in self.vehicle.find_violations()]
 
 
 BOTH = pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
@@ -93,7 +93,7 @@ def test_one_that_answers_each_request_once_does_nothing_wrong(
     if not faults:
         client.download()
     client.listen(5.0)
-    assert [what for what in client.mistakes if "HEARTBEAT" not in what] == []
+    assert [what for what in client.violations if "HEARTBEAT" not in what] == []
 
 
 def send_all(client: Client) -> None:
@@ -204,14 +204,14 @@ def have_one_number(client: Client) -> None:
 def test_what_is_wrong_is_named(does: Callable[[Client], None], expected: list[str]) -> None:
     client = Client("px4")
     does(client)
-    assert client.mistakes == expected
+    assert client.violations == expected
 
 
 def test_a_heartbeat_that_stays_away_is_missed_while_the_client_says_something() -> None:
     client = Client("px4")
     client.listen(HEARTBEAT_GAP_S + 1.0)
-    assert client.mistakes == [], "it may have gone"
+    assert client.violations == [], "it may have gone"
     client.count(0)
-    [mistake] = client.vehicle.find_mistakes()
-    assert (mistake.about, mistake.what) == ("heartbeat", "sends no HEARTBEAT for 6.0 s, from 0.0 s on")
-    assert str(mistake) == "     6.00 s  uav1: client 255 sends no HEARTBEAT for 6.0 s, from 0.0 s on"
+    [violation] = client.vehicle.find_violations()
+    assert (violation.about, violation.what) == ("heartbeat", "sends no HEARTBEAT for 6.0 s, from 0.0 s on")
+    assert str(violation) == "     6.00 s  uav1: client 255 sends no HEARTBEAT for 6.0 s, from 0.0 s on"
