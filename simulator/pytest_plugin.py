@@ -76,6 +76,6 @@ def pytest_runtest_makereport(  # pytest gives what a hook names
     testing = sys.modules.get("simulator.testing")
     if testing is not None and report.failed and call.when == "call":
         for one in testing.BEGUN:
-            lines = [*map(str, one.find_violations()), *one.transcript().splitlines()[-LAST_LINES:]]
+            lines = [*map(str, one.find_violations()), *one.transcript.splitlines()[-LAST_LINES:]]
             report.sections.append(("dialogue with the simulated fleet", "\n".join(lines)))
     return report

@@ -32,7 +32,7 @@ from simulator.transcript import Recorder, format_transcript
 from simulator.truth import Truth
 from simulator.virtual_loop import run_virtual
 
-__all__ = ["Fleet", "FleetVehicle", "Violation", "Truth", "VehicleState", "fleet", "run_virtual"]
+__all__ = ["Fleet", "FleetVehicle", "Truth", "VehicleState", "Violation", "fleet", "run_virtual"]
 
 T = TypeVar("T")
 HOME = (47.397742, 8.545594, 488.0)
@@ -104,7 +104,7 @@ class FleetVehicle:
 
     @property
     def events(self) -> list[str]:
-        """What really happened to it: ``armed``, ``took_off``, ``failsafe gcs``, ``landed``, as `Truth.what` has it."""
+        """What really happened to it, as `Truth.what` says it: ``armed``, ``took_off``, ``failsafe link``, ``landed``."""
         return [truth.what for truth in tuple(self._fleet.truths) if truth.vehicle == self.name]
 
     def inject(self, fault: str) -> None:
@@ -132,9 +132,10 @@ class FleetVehicle:
 
         return send
 
-    def transcript(self, *, heartbeats: bool = False) -> str:
-        """Return what it and its clients said to each other, telemetry left out."""
-        return self._fleet.run(lambda: format_transcript(self._recorder.said, heartbeats))
+    @property
+    def transcript(self) -> str:
+        """What it and its clients said to each other; telemetry and HEARTBEATs are left out."""
+        return self._fleet.run(lambda: format_transcript(self._recorder.said))
 
     def find_violations(self) -> list[Violation]:
         """Return what clients did wrong towards it up to now."""
@@ -234,9 +235,10 @@ class Fleet:
 
         self.run(order)
 
+    @property
     def transcript(self) -> str:
-        """Return the dialogues of all vehicles, one after the other."""
-        return "\n".join(filter(None, (vehicle.transcript() for vehicle in self.vehicles)))
+        """The dialogues of all vehicles, one after the other."""
+        return "\n".join(filter(None, (vehicle.transcript for vehicle in self.vehicles)))
 
     def find_violations(self) -> list[Violation]:
         """Return what clients did wrong up to now, in the order of time."""
@@ -255,7 +257,7 @@ class Fleet:
         found = [one for one in self.find_violations() if one.about not in but]
         if found:
             concerned = dict.fromkeys(one.vehicle for one in found)
-            dialogues = [self[name].transcript() for name in concerned]
+            dialogues = [self[name].transcript for name in concerned]
             raise AssertionError("\n".join(["the client did wrong:", *map(str, found), "the dialogue:", *dialogues]))
 
     # Time.
@@ -419,7 +421,7 @@ class Fleet:
                 waiting.set_exception(failure)
 
     async def _wait(self, is_so: Callable[[], bool], until_s: float) -> bool:
-        waiting = asyncio.get_running_loop().create_future()
+        waiting: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
         self._waits.append((is_so, until_s, waiting))
         return await waiting
 

@@ -83,9 +83,9 @@ def _is_telemetry(datagram: bytes) -> bool:
     return whole and int.from_bytes(datagram[7:10], "little") not in _KEPT_IDS
 
 
-def format_transcript(said: Iterable[Said], heartbeats: bool = False) -> str:
-    """Return the lines of a dialogue; HEARTBEATs are left out unless they are asked for."""
-    return "\n".join(str(one) for one in said if heartbeats or one.name != "HEARTBEAT")
+def format_transcript(said: Iterable[Said]) -> str:
+    """Return the lines of a dialogue, without HEARTBEATs."""
+    return "\n".join(str(one) for one in said if one.name != "HEARTBEAT")
 
 
 def _name_entry(enum: str, number: int, prefix: str) -> str:

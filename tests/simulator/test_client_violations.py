@@ -65,12 +65,12 @@ class Client:
             self.item(asked.seq)
             asked = self.next("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", within_s=10.0)
 
-    def list(self) -> int:
+    def ask_for_list(self) -> int:
         self.say(mav.MAVLink_mission_request_list_message(SYSID, 1))
         return int(self.next("MISSION_COUNT").count)
 
     def download(self) -> None:
-        for seq in range(self.list()):
+        for seq in range(self.ask_for_list()):
             self.ask(seq)
         self.acknowledge()
 
@@ -130,7 +130,7 @@ def acknowledge_own(client: Client) -> None:
 
 def leave_one_out(client: Client) -> None:
     client.upload()
-    count = client.list()
+    count = client.ask_for_list()
     for seq in range(count - 1):
         client.ask(seq)
     client.acknowledge()
@@ -138,14 +138,14 @@ def leave_one_out(client: Client) -> None:
 
 def ask_backwards(client: Client) -> None:
     client.upload()
-    client.list()
+    client.ask_for_list()
     client.ask(1)
     client.listen(6.0)
 
 
 def ask_beyond(client: Client) -> None:
     client.upload()
-    client.list()
+    client.ask_for_list()
     client.ask(STEPS)
 
 
@@ -162,7 +162,7 @@ def acknowledge_twice(client: Client) -> None:
 
 def forget_to_acknowledge(client: Client) -> None:
     client.upload()
-    for seq in range(client.list()):
+    for seq in range(client.ask_for_list()):
         client.ask(seq)
     client.listen(2.0)
 
