@@ -124,6 +124,10 @@ class ParamTable:
         """Return the value of a parameter that the dialect has."""
         return self._values[name]
 
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self._names)
+
     def __setitem__(self, name: str, value: float) -> None:
         """Have another value from now on, as after a boot that lost one; unknown names are refused.
 
