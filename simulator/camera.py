@@ -107,13 +107,9 @@ class Gimbal:
 
 
 _RANGES = {
-    "roll_min": 0.0,
-    "roll_max": 0.0,
-    "pitch_min": DOWN_RAD,
-    "pitch_max": UP_RAD,
-    "yaw_min": -math.pi,
+    "roll_min": 0.0, "roll_max": 0.0, "pitch_min": DOWN_RAD, "pitch_max": UP_RAD, "yaw_min": -math.pi,
     "yaw_max": math.pi,
-}
+}  # fmt: skip
 
 
 def quaternion_from_euler(pitch_deg: float, yaw_deg: float) -> tuple[float, float, float, float]:
@@ -342,11 +338,6 @@ class Payload:
             return
         pitch_rad = math.atan2(region.up_m - self.body.up_m, math.hypot(east_m, north_m))
         self.gimbal.wanted, self.gimbal.from_north = (math.degrees(pitch_rad), math.degrees(bearing_rad)), True
-
-    def reboot(self) -> None:
-        """Forget what a restart of the autopilot forgets."""
-        self.every_m = 0.0
-        self.region = None
 
     # What comes out.
 

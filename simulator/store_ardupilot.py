@@ -1,10 +1,6 @@
 """ArduPilot's side of the mission protocol, measured on Copter 4.7-dev unless a line says otherwise.
 
-Those take effect at the last item of an upload.
-
-Measured on Copter 4.7-dev unless a line says otherwise.
-
-Measured on Copter 4.7-dev unless a line says otherwise.
+A mission changes item by item, a fence and rally points take effect at the last item of an upload.
 """
 
 from __future__ import annotations
@@ -330,9 +326,8 @@ class ArduPilotStore(ArduPilotList):
             one.forget_transfers()
 
     def _truncate(self, count: int) -> bool:
-        self._count = min(
-            self._count, count
-        )  # measured: 0 is accepted in AUTO too, and it flies on to its old waypoint
+        # Measured: 0 is accepted in AUTO too, and it flies on to its old waypoint.
+        self._count = min(self._count, count)
         return True
 
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:
