@@ -224,7 +224,6 @@ class VisibilityGraph:
         return ways
 
     def _find_blocked(self, places: Sequence[Place]) -> set[Place]:
-        """Return which places are in an obstacle."""
         every = list(dict.fromkeys(places))
         inside = self.is_inside(np.array(every).reshape(-1, 2))
         return {place for place, within in zip(every, inside.tolist(), strict=True) if within}

@@ -209,7 +209,6 @@ class Payload:
     boot_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Mount the cameras."""
         self.units = [CameraUnit(config) for config in self.vehicle.cameras]
         self.gimbal = Gimbal() if any(config.gimbal for config in self.vehicle.cameras) else None
         self._rng = random.Random(f"{self.vehicle.seed}:{self.vehicle.name}:cameras")
@@ -237,7 +236,6 @@ class Payload:
         return True
 
     def _point_gimbal(self, number: int, params: Sequence[float]) -> None:
-        """Do what an item says of where to look."""
         self.region = None
         if number == Item.DO_SET_ROI_LOCATION:
             self.region = self.home.place_of(int(params[4]), int(params[5]), params[6])
@@ -247,7 +245,6 @@ class Payload:
             self.gimbal.wanted, self.gimbal.from_north = (params[0], params[1]), bool(int(params[4]) & YAW_LOCK)
 
     def _command_camera(self, unit: CameraUnit, number: int, params: Sequence[float]) -> None:
-        """Have one camera do what an item for cameras says."""
         match number:
             case Item.VIDEO_START_CAPTURE:
                 unit.filming_s = self.now_s

@@ -356,7 +356,6 @@ class _Link(asyncio.DatagramProtocol):
         self._closed = asyncio.Event()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note the socket."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
 
@@ -383,7 +382,6 @@ class _Link(asyncio.DatagramProtocol):
                 self._transport.sendto(datagram, addr)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        """Note that the socket is closed."""
         self._closed.set()
 
     async def close(self) -> None:

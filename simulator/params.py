@@ -121,7 +121,6 @@ class ParamTable:
         """What it does not answer for, as a firmware that does not have it."""
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a parameter that the dialect has."""
         return self._values[name]
 
     def __setitem__(self, name: str, value: float) -> None:

@@ -361,7 +361,6 @@ class ArduPilotStore(ArduPilotList):
         return replace(step, texts=() if message.integer else self._recommend_int_messages(REQUEST_ADVICE))
 
     def _recommend_int_messages(self, text: str) -> tuple[tuple[int, str], ...]:
-        """Recommend the younger messages, once."""
         if text in self._advised:
             return ()
         self._advised.add(text)

@@ -243,7 +243,6 @@ def find_abandoned_segments(record: FlightRecord) -> list[tuple[SegmentRecord, s
 
 
 def _map_planned_vehicles(revisions: Iterable[PlanRevision], until_s: float) -> dict[int, str]:
-    """Return whose route each segment was on at a time."""
     planned: dict[int, str] = {}
     for revision in revisions:
         if revision.decided_s <= until_s:

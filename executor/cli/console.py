@@ -165,7 +165,6 @@ class TerminalConsole:
 
     @contextmanager
     def _show_question(self, question: str) -> Iterator[None]:
-        """Show a question for as long as it waits for its answer."""
         _drop_typed_input()
         self._asked = Text(f"{formatting.escape_controls(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
@@ -285,7 +284,6 @@ def _describe_last_place(at: PositionView) -> str:
 
 
 def _describe_other_control(hands: TakenView) -> str:
-    """Return what holds of a vehicle that is in other hands."""
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:

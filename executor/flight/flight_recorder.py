@@ -229,7 +229,6 @@ def _compute_digest(content: bytes) -> str:
 
 
 def _describe_error(error: Exception) -> str:
-    """Return in one line why a checkpoint is not used."""
     if isinstance(error, ValidationError):
         return format_first_error(error)
     return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
@@ -341,7 +340,6 @@ class FlightRecorder:
     """Shows and keeps what happens: lines for the operator, notes in the log, a plan file for each revision."""
 
     def __init__(self, seat: FlightSession, publication: Publication) -> None:
-        """Name the flight, and where else it is told of."""
         self._seat = seat
         self._publication = publication
         self._solve = seat.legacy.solve

@@ -210,7 +210,6 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
 
 
 def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.FlightRequest:
-    """Return the request to fly what a run directory describes."""
     mqtt = run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
     truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
@@ -317,7 +316,6 @@ def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) 
 
 
 def _read_preflight_record(run: Path) -> AskedVehicles:
-    """Return what was known before the flight, as vehicles.json has it."""
     with suppress(LogError):
         return read_vehicle_answers(run)
     return NOTHING_SAID

@@ -130,7 +130,6 @@ class UploadDialogue(DialogueMachine):
 
     @property
     def _is_asked(self) -> bool:
-        """Whether it has asked for one over this link."""
         return self.furthest >= 0
 
     @property
@@ -169,7 +168,6 @@ class UploadDialogue(DialogueMachine):
                 return self, ()
 
     def _expire(self, now_s: float) -> tuple[Self, Sent]:
-        """Repeat what may be repeated, or give up."""
         if not self._is_asked:
             left = self.moved and now_s - self.heard_s < self.silence_s - SAME_S
             if self.counts_sent >= COUNT_TRIES and not left:
@@ -405,7 +403,6 @@ class DownloadDialogue(DialogueMachine):
 
     @property
     def _open(self) -> str:
-        """What is asked for, in words."""
         if self.broke_off_at or self.count is None:
             return self.broke_off_at or "the count"
         return f"item {self.first + len(self.items)} of {self.count}"

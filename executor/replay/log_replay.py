@@ -406,7 +406,6 @@ class _Player:
         return setup.name
 
     def build_result(self) -> LogReplay:
-        """Return what was found, once the log has ended."""
         if self._clock.began_usec is not None:
             # What it said last is judged, too.
             self._next_s = min(self._next_s, self._now_s)
@@ -470,7 +469,6 @@ def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
 
 
 def _is_draining(vehicle: VehicleState) -> bool:
-    """Return whether more is used than usual."""
     known = vehicle.power.battery
     return max(known.drift.excess_pct, known.charge.drift.excess_pct) > RESTLESS_PCT
 
@@ -491,7 +489,6 @@ def _build_empty_scene(rules: ReplayRules) -> Scene:
 
 
 def _build_setup(rules: ReplayRules, system: int, dialect: Dialect, *, on_board: bool) -> VehicleSetup:
-    """Return what is known of a vehicle without its plan."""
     site = rules.site
     table = None if site is None else next((one for one in site.vehicle if one.sysid == system), None)
     timeout_s = rules.link_timeout_s if site is None else site_model.link_timeout_s(site, dialect)

@@ -147,7 +147,6 @@ class _Watch:
         self._looked_s: float | None = None
 
     def update(self, state: FleetState, now_s: float) -> None:
-        """Look at everybody."""
         since_s = now_s if self._looked_s is None else self._looked_s
         self._looked_s = now_s
         for name, vehicle in state.vehicles.items():
@@ -159,7 +158,6 @@ class _Watch:
     def build_vehicle_replays(
         self, state: FleetState, began_unix_s: float, ended_s: float
     ) -> tuple[VehicleReplay, ...]:
-        """Return every vehicle as the replay of a log has it."""
 
         def usec(at_s: float) -> int:
             return round((began_unix_s + at_s) * 1e6)

@@ -137,7 +137,6 @@ class _VehicleAnswers:
 
     @property
     def is_unarmable(self) -> bool:
-        """Whether its own checks fail."""
         return self.status is not None and self.status.prearm_ok is False
 
     def find_missing(self) -> str:

@@ -179,7 +179,6 @@ def _read_vehicle_status(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Me
 
 
 def _find_mode_actor(vehicle: Px4State, t_usec: int, row: TopicRow, *, acts: bool) -> Actor:
-    """Return who chose a mode that has just changed."""
     if acts:
         return Actor.FAILSAFE
     if t_usec - vehicle.asked[0] <= ORDERED_USEC:
@@ -200,7 +199,6 @@ def _update_failsafe(vehicle: Px4State, *, acts: bool) -> Iterator[OwnFailsafe]:
 
 
 def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Messages:
-    """Note which flags are up."""
     up = {name: meaning for name, meaning in FAILED.items() if row.get(name, 0)}
     up |= {name: meaning for name, meaning in VALID.items() if name in row and not row[name]}
     if row.get("battery_warning", 0) >= CRITICAL:
@@ -469,7 +467,6 @@ _Turn = tuple[int, Callable[[Px4State, int, Any], Px4Messages], Any]
 
 
 def _repeat(_: Px4State, __: int, told: FlightMessage) -> Px4Messages:
-    """Return what is a message already."""
     return told
 
 

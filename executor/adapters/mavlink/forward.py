@@ -245,7 +245,6 @@ class StationPort(Router):
     """A port where other stations are: what comes goes to the forwarder."""
 
     def __init__(self, forwarder: Forwarder, codec: MavlinkCodec, connection: Connection) -> None:
-        """Make one for a connection."""
         super().__init__((), codec)
         self._forwarder, self._connection, self._lost = forwarder, connection, False
         self._way: Write | None = None
@@ -314,7 +313,6 @@ async def open_station_ports(
 
 
 async def _keep_opening(forwarder: Forwarder, connection: Connection, port: StationPort) -> None:
-    """Open a port that could not be opened, and keep it open."""
     while True:
         await asyncio.sleep(AGAIN_S)
         async with AsyncExitStack() as stack:

@@ -22,7 +22,6 @@ class BrokerAddress:
     tls: ssl.SSLContext | None = None
 
     def __str__(self) -> str:
-        """Return it as people write it."""
         return f"{self.host}:{self.port}"
 
 

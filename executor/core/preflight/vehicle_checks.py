@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from executor.core.battery import pack_condition, voltage
-from executor.core.battery.pack_condition import RECENT, PackCondition, PackState
+from executor.core.battery.pack_condition import RECENT, PackCondition
 from executor.core.battery.voltage import NO_FACTS, PackFacts
 from executor.core.context import Context, VehicleSetup
 from executor.core.formatting import format_count
@@ -510,12 +510,7 @@ def assess_pack_at_rest(setup: VehicleSetup, heard: PackReading) -> PackAtRest |
         return None
     known = pack_facts_from_parameters(heard.parameters).override_with(setup.pack)
     cells = heard.cells or known.cells or voltage.least_cell_count(heard.voltage_v)
-    at_rest = pack_condition.apply_pack_voltage(
-        PackState(known), heard.voltage_v, None, heard.remaining_pct, 0.0, idle=True
-    )
-    found = pack_condition.assess_pack(at_rest, cells, known, heard.remaining_pct, 0.0)
-    if found is None:
-        return None
+    found = pack_condition.assess_resting_pack(heard.voltage_v, cells, known, heard.remaining_pct)
     count = (checklist.CELLS if heard.cells or known.cells else checklist.CELLS_AT_LEAST).format(cells=cells)
     reads_volts = setup.dialect.rounds_twice and heard.parameters.get("BAT1_CAPACITY", -1.0) <= 0.0
     return PackAtRest(found, count, reads_volts)

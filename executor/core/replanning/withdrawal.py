@@ -91,7 +91,6 @@ def _find_left_segments(state: FleetState, vehicle: VehicleState) -> frozenset[i
 
 
 def _describe_reassignment(state: FleetState, name: str, left: frozenset[int]) -> str:
-    """Return what becomes of what a vehicle leaves; nothing where it leaves nothing."""
     if not left or state.progress.recalled:
         return ""
     others = any(
@@ -161,7 +160,6 @@ def _describe_mode(context: Context, vehicle: VehicleState) -> str:
 
 
 def _describe_new_controller(context: Context, vehicle: VehicleState) -> str:
-    """Return in words who has taken a vehicle, as far as anything says so."""
     if vehicle.assignment.carried.foreign_s is not None:
         return pilot.FOREIGN_MISSION.format(mission=vehicle.assignment.carried.words)
     by = attribute_mode_change(context.vehicles[vehicle.name], vehicle).by

@@ -231,7 +231,6 @@ def _end_legs(state: VehicleState, waypoint: int, goes_to: int, now_s: float, st
 
 
 def _learn_from_leg(state: VehicleState, leg: FlownLeg, start: LearnedFactors) -> LearnedFactors | None:
-    """Return what is known of a vehicle after a leg."""
     known, began, ended = state.assignment.learned, leg.began, leg.ended
     if began is None or ended is None or not _is_undisturbed(state, began.at_s):
         return known

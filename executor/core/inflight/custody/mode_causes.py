@@ -384,7 +384,6 @@ def _is_mission_end(context: Scene, before: VehicleState, vehicle: VehicleState,
 def _is_explained_by_failsafe(
     context: Scene, absences: Sequence[GroundStationAbsence], vehicle: VehicleState, now_s: float
 ) -> bool:
-    """Return whether a failsafe explains a mode that a failsafe can lead to."""
     if not is_home_mode(context.vehicles[vehicle.name].dialect, vehicle.mode) and not _is_holding(context, vehicle):
         return False
     text, said_s = vehicle.telemetry.alarm

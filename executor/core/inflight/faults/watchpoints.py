@@ -304,7 +304,6 @@ def check_grounded_on_mission(view: WatchView) -> Finding:
 
 
 def _is_taking_off_or_landing(view: WatchView) -> bool:
-    """Return whether it takes off or lands as its mission has it."""
     leg, item = view.state.leg, item_of(view.state.own, view.state.own.leads_to)
     if leg is not None and leg.phase in {Phase.TAKEOFF, Phase.LAND}:
         return True
