@@ -21,21 +21,13 @@ LATE_SLOWDOWN_M = 22.5
 NEVER_SLOWS_M = 2 * LATE_SLOWDOWN_M
 """On a leg this short the slow-down never comes: 40 m took 9.6 s."""
 NAMES = {
-    Command.NAV_WAYPOINT: "WP",
-    Command.NAV_RETURN_TO_LAUNCH: "RTL",
-    Command.NAV_LAND: "Land",
-    Command.NAV_TAKEOFF: "Takeoff",
-    Command.DO_CHANGE_SPEED: "ChangeSpeed",
-    Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
-    Command.DO_SET_ROI_LOCATION: "SetROILocation",
-    Command.DO_SET_ROI_NONE: "SetROINone",
-    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst",
-    Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
-    Command.IMAGE_START_CAPTURE: "ImageStartCapture",
-    Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
-    Command.VIDEO_START_CAPTURE: "VideoStartCapture",
-    Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
-}
+    Command.NAV_WAYPOINT: "WP", Command.NAV_RETURN_TO_LAUNCH: "RTL", Command.NAV_LAND: "Land",
+    Command.NAV_TAKEOFF: "Takeoff", Command.DO_CHANGE_SPEED: "ChangeSpeed", Command.DO_DIGICAM_CONTROL: "DigiCamCtrl",
+    Command.DO_SET_ROI_LOCATION: "SetROILocation", Command.DO_SET_ROI_NONE: "SetROINone",
+    Command.DO_SET_CAM_TRIGG_DIST: "SetCamTriggDst", Command.DO_GIMBAL_MANAGER_PITCHYAW: "GimbalPitchYaw",
+    Command.IMAGE_START_CAPTURE: "ImageStartCapture", Command.IMAGE_STOP_CAPTURE: "ImageStopCapture",
+    Command.VIDEO_START_CAPTURE: "VideoStartCapture", Command.VIDEO_STOP_CAPTURE: "VideoStopCapture",
+}  # fmt: skip
 PASS_S = 0.4
 """A corner is passed this long before it is reached. Recorded: 0 to 0.5 m before it at 1 m/s, 1.3 to 2.3 m at 5 m/s."""
 SETTLES_S = 0.4

@@ -128,29 +128,17 @@ CHANNELS = 14
 DO_SET_MODE, ACCEPTED = 176, frozenset({0, 5})
 ITEM = "CTot CNum CId Prm1 Prm2 Prm3 Prm4 Lat Lng Alt Frame"
 WANTED: Mapping[str, WantedColumns] = {
-    name: WantedColumns(frozenset(columns.split()), every_usec)
-    for name, columns, every_usec in (
-        ("MODE", "Mode ModeNum Rsn", 0),
-        ("ARM", "ArmState Method", 0),
-        ("EV", "Id", 0),
-        ("ERR", "Subsys ECode", 0),
+    name: WantedColumns(frozenset(columns.split()), every_usec) for name, columns, every_usec in (
+        ("MODE", "Mode ModeNum Rsn", 0), ("ARM", "ArmState Method", 0), ("EV", "Id", 0), ("ERR", "Subsys ECode", 0),
         ("RCIN", "C1 C2 C3 C4 C5 C6 C7 C8 C9 C10 C11 C12 C13 C14", 90_000),
-        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000),
-        ("CURR", "Inst Volt Curr CurrTot", 450_000),
+        ("BAT", "Inst Instance Volt Curr CurrTot RemPct", 450_000), ("CURR", "Inst Volt Curr CurrTot", 450_000),
         ("POS", "Lat Lng Alt RelHomeAlt RelAlt", 950_000),
-        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000),
-        ("XKF1", "C VN VE VD", 450_000),
-        ("NKF1", "VN VE VD", 450_000),
-        ("EKF1", "VN VE VD", 450_000),
-        ("ATT", "Roll Pitch", 190_000),
-        ("CTUN", "ThO ThrOut Alt DAlt", 950_000),
-        ("MSG", "Message", 0),
-        ("MISE", ITEM, 0),
-        ("CMD", ITEM, 0),
-        ("MAVC", "Cmd P2 SS Res", 0),
-        ("PARM", "Name Value", 0),
+        ("GPS", "I Status NSats Lat Lng Alt RelAlt Spd GCrs VZ TimeMS Time", 950_000), ("XKF1", "C VN VE VD", 450_000),
+        ("NKF1", "VN VE VD", 450_000), ("EKF1", "VN VE VD", 450_000), ("ATT", "Roll Pitch", 190_000),
+        ("CTUN", "ThO ThrOut Alt DAlt", 950_000), ("MSG", "Message", 0), ("MISE", ITEM, 0), ("CMD", ITEM, 0),
+        ("MAVC", "Cmd P2 SS Res", 0), ("PARM", "Name Value", 0),
     )
-}
+}  # fmt: skip
 """What is read of which record, and how often."""
 _MODE_NUMBERS = {mode_name(ARDUPILOT, number).replace("_", "").upper(): number for number in range(29)} | {
     "AUTO": 3,

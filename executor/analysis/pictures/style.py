@@ -11,26 +11,15 @@ Dashes = tuple[float, tuple[float, ...]]
 """Matplotlib's offset and on-off lengths, in units of the line's width."""
 
 COLOURS = (
-    "#1f3fa8",  # blue, lightness 31
-    "#e8a010",  # orange, 71
-    "#00806b",  # teal, 48
-    "#cc6fb0",  # pink, 59
-    "#38104c",  # dark purple, 14
-    "#8fd3f2",  # sky, 81
-    "#8a4a1c",  # brown, 38
-    "#a3a300",  # olive, 65
-)
+    "#1f3fa8",  # blue, lightness 31 "#e8a010",  # orange, 71 "#00806b",  # teal, 48 "#cc6fb0",  # pink, 59
+    "#38104c",  # dark purple, 14 "#8fd3f2",  # sky, 81 "#8a4a1c",  # brown, 38 "#a3a300",  # olive, 65
+)  # fmt: skip
 """In CIE lightness at least 5 apart, those that come first the farthest; no red: that is the loss's."""
 MARKERS = ("o", "^", "s", "D", "v", "P", "h")
 DASHES: tuple[Dashes, ...] = (
-    (0, (4.0, 1.6)),
-    (0, (1.6, 1.2)),
-    (0, (7.0, 1.6, 1.4, 1.6)),
-    (0, (7.0, 3.0)),
-    (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
-    (0, (10.0, 2.0)),
-    (0, (2.6, 2.6)),
-)
+    (0, (4.0, 1.6)), (0, (1.6, 1.2)), (0, (7.0, 1.6, 1.4, 1.6)), (0, (7.0, 3.0)), (0, (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
+    (0, (10.0, 2.0)), (0, (2.6, 2.6)),
+)  # fmt: skip
 """As many as markers, and no common divisor with the number of colours: 56 vehicles are told apart."""
 
 LOSS = "#c81414"
