@@ -156,7 +156,7 @@ class TerminalConsole:
         with self._show_question(question):
             loop.add_reader(sys.stdin.fileno(), typed)
             try:
-                return _is_yes(await line)
+                return (await line).strip().lower() in {"y", "yes"}
             except asyncio.CancelledError:
                 self._terminal.print()
                 raise
@@ -298,7 +298,3 @@ def _drop_typed_input() -> None:
 
         with suppress(termios.error):
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-
-
-def _is_yes(line: str) -> bool:
-    return line.strip().lower() in {"y", "yes"}
