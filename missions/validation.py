@@ -75,7 +75,8 @@ def _to_array(lists: object) -> np.ndarray[Any, np.dtype[np.float64]]:
 
 def one_of(names: Iterable[str]) -> GetPydanticSchema:
     """Return what a text of a document may be: one of these."""
-    return GetPydanticSchema(lambda *_: core_schema.literal_schema(list(names)))
+    known = list(names)
+    return GetPydanticSchema(lambda *_: core_schema.literal_schema(known))
 
 
 def document_of(kind: type[object]) -> GetPydanticSchema:

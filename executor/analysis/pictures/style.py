@@ -11,9 +11,15 @@ Dashes = tuple[float, tuple[float, ...]]
 """Matplotlib's offset and on-off lengths, in units of the line's width."""
 
 COLOURS = (
-    "#1f3fa8",  # blue, lightness 31 "#e8a010",  # orange, 71 "#00806b",  # teal, 48 "#cc6fb0",  # pink, 59
-    "#38104c",  # dark purple, 14 "#8fd3f2",  # sky, 81 "#8a4a1c",  # brown, 38 "#a3a300",  # olive, 65
-)  # fmt: skip
+    "#1f3fa8",  # blue, lightness 31
+    "#e8a010",  # orange, 71
+    "#00806b",  # teal, 48
+    "#cc6fb0",  # pink, 59
+    "#38104c",  # dark purple, 14
+    "#8fd3f2",  # sky, 81
+    "#8a4a1c",  # brown, 38
+    "#a3a300",  # olive, 65
+)
 """In CIE lightness at least 5 apart, those that come first the farthest; no red: that is the loss's."""
 MARKERS = ("o", "^", "s", "D", "v", "P", "h")
 DASHES: tuple[Dashes, ...] = (
