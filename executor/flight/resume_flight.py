@@ -15,13 +15,7 @@ from executor import supervised
 from executor.adapters import eventlog
 from executor.adapters.clock import SystemClock
 from executor.adapters.run_directory import RunDirectory, lock_run_directory
-from executor.analysis.documents import (
-    AskedVehicles,
-    FlightReport,
-    read_flown_day_plan,
-    read_report,
-    read_vehicle_answers,
-)
+from executor.analysis import documents
 from executor.analysis.report import NOTHING_SAID, build_report
 from executor.core import fleet_step
 from executor.core.interface.commands import Command, Level, Say, Solve
@@ -185,12 +179,12 @@ def describe_interrupted_run(left: InterruptedRun) -> list[str]:
     return [*left.notes, f"left at {left.last_s:.0f} s with {done}: {', '.join(vehicles)}", *under_way]
 
 
-def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
+def finish_report(run: Path, left: InterruptedRun) -> documents.FlightReport | None:
     """Return the report of a flight that has ended; None if there is something left to supervise."""
     if not left.state.progress.finished:
         return None
     with suppress(LogError):
-        return read_report(run)
+        return documents.read_report(run)
     # It died between the end of the flight and its report.
     parameters = build_parameter_rows(PARAMETERS.read(run))
     report = build_report(
@@ -203,11 +197,11 @@ def finish_report(run: Path, left: InterruptedRun) -> FlightReport | None:
 
 def _build_request(run: Path, ground: SiteModel, plan: PlanFile) -> run_start.FlightRequest:
     mqtt = run_start.read_mqtt_settings(ground.site.mqtt, run, str(RunDirectory(run).site))
-    truths, day = partial(read_injected_faults, run), read_flown_day_plan(run)
+    truths, day = partial(read_injected_faults, run), documents.read_flown_day_plan(run)
     return run_start.FlightRequest(ground.site, run, ground, plan, run, truths, mqtt=mqtt, day=day)
 
 
-async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> FlightReport:
+async def start_unlaunched_run(request: run_start.FlightRequest, console: run_start.Console) -> documents.FlightReport:
     """Fly a flight that was never launched.
 
     Raises:
@@ -234,7 +228,7 @@ def describe_before_resume(run: Path, known: ResumePlan) -> list[str]:
     return [*known.found.notes, text]
 
 
-async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> FlightReport:
+async def resume_flight(run: Path, console: run_start.Console, told: Sequence[str] = ()) -> documents.FlightReport:
     """Supervise a flight again that was left in the midst, to its end.
 
     The links are opened first, and our heartbeat goes out: without it the vehicles' own failsafes act. The log is read
@@ -307,7 +301,7 @@ def _note_undone_command(log: eventlog.EventLog, command: Command, at_s: float) 
         log.note(at_s, command=eventlog.to_plain(command), carried_out=False)
 
 
-def _read_preflight_record(run: Path) -> AskedVehicles:
+def _read_preflight_record(run: Path) -> documents.AskedVehicles:
     with suppress(LogError):
-        return read_vehicle_answers(run)
+        return documents.read_vehicle_answers(run)
     return NOTHING_SAID

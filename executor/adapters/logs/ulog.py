@@ -19,13 +19,7 @@ from typing import Any, TypeAlias
 from pyulog import ULog
 
 from executor.core import formatting
-from executor.core.interface import messages
-from executor.core.interface.recorded_log import (
-    MODE_COMMANDS,
-    Record,
-    RecordedFile,
-    is_wanted_setting,
-)
+from executor.core.interface import messages, recorded_log
 from executor.core.telemetry.mode_evidence import ARGUMENT_BYTES, parse_px4_event
 from executor.core.telemetry.plausibility import filter_implausible
 from executor.errors import LogError
@@ -196,7 +190,7 @@ def _read_failsafe_flags(vehicle: Px4State, _: int, row: TopicRow) -> Px4Message
 
 def _read_vehicle_command(vehicle: Px4State, t_usec: int, row: TopicRow) -> Px4Messages:
     command = int(row["command"])
-    if command not in MODE_COMMANDS:
+    if command not in recorded_log.MODE_COMMANDS:
         return None
     if not row.get("from_external", 1):
         vehicle.asked = (t_usec, messages.Actor.MISSION)  # the navigator flies an item: a return, a landing
@@ -398,10 +392,10 @@ TOPICS: Mapping[str, TopicReader] = {
 
 
 @dataclass(slots=True)
-class UlogFile(RecordedFile):
+class UlogFile(recorded_log.RecordedFile):
     """A .ulg being read."""
 
-    def read_records(self) -> Iterator[Record]:
+    def read_records(self) -> Iterator[recorded_log.Record]:
         """Yield what the log says, in the order of its time.
 
         Raises:
@@ -481,5 +475,5 @@ def _read_settings(log: ULog, began_usec: int) -> Iterator[_Turn]:
     told = [(began_usec, *one) for one in log.initial_parameters.items()]
     told += [(int(t_usec), name, value) for t_usec, name, value in log.changed_parameters]
     for t_usec, name, value in sorted(told, key=lambda one: one[0]):
-        if is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
+        if recorded_log.is_wanted_setting(name) and _is_near(t_usec, began_usec) and math.isfinite(value):
             yield t_usec, _repeat, messages.VehicleSetting(name, float(value))
