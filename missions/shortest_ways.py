@@ -244,7 +244,6 @@ class VisibilityGraph:
         return np.array([way_m is None for way_m in ways], dtype=np.bool_)
 
     def _add_visibility_from(self, places: Sequence[Place]) -> None:
-        """Find out which nodes are seen from places outside, and remember it."""
         if len(self._seen) > REMEMBERED:
             self._seen.clear()
             self._reached.clear()

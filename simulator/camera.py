@@ -356,7 +356,6 @@ class Payload:
         self._said.append(ComponentMessage(unit.config.id, message))
 
     def _trigger(self) -> None:
-        """Let the autopilot trigger all that it triggers."""
         number, self._triggers = self._triggers, self._triggers + 1
         usec = round((self.now_s - self.boot_s) * 1e6)
         taken = [(unit, self._take_picture(unit)) for unit in self.units]
@@ -407,7 +406,6 @@ class Payload:
         return True
 
     def _look_angles_deg(self, unit: CameraUnit) -> tuple[float, float]:
-        """Return the pitch from the horizon and the bearing of a camera's look."""
         yaw_deg = math.degrees(self.body.yaw_rad)
         if unit.config.gimbal and self.gimbal is not None:
             return self.gimbal.pitch_deg, (yaw_deg + self.gimbal.yaw_deg) % 360
@@ -461,7 +459,6 @@ def format_picture_name(number: int) -> str:
 
 
 def _to_padded_bytes(text: str, length: int) -> list[int]:
-    """Return a text as an array of bytes, filled up with zeros."""
     return list(text.encode()[: length - 1].ljust(length, b"\0"))
 
 

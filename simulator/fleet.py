@@ -350,7 +350,6 @@ class _Link(asyncio.DatagramProtocol):
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
-        """Hear a ground station, and answer at once."""
         self._heard_s[addr] = time.monotonic()
         self.vehicle.receive(data, self._number)
         self.flush()
@@ -375,7 +374,6 @@ class _Link(asyncio.DatagramProtocol):
         self._closed.set()
 
     async def close(self) -> None:
-        """Close the socket, and wait until it is."""
         if self._transport is not None:
             self._transport.close()
             await self._closed.wait()

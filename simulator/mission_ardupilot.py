@@ -205,7 +205,6 @@ class ArduPilotMission:
         return max(self.index, 1)
 
     def _find_nav_seq(self, seq: int) -> int | None:
-        """Return the first item from ``seq`` that moves the vehicle."""
         while (item := self._store.item_at(seq)) is not None:
             if item.command not in DONE_IN_PASSING:
                 return seq
@@ -213,7 +212,6 @@ class ArduPilotMission:
         return None
 
     def _start(self, seq: int, *, restarted: bool = False) -> None:
-        """Execute the DO items from ``seq`` and fly the next that moves."""
         self._state = MissionState.ACTIVE
         self._paused = self._nothing_left = False
         seq = self._execute_do_items(seq)

@@ -33,7 +33,6 @@ class Param:
 
 
 def _build_table(**values: Mapping[str, float]) -> dict[str, Param]:
-    """Return defaults from their values by kind."""
     return {name: Param(value, ParamKind[kind.upper()]) for kind, own in values.items() for name, value in own.items()}
 
 

@@ -406,7 +406,6 @@ class Px4(Autopilot):
                 self._shapes = (*self._shapes, shape)
 
     def _find_item_outside_fence(self) -> int | None:
-        """Return the first item of the mission that its check against the fence refuses."""
         if int(self.params["GF_ACTION"]) == 0:
             return None
         here = self.frame.body.place

@@ -155,7 +155,6 @@ class ArduPilotList:
         return self._comment(message, StoreStep() if stalled else self._request_next_item(upload, now_s))
 
     def _comment(self, message: ItemReceived, step: StoreStep) -> StoreStep:  # noqa: ARG002 - nothing to say
-        """Return what an item that was taken leads to, with what is said of it."""
         return step
 
     def _refuse_item(self, message: ItemReceived) -> MissionResult | None:

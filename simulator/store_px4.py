@@ -301,5 +301,4 @@ def _build_critical_text(text: str) -> tuple[tuple[int, str], ...]:
 
 
 def _reject_with_text(text: str) -> StoreStep:
-    """Say no to everybody, in words alone."""
     return StoreStep(texts=_build_critical_text(text))

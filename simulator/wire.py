@@ -162,7 +162,6 @@ class Codec:
         return received
 
     def _append_extension_fields(self, packed: dialect.MAVLink_message, tail: bytes) -> bytes:
-        """Return the frame with fields behind those that pymavlink knows."""
         payload = bytes(packed.get_payload()).ljust(struct.calcsize(packed.unpacker.format), b"\0") + tail
         payload = payload.rstrip(b"\0")
         number, signing = packed.get_msgId(), self._packer.signing

@@ -413,7 +413,6 @@ def total_clock_step_s(path: Path, since: LogPlace | None = None) -> float:
 
 
 def _expect_format(path: Path, line: bytes) -> dict[str, Any]:
-    """Return the head of a log that this version can read."""
     try:
         head = json.loads(line.decode())
         known = head["format"]

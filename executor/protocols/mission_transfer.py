@@ -154,7 +154,6 @@ class UploadDialogue(DialogueMachine):
         return _announce_items(replace(self, counted_s=now_s, heard_s=now_s), now_s)
 
     def _take(self, message: messages.Message, now_s: float) -> tuple[Self, Sent]:
-        """Answer requests; end on an acknowledgement that is final."""
         match message:
             case messages.MissionRequest(seq, kind) if kind is self.kind and 0 <= seq < len(self.items):
                 return self._answer(seq, now_s)

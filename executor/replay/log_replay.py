@@ -454,7 +454,6 @@ def _began_s(found: Finding) -> float:
 
 
 def _is_calm(vehicle: VehicleState, at_s: float) -> bool:
-    """Return whether nothing is to be expected of a vehicle in the next moments."""
     if vehicle.stage in {Stage.LOST, Stage.GROUND, Stage.LANDED}:
         return True
     silent = vehicle.link.heard_s is not None and at_s - vehicle.link.heard_s > CALM_S

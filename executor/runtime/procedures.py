@@ -415,7 +415,6 @@ async def give_order(link: Link, clock: Clock, dialect: Dialect, order: Order) -
 
 
 async def _order_disarm(link: Link, clock: Clock, *, force: bool) -> ProcedureResult:
-    """Order the motors to stop, and see that the vehicle says so."""
     done = await send_order(link, clock, CommandDialogue(vehicle_commands.disarm(force=force), "disarm"))
     if not done.accepted:
         return done

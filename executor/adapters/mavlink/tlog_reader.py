@@ -308,7 +308,6 @@ class TelemetryFile(RecordedFile):
         return lane
 
     def _read_frame(self, kind: WantedKind, frame: bytes, stamp: int, lane: _MessageStream) -> Iterator[Record]:
-        """Yield what a frame says that is wanted now."""
         source, lane.newest_usec = lane.source, stamp
         frames = self._parser.feed(frame)
         if not frames:

@@ -93,7 +93,6 @@ def _mode_delay_s(vehicle: VehicleState) -> float:
 
 
 def _match_record(known: ModeEvidence, at_s: float, mode: int) -> Attribution | None:
-    """Return what the autopilot's own record of a change of mode says."""
     recorded, recorded_s = known.recorded
     if recorded is None or recorded.custom_mode not in {None, mode} or abs(recorded_s - at_s) > RECORDED_S:
         return None
