@@ -24,7 +24,7 @@ from simulator.messages import (
     Peer,
     Severity,
 )
-from simulator.mission_file import Board, FilePart, MissionFileServer
+from simulator.mission_file import FilePart, MissionFileServer
 from simulator.mission_store import (
     StoreStep,
     Transfer,
@@ -289,8 +289,8 @@ class ArduPilotStore(ArduPilotList):
         def put(part: FilePart) -> None:
             changed.append(self._put_part(part, locked=locked))
 
-        board, refuses = Board(self.items, put), self.fault is not UploadFault.NONE
-        answer = self._files.handle(request, sender, now_s, board, refuses=refuses)
+        refuses = self.fault is not UploadFault.NONE
+        answer = self._files.handle(request, sender, now_s, self.items, put, refuses=refuses)
         step = changed[0] if changed else StoreStep()
         return replace(step, send=(answer,))
 
