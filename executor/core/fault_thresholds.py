@@ -1,7 +1,5 @@
 """The thresholds of the watchpoints, as values."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """The next sortie: what a flight left over, planned anew for vehicles with full batteries."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From a site's tables of areas, places, bases and cameras to what missions work with."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -3,8 +3,6 @@
 Written as GeoJSON it is read back to the same network, whatever file it came from.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

@@ -3,8 +3,6 @@
 A link is degraded before it is lost, a battery before it breaks the reserve. Warnings decide nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
