@@ -421,7 +421,6 @@ class Autopilot(ABC):
         """React to a person who moves the sticks: here they move nothing."""
 
     def _is_mission_locked(self) -> bool:
-        """Return whether the mission may not be cleared."""
         return False
 
     # One step.
