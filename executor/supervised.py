@@ -4,6 +4,8 @@ A mistake is handed to the event loop's own exception handler, where asyncio's c
 there that tells the crew in a line and keeps the traceback in a file.
 """
 
+from __future__ import annotations
+
 import asyncio
 import threading
 import traceback

@@ -7,6 +7,8 @@ The check that flights keep out has nothing to do with how their ways were found
 how far each place is from every outline, and whether the outline winds around it.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

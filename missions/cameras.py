@@ -4,6 +4,8 @@ Along a span a camera takes a picture every so many metres, triggered by the aut
 films. What a leg asks of a camera stands at its waypoint, so that it is a part of the mission like everything else.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

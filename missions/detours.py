@@ -4,6 +4,8 @@ Few moves of a network meet a column, but each of them costs its corners as well
 one route in four crosses the pads, and takes 3 % longer for it.
 """
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass

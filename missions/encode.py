@@ -7,6 +7,8 @@ CONDITION_DELAY and no region of interest (mavlink_mission.cpp). Delays are the 
 is for PX4 the heading of the waypoint and the pitch of the gimbal.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

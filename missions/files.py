@@ -1,5 +1,7 @@
 """Files that people wrote, or that were damaged on the way: whatever is in them, what is wrong is one line."""
 
+from __future__ import annotations
+
 import json
 import math
 import os

@@ -4,6 +4,8 @@ Arrays hold metres: places (m, d), legs (n, 2, d) from begin to end, with d = 2 
 without length is a place.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Sequence
 

@@ -1,5 +1,7 @@
 """How a line is inspected where the site says nothing else: heights, distances, speeds."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -3,6 +3,8 @@
 Only the frames and commands that faultline uses are named here; a test holds the numbers against pymavlink's.
 """
 
+from __future__ import annotations
+
 import struct
 import zlib
 from collections.abc import Iterable

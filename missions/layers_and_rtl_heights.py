@@ -1,5 +1,7 @@
 """The layers of a fleet: a height for every vehicle over every place, and the heights of their own returns."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum

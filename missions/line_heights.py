@@ -8,6 +8,8 @@ pylons: one pylon without a height would put the others' flights 15 m over the d
 Where a raster knows the ground, it gives the pylons' ground that the file does not say, and contradicts what is wrong.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

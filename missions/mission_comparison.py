@@ -1,5 +1,7 @@
 """Sent items against read-back ones, allowing what each autopilot is known to rewrite."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 

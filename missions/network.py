@@ -1,5 +1,7 @@
 """The power line: pylons, and the segments between adjacent ones, checked once so that nobody has to check again."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

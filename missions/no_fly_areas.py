@@ -5,6 +5,8 @@ the ground, is in the area. Outlines are made fit to be flown around: cut to wha
 that cross themselves.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Sequence

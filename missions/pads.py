@@ -1,5 +1,7 @@
 """Where vehicles start and land, and the way around the columns of air above those places."""
 
+from __future__ import annotations
+
 import heapq
 import math
 from collections.abc import Mapping, Sequence

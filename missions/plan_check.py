@@ -1,5 +1,7 @@
 """The check of a plan file: every figure of it again, from its own content."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Sequence
 

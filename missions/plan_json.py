@@ -4,6 +4,8 @@ Figures are written as Python prints a float, so reading a file gives back exact
 are read as well (``plan_json_v1``).
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterator
 from dataclasses import replace

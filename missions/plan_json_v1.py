@@ -1,5 +1,7 @@
 """Plan files of version 1, of a single flight and of days, as version 2 has them."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable, Mapping
 from typing import Any

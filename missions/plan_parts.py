@@ -1,5 +1,7 @@
 """What a plan file is made of, key by key: vehicles, routes, segments, bases."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 

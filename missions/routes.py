@@ -5,6 +5,8 @@ comes next. A re-plan in flight relies on it, for it sends a list with the same 
 current index stays what it was.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence

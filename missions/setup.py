@@ -3,6 +3,8 @@
 Heights keep any two vehicles apart, whatever each of them does; the check that a set of paths does so is here, too.
 """
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,7 @@
 """What ArduPilot makes of a mission item as it stores it, and so what comes back."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

@@ -13,6 +13,8 @@ a transit is no straight leg: over a ridge it costs its climb. For prices the su
 files keep, at a few places along each way.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

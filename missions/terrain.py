@@ -9,6 +9,8 @@ of places that were transformed once, a kilometre apart, between which rows and 
 of a metre.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 from collections.abc import Callable, Iterable

@@ -1,5 +1,7 @@
 """What a model says of a document that does not fit it, in one line: the key, and what was expected there."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterable
 from typing import Annotated, Any

@@ -6,6 +6,8 @@ vehicle comes down to them from its layer as `asked` allows. Nobody is below the
 there: a way between two viewpoints that would be leads up to the surface, over the line and down again.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,5 +1,7 @@
 """A route as the places that a vehicle flies through: the seam between planning and MAVLink."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import Enum
 

@@ -1,5 +1,7 @@
 """The vehicle without its brain: it flies goals, uses its battery, takes off, lands, falls and breaks."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """ArduPilot Copter 4.7-dev as measured: modes, arming, failsafes, what it reports."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from enum import IntEnum

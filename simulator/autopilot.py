@@ -4,6 +4,8 @@ A vehicle is advanced in fixed steps of its own time, and everything it does fol
 wall clock and no chance: ``advance`` and ``receive`` go in, ``voice.drain()`` and ``frame.drain_events()`` come out.
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence

@@ -4,6 +4,8 @@ Charge, consumed charge and current are one thing here: percent = 100 - 100 * mA
 in a coulomb counter, and the percent a second are exactly the energy model's times wind, wear and fault.
 """
 
+from __future__ import annotations
+
 from functools import lru_cache
 
 import numpy as np

@@ -6,6 +6,8 @@ A camera with a component id from 7 on speaks for itself by the camera protocol 
 says nothing, and the autopilot reports each trigger: ArduPilot by CAMERA_FEEDBACK, PX4 by CAMERA_TRIGGER.
 """
 
+from __future__ import annotations
+
 import math
 import random
 from collections.abc import Sequence

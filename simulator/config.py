@@ -1,5 +1,7 @@
 """What to simulate: vehicles, their link, their battery, the speed of time, and the faults that are ordered."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """The faults that can be ordered of simulated vehicles: their kinds, how they are written, when they are due."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """Simulated vehicles as the world sees them, and a fleet of them on UDP in one event loop, at any speed of time."""
 
+from __future__ import annotations
+
 import asyncio
 import heapq
 import math

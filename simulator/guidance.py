@@ -4,6 +4,8 @@ A goal says where to go; ``wish`` turns it into a velocity and ``finished`` says
 the rest. A ``GoalFollower`` flies a queue of goals.
 """
 
+from __future__ import annotations
+
 import math
 from collections import deque
 from collections.abc import Iterable

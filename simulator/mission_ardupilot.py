@@ -1,5 +1,7 @@
 """How ArduPilot flies a mission in AUTO, with the habits that were measured on Copter 4.7-dev."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -4,6 +4,8 @@ Measured on Copter 4.7-dev: a file that is closed without its header changes not
 at once, and restarts the leg once; what stands behind it stays.
 """
 
+from __future__ import annotations
+
 import struct
 import zlib
 from collections.abc import Callable, Sequence

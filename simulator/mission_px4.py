@@ -1,5 +1,7 @@
 """How PX4 flies a mission in AUTO.MISSION, with the habits that were measured on v1.17.0."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from enum import Enum

@@ -1,5 +1,7 @@
 """What both autopilots share of missions: their side of the protocol, where items are, what a fence means."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

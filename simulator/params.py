@@ -1,5 +1,7 @@
 """Autopilot parameters: the names and defaults that ground stations ask for, and how each dialect sends them."""
 
+from __future__ import annotations
+
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

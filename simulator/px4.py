@@ -1,5 +1,7 @@
 """PX4 v1.17.0 as measured: modes, arming, failsafes, what it reports."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from enum import IntEnum

@@ -5,6 +5,8 @@ fit, sends packets in its turn on the air, and hands out on the other serial lin
 published of each radio; where a figure follows from others, the row says so.
 """
 
+from __future__ import annotations
+
 import heapq
 import random
 from collections import deque

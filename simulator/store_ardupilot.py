@@ -3,6 +3,8 @@
 A mission changes item by item, a fence and rally points take effect at the last item of an upload.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """What really happened to the simulated vehicles: the yardstick for what the ground station believed."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -4,6 +4,8 @@ pymavlink is a codec here; its connections are not used. None of its dialects ha
 gained since (MISSION_CURRENT.mission_id, MISSION_ACK.opaque_id, MISSION_COUNT.opaque_id), so they are appended here.
 """
 
+from __future__ import annotations
+
 import hashlib
 import math
 import struct

@@ -1,5 +1,7 @@
 """Files too long to hold, piece by piece."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import TypeVar

@@ -4,6 +4,8 @@ A steady clock is there to decide, UTC only to label. What a fleet says is taken
 nothing else waits for all of it.
 """
 
+from __future__ import annotations
+
 import asyncio
 import os
 import selectors

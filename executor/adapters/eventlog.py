@@ -5,6 +5,8 @@ is an object with its class name under ``kind``, a tuple is a list. The end of a
 ten hours is larger than anybody can wait for.
 """
 
+from __future__ import annotations
+
 import asyncio
 import dataclasses
 import hashlib

@@ -3,6 +3,8 @@
 Who needs one asks here before the work, and imports it only then: an installation without it does all the rest.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from enum import Enum
 from importlib.util import find_spec

@@ -1,5 +1,7 @@
 """An intent as JSON, from whichever side it comes."""
 
+from __future__ import annotations
+
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, model_validator

@@ -1,5 +1,7 @@
 """The planner in a process of its own: compiled before anything flies, with a deadline, and to be cancelled."""
 
+from __future__ import annotations
+
 import asyncio
 import logging
 import multiprocessing

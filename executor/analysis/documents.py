@@ -3,6 +3,8 @@
 All times are seconds since the order to take off.
 """
 
+from __future__ import annotations
+
 from operator import not_
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,5 +1,7 @@
 """What a flight was, as plain data, read from its run directory. All times are seconds since the launch."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate

@@ -1,5 +1,7 @@
 """What a flight came to, as report.json says it, planned beside flown. All times are seconds since the launch."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby

@@ -3,6 +3,8 @@
 It needs no network, no script and no other file: the pictures are inside.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 from functools import partial

@@ -1,5 +1,7 @@
 """All commands as one: what `faultline` understands. A command's module is imported only once the command is called."""
 
+from __future__ import annotations
+
 import ast
 from collections.abc import Mapping
 from importlib.util import find_spec

@@ -1,5 +1,7 @@
 """The operator's view in a terminal: a live table, and one line for each decision with its reason."""
 
+from __future__ import annotations
+
 import asyncio
 import sys
 import threading

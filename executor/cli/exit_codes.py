@@ -1,5 +1,7 @@
 """The exit codes of `faultline`, and which error is which."""
 
+from __future__ import annotations
+
 import signal
 
 DONE = 0

@@ -1,5 +1,7 @@
 """The command `export`: files for other ground stations, for Google Earth, for GIS programs and for handhelds."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime

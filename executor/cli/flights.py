@@ -1,5 +1,7 @@
 """The commands that fly, or simulate: demo, simulate, fly, day, preflight, resume, restore."""
 
+from __future__ import annotations
+
 import errno
 import sys
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """The command that finds the files of a flight's pictures."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path

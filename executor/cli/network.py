@@ -1,5 +1,7 @@
 """The commands that read a network's file: `network` shows what was understood of it, `init` begins a site with it."""
 
+from __future__ import annotations
+
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence

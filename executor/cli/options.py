@@ -1,5 +1,7 @@
 """Arguments and options that several commands share."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass, replace

@@ -1,5 +1,7 @@
 """What commands that plan have in common, for a flight and for the working days of `--day`."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields, replace

@@ -1,5 +1,7 @@
 """The commands about plans: plan, check, window, replan, risk."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial

@@ -1,5 +1,7 @@
 """The command that replays recorded flights."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,5 +1,7 @@
 """The thresholds of the watchpoints, as values."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 

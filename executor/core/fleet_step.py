@@ -4,6 +4,8 @@ Everything that is decided about the fleet passes through here. Faults are level
 events fed to `step` again gives the same commands.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType

@@ -3,6 +3,8 @@
 Everything is made of frozen dataclasses of numbers, words and tuples; `dataclasses.asdict` makes JSON of it.
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator

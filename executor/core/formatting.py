@@ -1,5 +1,7 @@
 """How times, positions and texts of others are shown: the same in the terminal, on the page, in the report."""
 
+from __future__ import annotations
+
 import shlex
 import unicodedata
 from collections.abc import Iterable, Sequence

@@ -5,6 +5,8 @@ vehicles. What it carries is read first: that shows that it answers, and an uplo
 board after all. It is read, too, before one is believed that says that it was given a mission, and not from here.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

@@ -19,6 +19,8 @@ Times and consumption do not count anything twice: the battery's model is driven
 energy is therefore the model's, times the pace (so much longer is the power drawn), times the factor.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 

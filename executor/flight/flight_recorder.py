@@ -7,6 +7,8 @@ is JSON, checked against the types of the state; a run directory may come from a
 is written beside the flight: nothing waits for it.
 """
 
+from __future__ import annotations
+
 import asyncio
 import hashlib
 import json

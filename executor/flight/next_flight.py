@@ -1,5 +1,7 @@
 """The next sortie: what a flight left over, planned anew for vehicles with full batteries."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,6 +3,8 @@
 Links are opened, kept up with our heartbeat, and used for several vehicles side by side.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager

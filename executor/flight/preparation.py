@@ -3,6 +3,8 @@
 First missions, parameters, fences and rally points are put on board; what was there before is on record first.
 """
 
+from __future__ import annotations
+
 import asyncio
 import shutil
 from collections.abc import Mapping

@@ -1,5 +1,7 @@
 """A flight taken up again from its run directory, after the ground station died, or on another computer."""
 
+from __future__ import annotations
+
 import asyncio
 import threading
 import time

@@ -1,5 +1,7 @@
 """What a flight begins with: what is flown, where the operator looks, and what its run directory keeps of that."""
 
+from __future__ import annotations
+
 import os
 import shutil
 import ssl

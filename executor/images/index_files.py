@@ -3,6 +3,8 @@
 As files it is images.csv, images.geojson, and images.sqlite, which the files of the cards are matched to.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 import json

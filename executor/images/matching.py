@@ -9,6 +9,8 @@ hours where it stands in another zone. At the right offset most of them fall tog
 as irregular as the line. Where files know their place, only pairs that are near each other count.
 """
 
+from __future__ import annotations
+
 import hashlib
 import io
 import math

@@ -13,6 +13,8 @@ That the close is acknowledged does not say that the file was taken. The checksu
 home position, which is the vehicle's own, is asked for beside it.
 """
 
+from __future__ import annotations
+
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Sequence

@@ -19,6 +19,8 @@ transfer that will be over soon. It is the reason if the question stays without 
 where a repeated question comes two items late, and without a word after 5 s: then the list is asked for anew.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import inf, isinf

@@ -5,6 +5,8 @@ On a link that loses, a silence says nothing: it counts only where a question th
 so often in a row that the link, by what it loses of questions that are answered, cannot be the reason.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 from typing import Self, TypeVar

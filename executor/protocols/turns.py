@@ -4,6 +4,8 @@ Side by side they would take the channel from each other, and all be late. One t
 waiting: its vehicle may be out of reach.
 """
 
+from __future__ import annotations
+
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,5 +1,7 @@
 """The commands that we give, as COMMAND_LONG, and the dialogue of one with its acknowledgement."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Self
 

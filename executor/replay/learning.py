@@ -6,6 +6,8 @@ counted. A figure's deviation is the scatter of its observations, by flights whe
 what current sensors are good for.
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence

@@ -3,6 +3,8 @@
 The log's own clock is the time: ticks come between its records as they come between messages in flight.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace

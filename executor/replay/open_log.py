@@ -1,5 +1,7 @@
 """Which reader a log needs, by its content."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

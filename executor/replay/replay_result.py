@@ -4,6 +4,8 @@ What its flights say of a vehicle's packs (sag, resistance and capacity) is kept
 further logs add to it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -4,6 +4,8 @@ The context is built anew from what the directory holds: the site, the first pla
 it stood. What the flight decided stands in the log beside the events, so the two are compared command by command.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Sequence
 from contextlib import suppress

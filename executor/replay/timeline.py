@@ -1,5 +1,7 @@
 """A replayed flight over time: battery with its band, voltage, link age, progress, and what was declared; its page."""
 
+from __future__ import annotations
+
 from pathlib import Path
 from textwrap import shorten
 

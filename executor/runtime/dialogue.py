@@ -5,6 +5,8 @@ every patience is spent. So a beat goes beside the dialogues, and of a beat that
 this program's own time-outs count in no other time.
 """
 
+from __future__ import annotations
+
 import asyncio
 import inspect
 from collections.abc import Callable, Coroutine, Iterable, Iterator

@@ -1,5 +1,7 @@
 """The flight loop: every event is written down, applied by `fleet_step.step`, and what was decided is carried out."""
 
+from __future__ import annotations
+
 import asyncio
 import itertools
 from collections import deque

@@ -1,5 +1,7 @@
 """What the crew is told when orders to a vehicle go over another of its links."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 
 from executor.core.interface.commands import Say

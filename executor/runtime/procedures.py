@@ -1,5 +1,7 @@
 """What is done with one vehicle, as sequences of dialogues: mission on board, start, return, parameters, streams."""
 
+from __future__ import annotations
+
 import asyncio
 import itertools
 import math

@@ -3,6 +3,8 @@
 After the ground station was away: who answers, what everybody carries, and which item everybody flies to.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress

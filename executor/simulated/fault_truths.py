@@ -1,5 +1,7 @@
 """What a simulated fleet notes beside a run: which fault was injected, and when it really happened."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from executor.adapters.clock import SystemClock

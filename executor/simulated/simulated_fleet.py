@@ -1,5 +1,7 @@
 """What is simulated: a site's fleet (`faultline simulate`), the cards of its cameras, the whole story of the demo."""
 
+from __future__ import annotations
+
 import asyncio
 import math
 import random

@@ -1,5 +1,7 @@
 """Days of many sorties: from a site's bases, hours and packs to a plan, and the plan as it is flown."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace

@@ -3,6 +3,8 @@
 `ground.json` holds all but the pictures beside it. The page is given the same files.
 """
 
+from __future__ import annotations
+
 import io
 import json
 import math

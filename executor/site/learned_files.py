@@ -1,5 +1,7 @@
 """packs.json and learned.json: what flights said of packs and taught about vehicles, for the next plan."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial

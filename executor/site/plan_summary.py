@@ -1,5 +1,7 @@
 """A plan of a flight or of days in words, for the crew to confirm: who flies what, what is left over, its heights."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 

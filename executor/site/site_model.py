@@ -1,5 +1,7 @@
 """From the site file's tables to what planner, missions and core work with."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace

@@ -1,5 +1,7 @@
 """From a site's tables of areas, places, bases and cameras to what missions work with."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

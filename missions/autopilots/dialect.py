@@ -3,6 +3,8 @@
 Parameters, values and meanings are those of ArduPilot's and PX4's own references.
 """
 
+from __future__ import annotations
+
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass

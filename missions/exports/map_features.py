@@ -4,6 +4,8 @@ Of a plan that is every vehicle's whole path with its heights, the line with the
 are those that missions are made of (`inspection_height.build_first_paths`): ways around pads, climbs and all.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -12,6 +12,8 @@ sea level, as crews and GIS programs use them, where the RFC has the ellipsoid: 
 Times of a track are `coordTimes`, as other programs that make GeoJSON of tracks call them.
 """
 
+from __future__ import annotations
+
 import json
 import re
 from functools import cache

@@ -5,6 +5,8 @@ with a home slot (ArduPilot) keeps its home on the way through both formats, and
 JSON null stands for NaN. Frames are written with their plain numbers (3 for 6, 0 for 5), which both formats use.
 """
 
+from __future__ import annotations
+
 import json
 import math
 from collections.abc import Sequence

@@ -3,6 +3,8 @@
 Written as GeoJSON it is read back to the same network, whatever file it came from.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator, Mapping

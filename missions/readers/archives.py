@@ -4,6 +4,8 @@ What bytes of names are: text of tables is UTF-8, UTF-16 or a code page of Windo
 shapefile says its own by its .cpg, or by a byte of its .dbf.
 """
 
+from __future__ import annotations
+
 import codecs
 import io
 import lzma

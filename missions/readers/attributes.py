@@ -6,6 +6,8 @@ tags in whatever format they come, and what utilities write instead. Cables, lin
 more, and what is no pole are never flown.
 """
 
+from __future__ import annotations
+
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence

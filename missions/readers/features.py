@@ -3,6 +3,8 @@
 Points are poles and lines are lines, if they are any by what their attributes say; positions become WGS 84.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Iterable, Sequence

@@ -15,6 +15,8 @@ or top no file says: it is kept with the pylon and never flown by. ``heights`` r
 and one whose ``elevation_m`` it contradicts.
 """
 
+from __future__ import annotations
+
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, replace
 

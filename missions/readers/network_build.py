@@ -4,6 +4,8 @@ A file with poles: lines are split where they pass a pole, and a pole is made on
 one. A file without: every position of a line is a pole, and spans that are longer than asked for are divided.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections import Counter

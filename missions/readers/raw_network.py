@@ -3,6 +3,8 @@
 And what of a file is wanted: layers, and lines by their attributes.
 """
 
+from __future__ import annotations
+
 import math
 import operator
 import re

@@ -3,6 +3,8 @@
 Decimal commas, thousands, degrees with minutes and seconds, units, and numbers of poles.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,6 +4,8 @@ Older firmware has fewer fields, other names and other units; what is not there 
 ModeReason.h, AP_Logger.h and AP_Arming.h, the same since Copter 3.3; others are unknown.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

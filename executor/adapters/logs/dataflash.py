@@ -6,6 +6,8 @@ whole file, keeps a list of every record and gives up at a damaged description, 
 pieces: only what is wanted is unpacked, of the rest the head alone is looked at.
 """
 
+from __future__ import annotations
+
 import re
 import struct
 from abc import ABC, abstractmethod

@@ -4,6 +4,8 @@ Only pymavlink's codec class is used: its connections block. Whatever a vehicle 
 so does what it cannot mean; of its components the autopilot alone speaks for it, and no text has what a terminal obeys.
 """
 
+from __future__ import annotations
+
 import math
 import re
 import struct

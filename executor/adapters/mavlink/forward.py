@@ -4,6 +4,8 @@ Their ports are endpoints like those of vehicles. What they send to a vehicle is
 is attributed to its station.
 """
 
+from __future__ import annotations
+
 import asyncio
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager

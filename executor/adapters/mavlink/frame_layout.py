@@ -5,6 +5,8 @@ the first 48 bits of a SHA-256 over the key and all that is before. Nothing is b
 is: not its time, and not that there is such a stream.
 """
 
+from __future__ import annotations
+
 import hashlib
 import hmac
 import struct

@@ -7,6 +7,8 @@ so that a slow link does not bring back the mode of a second ago. What is said o
 counts once. A mission is given and read over one link, the one on which it was announced.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection, Hashable, Mapping, Sequence
 from contextlib import asynccontextmanager

@@ -8,6 +8,8 @@ time is how many frames came since. At the rates that a flight asks for (about t
 are a few seconds.
 """
 
+from __future__ import annotations
+
 import math
 import struct
 from collections import deque

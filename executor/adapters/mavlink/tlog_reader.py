@@ -11,6 +11,8 @@ alike, apart by as much as the clock was set; after a silence of the link they a
 was held back has come.
 """
 
+from __future__ import annotations
+
 import math
 import struct
 from collections.abc import Generator, Iterator, Mapping, Sequence

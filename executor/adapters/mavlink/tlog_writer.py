@@ -3,6 +3,8 @@
 A log that has grown large, or that another process began, is left as it is: the next part has a number in its name.
 """
 
+from __future__ import annotations
+
 import itertools
 import struct
 from collections.abc import Callable

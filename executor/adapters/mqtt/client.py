@@ -5,6 +5,8 @@ and queues with a bound, as a broker may be away for the whole flight. Whatever 
 at all, happens here.
 """
 
+from __future__ import annotations
+
 import asyncio
 import logging
 from collections import deque

@@ -4,6 +4,8 @@ The habits are those of VDA 5050 where they fit: a header with `headerId`, `time
 the topic, the states of a connection. What a flight looks like is in the core's own words, as the page shows it.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal

@@ -1,5 +1,7 @@
 """Where a flight is published: the broker, and the names of all topics. docs/mqtt.md has the same in words."""
 
+from __future__ import annotations
+
 import ssl
 from dataclasses import dataclass, field
 from typing import Literal

@@ -1,5 +1,7 @@
 """Texts made from the templates beside this: pages, in which what comes from outside is escaped, and a site."""
 
+from __future__ import annotations
+
 from base64 import b64encode
 from enum import Enum
 from functools import cache

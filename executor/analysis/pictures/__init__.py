@@ -3,6 +3,8 @@
 Only matplotlib's objects are used, and each figure's own Agg canvas: no window, no state that threads share.
 """
 
+from __future__ import annotations
+
 from io import BytesIO
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Battery consumption over time: of a flight, planned and measured, and of a plan with the re-plans of its losses."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Plans as charts: trade-offs, the chance of finishing, who flies when on a day, and flights from the side."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

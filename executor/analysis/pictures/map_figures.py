@@ -1,5 +1,7 @@
 """The maps: of a network, of a plan, and of a flight beside the plan that it began with."""
 
+from __future__ import annotations
+
 import itertools
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,5 +1,7 @@
 """A sheet of maps: panels of one scale, what lies below them, where words go, a title and a legend."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

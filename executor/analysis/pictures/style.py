@@ -1,5 +1,7 @@
 """How a vehicle looks in every picture: told apart by hue, by lightness and by dash or marker, so also in grey."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure

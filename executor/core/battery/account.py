@@ -5,6 +5,8 @@ is a factor per vehicle (its pack, its load, the wind), which `kalman` learns wi
 consumed charge are watched apart: the one is what is left, the other is finer and comes from another sensor.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery import kalman

@@ -5,6 +5,8 @@ of both; it stands at its stop, wavers with the load and rises after it. What su
 is used, and the capacity that both seem to give says nothing.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 
 from executor.core.battery.cusum import Drift

@@ -4,6 +4,8 @@ It needs no window: a severe drain crosses the threshold in seconds, a mild one 
 report and does not go on - a percentage that was estimated anew - is set aside.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -10,6 +10,8 @@ are as small as flights of vehicles that differ from their models say (`faultlin
 by the account, which looks for what no wind explains.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -5,6 +5,8 @@ counts as the more that the chemistries allow, so that nobody flies less for a c
 names the chemistry leaves nothing open.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -5,6 +5,8 @@ ahead of them is open for the sorties of others. A kill switch shows in flight b
 ground nothing but its words tells it, and both autopilots refuse to arm as long as the switch is on.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from executor.core.context import Context

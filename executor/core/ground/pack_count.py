@@ -6,6 +6,8 @@ lost with its vehicle. A vehicle that is being turned around has its pack. The c
 in is flown, and what it counts is what is charged from then on.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """Vehicles on the ground that could take over work: offered to the crew, started by its word and never by silence."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -6,6 +6,8 @@ passes it is given its next sortie of the day, or a part of what is open where t
 soon as that is on board. What does not pass ends the crew's word, with one line; nobody starts by an older one.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from types import MappingProxyType

@@ -7,6 +7,8 @@ Flown is not seen: one that was flown waits for the words of its pictures; those
 is not shown then was flown but not seen, and is planned again like anything else that is open.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -3,6 +3,8 @@
 Each is a level, looked at on every tick while a vehicle moves along a span that asks for pictures.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import replace

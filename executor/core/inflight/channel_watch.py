@@ -5,6 +5,8 @@ long. What was raised too early waits twice as long the next time. Orders and mi
 the transmit buffer is full or a mission goes to somebody behind the radio, and such a time is no reason to thin.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from types import MappingProxyType
 

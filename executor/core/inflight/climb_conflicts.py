@@ -7,6 +7,8 @@ back, and a person who takes the vehicle finds nothing changed. Who cannot stop 
 way is told again until it is seen to be done.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -6,6 +6,8 @@ An autopilot that acts on an emergency of its own is left to that, and so is one
 descent must not become a flight.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from enum import Enum
 

@@ -1,5 +1,7 @@
 """Whether a vehicle on the ground has landed or is down, and what is said of it."""
 
+from __future__ import annotations
+
 import math
 
 from executor.core.battery import account

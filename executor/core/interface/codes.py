@@ -1,5 +1,7 @@
 """Codes beside the words, to branch on: how a dialogue ended badly, and what a line of the checklist is about."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Self

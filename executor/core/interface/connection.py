@@ -1,5 +1,7 @@
 """Connection strings: how a vehicle is reached, in the notation that MAVSDK takes too."""
 
+from __future__ import annotations
+
 import ipaddress
 import re
 from dataclasses import dataclass

@@ -3,6 +3,8 @@
 Each event is logged before it is applied; the log fed to `fleet_step.step` again gives the same commands.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import ClassVar
 

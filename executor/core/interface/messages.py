@@ -3,6 +3,8 @@
 Unknown is ``None``, never zero: both autopilots send -1, -100, 65535 or 0 for values that they do not have.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import Enum
 

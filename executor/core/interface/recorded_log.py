@@ -1,5 +1,7 @@
 """Recorded flights: what readers of logs yield, and what they could not use."""
 
+from __future__ import annotations
+
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator

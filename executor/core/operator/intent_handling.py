@@ -1,5 +1,7 @@
 """What becomes of an operator's intent: refused with its reason, or ordered, and answered by the vehicle itself."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType

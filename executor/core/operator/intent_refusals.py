@@ -1,5 +1,7 @@
 """When an operator's intent is refused: it would be unsafe, or there is nothing to do."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

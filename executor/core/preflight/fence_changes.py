@@ -1,5 +1,7 @@
 """What a flight changes of fences and rally points on board, and what speaks against it."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

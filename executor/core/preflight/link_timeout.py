@@ -1,5 +1,7 @@
 """The link time-out: how long a vehicle may be silent before it counts as lost."""
 
+from __future__ import annotations
+
 from executor.core.preflight.onboard_failsafes import LinkFailsafe
 from missions import Dialect
 

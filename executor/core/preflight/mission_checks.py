@@ -1,5 +1,7 @@
 """What the checklist, and the report, say of the missions: their heights, distances to the line, and areas."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,5 +1,7 @@
 """What a vehicle does by itself, read from its parameters and said in words."""
 
+from __future__ import annotations
+
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 

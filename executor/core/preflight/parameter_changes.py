@@ -1,5 +1,7 @@
 """What a flight changes on board and is to give back: the record, and the parameters that it proposes to set."""
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence

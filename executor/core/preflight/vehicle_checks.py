@@ -1,5 +1,7 @@
 """What must be true before anything moves: checks of what vehicles and their packs say, and why one does not arm."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

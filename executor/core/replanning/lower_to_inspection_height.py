@@ -10,6 +10,8 @@ before it. When everybody is down, who has enough left may take off for it, as f
 where the site says that nobody is asked.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Iterable, Iterator

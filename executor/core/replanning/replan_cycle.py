@@ -3,6 +3,8 @@
 Its answer is taken if it still fits; the missions are made, sent, and let go where they come too late.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable
 from dataclasses import replace

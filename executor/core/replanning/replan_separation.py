@@ -6,6 +6,8 @@ a lost vehicle must have left the line by its own failsafe, or one that returns 
 anything. Where a new mission crosses what a vehicle above it has on board still, it waits until that has its own.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """What a vehicle can offer to a re-plan: where it could begin, with what budget, in which hours, what it carries."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 

@@ -3,6 +3,8 @@
 One that is with its pilot, by mode switch, sticks or another ground station, is shown and waited for, not commanded.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from executor.core.context import Context

@@ -10,6 +10,8 @@ Anything that does not fit makes the whole time worth nothing, and the segments 
 gap in one vehicle's positions, for a silence of all, and for a flight that is taken up again.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace

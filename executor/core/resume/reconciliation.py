@@ -4,6 +4,8 @@ The log says what was decided; the vehicles say what they carry and where they a
 on board holds, as long as it is one of the missions that were decided.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

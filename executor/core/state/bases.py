@@ -4,6 +4,8 @@ Each vehicle has a pad of its own at every base where its sorties begin or end, 
 given twice. Its autopilot takes the pad where it is armed for its home: its heights count from there.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable
 from dataclasses import replace

@@ -5,6 +5,8 @@ where the receiver says nothing, its health in SYS_STATUS. GPS is lost only wher
 indoors has none to lose.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from executor.core.interface.messages import EstimatorStatus, Gps, SystemStatus

@@ -6,6 +6,8 @@ unknown. What was flown undisturbed tells of the vehicle: see `vehicle_learning`
 the figures behind every battery decision.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import replace

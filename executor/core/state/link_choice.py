@@ -5,6 +5,8 @@ orders move only to one that has been clearly better for a while, or is preferre
 mission over the link on which it was announced, so that every change costs an upload.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self

@@ -8,6 +8,8 @@ that go to and fro between two that each go on by themselves are those of two ve
 once, and what comes twice, over two radios of which one is late, is a copy.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -4,6 +4,8 @@ Both autopilots fly a straight line between two waypoints, up and down as well. 
 put on board from here; of a flight that somebody else planned it is that of the items which its log has.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

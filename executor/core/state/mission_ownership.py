@@ -9,6 +9,8 @@ A text is one packet, and anybody can send it: what it says is looked up on boar
 is put on board meanwhile.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass, replace
 

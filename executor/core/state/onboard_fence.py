@@ -4,6 +4,8 @@ A vehicle's fence holds the way of its mission and of its own RTL. A mission tha
 after a fence that covers the old and the new way, so that what is on board fits whatever comes between the two.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 from executor.core.context import Context

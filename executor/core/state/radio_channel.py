@@ -5,6 +5,8 @@ be asked of it. A weak one loses what it is given, as its signal is near the noi
 the crew has to move, or to turn an antenna. So a low signal is named first, and a loss only where there is room.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 

@@ -4,6 +4,8 @@ A position is by satellites, or reckoned by the autopilot since they were lost: 
 what it says may be hundreds of metres off within a minute.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from dataclasses import dataclass

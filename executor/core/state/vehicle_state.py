@@ -1,5 +1,7 @@
 """One vehicle as we know it: its stage, what is wrong with it, and the parts of what is known of it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum

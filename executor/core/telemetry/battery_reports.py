@@ -1,5 +1,7 @@
 """What a vehicle says of its batteries into what is made of it."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from executor.core.battery import account, pack_condition, voltage

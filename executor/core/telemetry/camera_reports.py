@@ -5,6 +5,8 @@ for this camera, it is sharp enough, and the camera points where it should. Numb
 that they are asked for again.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """One message of a vehicle into what is known of it: its place, its battery, its link, its inspections."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

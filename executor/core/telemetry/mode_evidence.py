@@ -9,6 +9,8 @@ known by its name, of which its number is a hash, whichever version sends it; ar
 zeros. Health checks are among them: those that a vehicle in the air has only when something fails, of the others none.
 """
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Mapping

@@ -4,6 +4,8 @@ A field that is outside of its range is unknown; where a message says nothing wi
 mark the unknown in many ways (INT32_MIN, 65535, -1, NaN), firmware has mistakes, and anybody may send anything.
 """
 
+from __future__ import annotations
+
 import math
 import sys
 from collections.abc import Mapping

@@ -4,6 +4,8 @@ Everything is in the event log. Of what is worth a line a part is shown in each 
 the rest is counted in one line.
 """
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 from enum import IntEnum

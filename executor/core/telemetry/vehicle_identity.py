@@ -4,6 +4,8 @@ Gimbals, cameras and computers on board share their vehicle's number, and some o
 an autopilot's: never armed, in no mode.
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -9,6 +9,8 @@ the mission's end or a landing explains is the vehicle's own; whatever is left i
 another ground station. In doubt it is a person's: then nothing is commanded.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Silence: of one vehicle, of all of them at once, and our own."""
 
+from __future__ import annotations
+
 from executor.core.context import Scene
 from executor.core.lines import link
 from executor.core.state.fleet_state import FleetState, GroundStationAbsence, Stepped

@@ -3,6 +3,8 @@
 A link is degraded before it is lost, a battery before it breaks the reserve. Warnings decide nothing.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

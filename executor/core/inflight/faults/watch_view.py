@@ -4,6 +4,8 @@ One stream may stop while the others come. What stops is said and asked for agai
 stays away.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass

@@ -7,6 +7,8 @@ A vehicle that loses thrust sinks slowly, in mission mode, and its autopilot may
 the height that is asked of it by its mission, and by its own autopilot.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import replace
