@@ -100,23 +100,13 @@ class _Line:
     """One of a vehicle's links: what is sent over it is numbered anew, and it may be bad by itself."""
 
     def __init__(self, vehicle: SimVehicle, number: int, components: frozenset[int], radio: Radio | None) -> None:
-        self.radio, self.codec = radio, _make_codec(vehicle, components)
-        self.components = {
-            one: Codec(vehicle.sysid, component=one, signing=vehicle.signing) for one in (*components, GIMBAL)
-        }
+        self.radio, signing, ardupilot = radio, vehicle.signing, vehicle.autopilot is AutopilotKind.ARDUPILOT
+        self.codec = Codec(vehicle.sysid, every_component=ardupilot, signing=signing, others=components)
+        self.components = {one: Codec(vehicle.sysid, component=one, signing=signing) for one in (*components, GIMBAL)}
         """Of cameras and the gimbal, which number their frames for themselves."""
         self.condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}" + (f":{number}" if number else ""))
         self.up, self.down = Channel(self.condition, rng), Channel(self.condition, rng)
-
-
-def _make_codec(vehicle: SimVehicle, components: frozenset[int]) -> Codec:
-    return Codec(
-        vehicle.sysid,
-        every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
-        signing=vehicle.signing,
-        others=components,
-    )
 
 
 class SimulatedVehicle:
@@ -375,12 +365,10 @@ class UdpLink(asyncio.DatagramProtocol):
         return host, port
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note the socket."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
-        """Hear a ground station, and answer at once."""
         self._heard_s[addr] = self._loop.time()
         self.receive(data)
 
@@ -410,11 +398,9 @@ class UdpLink(asyncio.DatagramProtocol):
                 self._loop.call_soon(hear, datagram)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
-        """Note that the socket is closed."""
         self._closed.set()
 
     async def close(self) -> None:
-        """Close the socket, and wait until it is."""
         if self._transport is not None:
             self._transport.close()
             await self._closed.wait()

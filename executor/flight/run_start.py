@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import tomli_w
 
+import missions
 from executor.adapters.clock import SystemClock
 from executor.adapters.mqtt.intent_intake import IntakeRules
 from executor.adapters.mqtt.topics import BrokerAddress, MqttTopics
@@ -35,16 +36,6 @@ from executor.site.learned_files import build_learned_document, read_learned
 from executor.site.mqtt_and_web_keys import MqttTable
 from executor.site.site_file import Site, read_secret, read_site
 from executor.site.site_planning import check_plan_belongs
-from missions import (
-    DayPlanFile,
-    FlightSetup,
-    Pad,
-    PlanFile,
-    apply_tunings,
-    dialect_for,
-    read_plan,
-    write_plan,
-)
 from missions.files import write_whole
 from missions.readers.elevation_rasters import write_kept_ground
 
@@ -165,7 +156,7 @@ class FlightRequest:
     base: Path
     """The folder that the site file's paths are relative to."""
     ground: site_model.SiteModel
-    plan: PlanFile
+    plan: missions.PlanFile
     """Over all of the ground's segments, for its vehicles."""
     run: Path
     truths: Callable[[SystemClock], Sequence[InjectedFault]]
@@ -174,7 +165,7 @@ class FlightRequest:
     """Where it is published."""
     below: GroundView | None = None
     """The ground around the line, where it is read already."""
-    day: DayPlanFile | None = None
+    day: missions.DayPlanFile | None = None
     """The day whose first sorties `plan` is; None for a single flight."""
     earlier: tuple[EarlierRow, ...] = ()
     """Flights whose rest is flown."""
@@ -209,9 +200,9 @@ def write_run_start(request: FlightRequest) -> None:
     write_whole(RunDirectory(request.run).site, tomli_w.dumps(content).encode())
     if request.ground.learned:
         build_learned_document(request.ground.learned, today()).write(RunDirectory(request.run).learned_before)
-    write_plan(RunDirectory(request.run).plan_path(0), request.plan)
+    missions.write_plan(RunDirectory(request.run).plan_path(0), request.plan)
     if request.day is not None:
-        write_plan(RunDirectory(request.run).day_plan, request.day)
+        missions.write_plan(RunDirectory(request.run).day_plan, request.day)
 
 
 def _keep_file(request: FlightRequest, table: dict[str, Any], key: str, name: str) -> None:
@@ -233,7 +224,7 @@ class RunStart:
     """A flight before its launch."""
 
     ground: site_model.SiteModel
-    plan: PlanFile
+    plan: missions.PlanFile
     context: Context
     state: FleetState
 
@@ -249,7 +240,7 @@ def read_run_start(run: Path) -> RunStart:
     return build_run_start(run, *read_site_and_plan(run))
 
 
-def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
+def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, missions.PlanFile]:
     """Return the site of a flight and its first plan.
 
     Raises:
@@ -259,18 +250,18 @@ def read_site_and_plan(run: Path) -> tuple[site_model.SiteModel, PlanFile]:
     kept = RunDirectory(run)
     learned = read_learned(kept.learned_before).known_by_name if kept.learned_before.exists() else {}
     ground = site_model.load_site_model(read_site(kept.site), run, learned)
-    plan = read_plan(kept.plan_path(0))
+    plan = missions.read_plan(kept.plan_path(0))
     check_plan_belongs(plan, ground, str(kept.plan_path(0)))
     return ground, plan
 
 
-def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> RunStart:
+def build_run_start(run: Path, ground: site_model.SiteModel, plan: missions.PlanFile) -> RunStart:
     """Return what a flight began with, as `read_run_start`."""
     answers = read_vehicle_answers(run)
     rows = {row.name: row for row in answers.vehicles}
     pads = _build_pads(rows, ground.names)
     setup = ground.setup if pads is None else replace(ground.setup, pads=tuple(pads))
-    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
+    dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     parameters = {name: row.parameters for name, row in rows.items() if name in dialects}
     own = {name: read_link_failsafe(dialects[name], known) for name, known in parameters.items()}
     day = read_flown_day_plan(run)
@@ -288,9 +279,9 @@ def build_run_start(run: Path, ground: site_model.SiteModel, plan: PlanFile) -> 
 
 def build_context_and_boards(
     ground: site_model.SiteModel,
-    setup: FlightSetup,
-    plan: PlanFile,
-    day: DayPlanFile | None,
+    setup: missions.FlightSetup,
+    plan: missions.PlanFile,
+    day: missions.DayPlanFile | None,
     own: Mapping[str, LinkFailsafe],
     parameters: Mapping[str, Mapping[str, float]],
 ) -> tuple[Context, dict[str, OnboardMission | None]]:
@@ -304,9 +295,9 @@ def build_context_and_boards(
         own: What each vehicle does by itself in silence.
         parameters: What each vehicle answered.
     """
-    dialects = {table.name: dialect_for(table.autopilot) for table in ground.site.vehicle}
+    dialects = {table.name: missions.dialect_for(table.autopilot) for table in ground.site.vehicle}
     performances = {
-        name: apply_tunings(dialects[name].performance, dialects[name].tunings, known)
+        name: missions.apply_tunings(dialects[name].performance, dialects[name].tunings, known)
         for name, known in parameters.items()
     }
     task = plan.build_task()
@@ -324,11 +315,11 @@ def build_context_and_boards(
     }
 
 
-def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[Pad] | None:
+def _build_pads(rows: Mapping[str, AskedVehicle], names: tuple[str, ...]) -> list[missions.Pad] | None:
     pads = []
     for name in names:
         row = rows.get(name)
         if row is None or row.pad is None:
             return None  # an older directory: the pads are those that the site gives
-        pads.append(Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
+        pads.append(missions.Pad(name, row.pad.east_m, row.pad.north_m, row.pad.alt_m))
     return pads

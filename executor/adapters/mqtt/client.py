@@ -37,7 +37,6 @@ class Outbox:
     """Messages for the broker, in the order in which they are to be sent."""
 
     def __init__(self, most_kept: int = MOST_KEPT) -> None:
-        """Begin empty."""
         self._most_kept = most_kept
         self._cells: dict[str, MqttMessage] = {}
         self._row: deque[MqttMessage] = deque()
@@ -50,7 +49,6 @@ class Outbox:
         """How many messages of a topic were given up because too many waited."""
 
     def __len__(self) -> int:
-        """Return how many messages wait."""
         return len(self._cells) + len(self._row)
 
     def put_latest(self, letter: MqttMessage) -> None:

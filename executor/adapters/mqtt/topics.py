@@ -25,7 +25,6 @@ class BrokerAddress:
     """None for plain TCP."""
 
     def __str__(self) -> str:
-        """Return it as people write it."""
         return f"{self.host}:{self.port}"
 
 
