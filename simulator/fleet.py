@@ -365,10 +365,12 @@ class UdpLink(asyncio.DatagramProtocol):
         return host, port
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Note the socket."""
         # asyncio's own datagram transport is no subclass of the class that its documentation names (3.11).
         self._transport = cast("asyncio.DatagramTransport", transport)
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
+        """Hear a ground station, and answer at once."""
         self._heard_s[addr] = self._loop.time()
         self.receive(data)
 
@@ -398,9 +400,11 @@ class UdpLink(asyncio.DatagramProtocol):
                 self._loop.call_soon(hear, datagram)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
+        """Note that the socket is closed."""
         self._closed.set()
 
     async def close(self) -> None:
+        """Close the socket, and wait until it is."""
         if self._transport is not None:
             self._transport.close()
             await self._closed.wait()

@@ -84,7 +84,11 @@ def asking(port: int) -> Iterator[list[int]]:
             plug.bind(("127.0.0.1", port))
             plug.settimeout(EVERY_S)
             callers = list[tuple[str, int]]()
-            station = Station(lambda frame: [plug.sendto(frame, one) for one in callers[-1:]], (1, 2, 3))
+
+            def say(frame: bytes) -> None:
+                plug.sendto(frame, callers[-1])
+
+            station = Station(say, (1, 2, 3))
             while not over.is_set():
                 try:
                     data, caller = plug.recvfrom(65536)
