@@ -522,9 +522,7 @@ class Autopilot(ABC):
             answer = messages.build_message("TIMESYNC", tc1=self.boot_ms * 1_000_000, ts1=body.ts1)
             self.voice.send([answer], self._asking)
         if isinstance(body, messages.Ping) and body.target_sysid == 0:
-            to = {"target_system": sender.sysid, "target_component": sender.compid}
-            answer = messages.build_message("PING", time_usec=body.time_usec, seq=body.seq, **to)
-            self.voice.send([answer], self._asking)
+            self.voice.send([messages.build_ping_answer(body, sender)], self._asking)
 
     def _apply_store_step(self, step: StoreStep, link: int) -> None:
         self.voice.send(step.send, link)

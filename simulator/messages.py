@@ -345,6 +345,13 @@ def build_command_ack(number: int, result: Result, to: Peer) -> Outbound:
     )  # fmt: skip
 
 
+def build_ping_answer(ping: Ping, to: Peer) -> Outbound:
+    """Return the answer to a PING."""
+    return build_message(
+        "PING", time_usec=ping.time_usec, seq=ping.seq, target_system=to.sysid, target_component=to.compid
+    )
+
+
 def split_status_text(severity: int, text: str, chunk_id: int) -> Iterator[Outbound]:
     """Yield the text in as many STATUSTEXT as it takes.
 
