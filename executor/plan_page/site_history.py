@@ -45,6 +45,11 @@ class History:
         return self.steps[self.done - 1].text if self.done else self.base
 
     @property
+    def texts(self) -> frozenset[str]:
+        """All that it has said."""
+        return frozenset((self.base, *(step.text for step in self.steps)))
+
+    @property
     def undo_label(self) -> str | None:
         """What would be undone."""
         return self.steps[self.done - 1].label if self.done else None
@@ -128,31 +133,25 @@ def write_lines(history: History) -> bytes:
     return b"".join(lines)
 
 
-def read_lines(record: bytes) -> tuple[History, History | None] | None:
-    """Return the history of a record and, where the site file was not yet written, the one before it; None of no use.
+def read_lines(record: bytes) -> tuple[History, bool] | None:
+    """Return the history of a record, and whether the site file was written after its last change; None of no use.
 
     The last line may be torn: the server was killed while it wrote it, and had not yet promised anything.
     """
-    history: History | None = None
-    saved: History | None = None
-    for number, line in enumerate(record.split(b"\n")[:-1]):
+    history, saved = None, True
+    for line in record.split(b"\n")[:-1]:
         try:
             said = _LINE.validate_json(line)
         except ValidationError:
             break
-        if said.does == "base":
-            if number:
-                break
-            history = saved = History(said.text)
-        elif history is None:
-            break
-        elif said.does == "saved":
-            saved = history
+        if history is None:
+            if said.does != "base":
+                return None
+            history = History(said.text)
         else:
-            history = _apply_line(history, said)
-    if history is None:
-        return None
-    return history, None if saved is history else saved
+            saved = said.does == "saved"
+            history = history if saved else _apply_line(history, said)
+    return None if history is None else (history, saved)
 
 
 def _apply_line(history: History, said: Line) -> History:
