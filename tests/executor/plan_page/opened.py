@@ -28,11 +28,20 @@ class Opened:
     client: httpx.Client
     mistakes: list[str] = field(default_factory=list)
 
+    @property
+    def port(self) -> int:
+        return int(self.server.address.rstrip("/").rpartition(":")[2])
+
     def get(self, path: str) -> Any:
         return self.client.get(path).json()
 
     def post(self, path: str, status: int = 200, **body: object) -> Any:
         answer = self.client.post(path, json=body)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def open(self, path: str, status: int = 200) -> Any:
+        answer = self.client.post("/api/open", json={"path": path})
         assert answer.status_code == status, answer.text
         return answer.json()
 
