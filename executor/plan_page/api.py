@@ -37,7 +37,7 @@ Revision = Annotated[int, Field(description="Of the workspace that the change is
 class Body(BaseModel):
     """What is sent."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class EditBody(Body):
