@@ -15,7 +15,6 @@ from executor.site import plan_summary, site_model
 from executor.site.day_plans import name_sortie_rounds
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Phase, PlanFile, estimate
-from missions.geo import FloatArray
 from missions.waypoints import legs_m
 from planner import is_reversed, segment_of
 
@@ -179,9 +178,3 @@ def _describe_profile(setup: FlightSetup, path: FlightPath) -> list[list[float |
         [round(along, 1), round(up, 1), round(below, 1) if np.isfinite(below) else None]
         for along, up, below in zip(profile.along_m[::every].tolist(), flown.tolist(), ground.tolist(), strict=True)
     ]
-
-
-def interpolate_track(track: Sequence[Sequence[float]], at_s: float) -> list[float]:
-    """Return the row of a track at a time: before its begin its first, after its end its last."""
-    rows: FloatArray = np.array(track)
-    return [float(np.interp(at_s, rows[:, 0], column)) for column in rows.T]
