@@ -120,7 +120,7 @@ def describe_vehicles(
 
 def _build_all_paths(sorties: Sequence[Sortie], setup: FlightSetup) -> Mapping[Sortie, FlightPath]:
     """Return the way of each sortie; those of the same number are flown side by side."""
-    paths = {}
+    paths = dict[Sortie, FlightPath]()
     for number in sorted({one.number for one in sorties}):
         beside = [one for one in sorties if one.number == number and one.visits]
         built = site_model.build_paths(setup, {one.vehicle: one.visits for one in beside})

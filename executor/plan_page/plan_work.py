@@ -157,7 +157,7 @@ def read_kept_plan(path: Path) -> PlanFile | DayPlanFile:
 
 def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
     """Return the summaries of plans that can be read, by their names."""
-    found = {}
+    found = dict[str, Mapping[str, Any]]()
     for path in paths:
         try:
             found[path.stem] = summarise(read_kept_plan(path))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, TypedDict
+from typing import Any, TypedDict, cast
 
 from pydantic import ValidationError
 
@@ -60,8 +60,9 @@ def _cut_to_values(path: Sequence[str | int], values: Mapping[str, Any]) -> list
     """Return a path as far as the file has it, and one key more: what follows are the kinds that a value may have."""
     at: Any = values
     for number, part in enumerate(path):
-        if (isinstance(at, dict) and part in at) or (isinstance(at, list) and part in range(len(at))):
-            at = at[part]
+        is_there = part in at if isinstance(at, dict) else isinstance(at, list) and part in range(len(at))
+        if is_there:
+            at = cast("Any", at)[part]
         else:
             return list(path[: number + (isinstance(at, dict) and isinstance(part, str))])
     return list(path)
@@ -119,7 +120,8 @@ def _find_file_key(error: Exception, message: str, values: Mapping[str, Any]) ->
     if stands := re.match(r"area\[(\d+)\]", message):
         return ["area", int(stands[1])]
     files = [one.get("file") for one in values.get("area", ()) if isinstance(one, dict)]
-    return next((["area", at, "file"] for at, file in enumerate(files) if file and str(file) in message), ["area"])
+    named = next((at for at, file in enumerate(files) if file and str(file) in message), None)
+    return ["area"] if named is None else ["area", named, "file"]
 
 
 def describe_problem(problem: SiteProblem) -> str:
