@@ -1,0 +1,205 @@
+// The map of the plan page: what the store knows, drawn by the map component, and what is pointed at, told to the store.
+import { byId, write } from "./elements.js";
+import { FleetMap } from "./plan-standin.js";
+import { count, figure, say } from "./plan-texts.js";
+import { momentOf, splitAt } from "./plan-track.js";
+
+/** @import { Choice, LatLon, PlannedVehicle } from "../plan.js" */
+/** @import { Store } from "./plan-store.js" */
+
+const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
+
+/** @param {number} index */
+export const hueOf = (index) => HUES[((index % HUES.length) + HUES.length) % HUES.length];
+
+/** @typedef {"pick" | "box" | "lasso" | "area" | "line" | "place" | "edit"} Tool */
+
+export class PlanMap {
+  /**
+   * @param {Store} store
+   * @param {{ area: (ring: LatLon[]) => void }} made
+   */
+  constructor(store, made) {
+    this.store = store;
+    this.made = made;
+    /** @type {Tool} */
+    this.tool = "pick";
+    this.isFitted = false;
+    this.map = new FleetMap(byId("plan-map"), {
+      name: say("map.name"),
+      onChoose: (/** @type {Choice | null} */ choice) => this.store.choose(choice),
+      onCancel: () => this.stop(),
+      onPoint: (/** @type {LatLon | null} */ place) => this.point(place),
+    });
+    store.on(["network", "selection", "draft", "plan"], () => this.showNetwork());
+    store.on(["ground", "vehicle"], () => this.showGround());
+    store.on(["plan", "time", "loss", "vehicle", "draft"], () => this.showRoutes());
+    byId("tools").addEventListener("click", (event) => {
+      const pressed = event.target instanceof Element ? event.target.closest("button") : null;
+      if (pressed) this.use(/** @type {Tool} */ (pressed.dataset.tool));
+    });
+    byId("tool-done").addEventListener("click", () => this.map.finishTool());
+    byId("tool-back").addEventListener("click", () => this.map.removeCorner());
+    byId("tool-cancel").addEventListener("click", () => this.stop());
+    byId("zoom").addEventListener("click", (event) => {
+      const way = event.target instanceof Element ? event.target.closest("button")?.dataset.zoom : "";
+      if (way === "fit") this.map.fit();
+      else if (way) this.map.zoom(way === "in" ? 1.5 : 1 / 1.5);
+    });
+  }
+
+  /** @param {LatLon | null} place */
+  point(place) {
+    write(byId("pointed"), place ? place.map((one) => one.toFixed(5)).join(", ") : "");
+  }
+
+  /** @param {Tool} tool */
+  use(tool) {
+    this.stop();
+    if (tool === "box" || tool === "lasso") {
+      this.start(tool, say(`guide.${tool === "box" ? "box" : "lasso"}`), `select-${tool}`, (found) => {
+        this.store.select(/** @type {number[]} */ (found), "add");
+        this.stop();
+      });
+    } else if (tool === "area") {
+      this.start(tool, say("guide.area"), "polygon", (ring) => {
+        this.stop();
+        if (ring.length >= 3) this.made.area(/** @type {LatLon[]} */ (ring));
+      });
+    }
+  }
+
+  /**
+   * Asks for a place on the map.
+   * @param {string} guide
+   * @param {(place: LatLon) => void} done
+   */
+  askPlace(guide, done) {
+    this.stop();
+    this.start("place", guide, "place", (place) => {
+      this.stop();
+      done(/** @type {LatLon} */ (place));
+    });
+    byId("plan-map").scrollIntoView({ block: "nearest" });
+  }
+
+  /**
+   * Lets somebody move the corners of an area.
+   * @param {LatLon[]} ring
+   * @param {(ring: LatLon[]) => void} done
+   */
+  editArea(ring, done) {
+    this.stop();
+    this.start("edit", say("guide.edit"), "edit-area", (next) => {
+      this.stop();
+      done(/** @type {LatLon[]} */ (next));
+    }, ring);
+  }
+
+  /**
+   * @param {Tool} tool
+   * @param {string} guide
+   * @param {string} name
+   * @param {(found: any) => void} done
+   * @param {any} [given]
+   */
+  start(tool, guide, name, done, given) {
+    this.tool = tool;
+    this.showTool(guide);
+    this.map.startTool(name, done, given);
+  }
+
+  stop() {
+    this.map.stopTool();
+    this.tool = "pick";
+    this.showTool("");
+  }
+
+  /** @param {string} guide */
+  showTool(guide) {
+    for (const one of byId("tools").querySelectorAll("button")) {
+      one.setAttribute("aria-pressed", String(one.dataset.tool === this.tool));
+    }
+    byId("guide").hidden = !guide;
+    write(byId("guided"), guide);
+    const hasCorners = ["area", "line", "edit"].includes(this.tool);
+    byId("tool-done").hidden = byId("tool-back").hidden = !hasCorners;
+  }
+
+  fit() {
+    this.map.fit();
+  }
+
+  get over() {
+    return new Set([...(this.store.loss?.uncovered ?? this.store.shown?.uncovered ?? [])].map((one) => one.segment));
+  }
+
+  showNetwork() {
+    const { network, selection } = this.store;
+    const over = this.over;
+    this.map.setNetwork((network?.segments ?? []).map((one) => ({
+      id: one.id, name: one.name, a: one.a, b: one.b, isChosen: selection.has(one.id),
+      state: one.left_out ? "left-out" : one.unreachable ? "unreachable" : over.has(one.id) ? "left-over" : "open",
+    })));
+    if (network && !this.isFitted) {
+      this.isFitted = true;
+      this.map.fit();
+    }
+    if (!network) this.isFitted = false;
+  }
+
+  showGround() {
+    const ground = this.store.ground;
+    this.map.setAreas((ground?.areas ?? []).map((one) => ({
+      index: one.index, name: one.name, isLimit: one.kind !== "closed" && /limit|low|height/.test(one.kind), rings: one.rings,
+    })));
+    this.map.setPlaces([
+      ...(ground?.depot ? [{ kind: "depot", name: say("place.depot"), place: ground.depot }] : []),
+      ...(ground?.pads ?? []).map((one) => ({ kind: "pad", name: one.vehicle, place: one.place, colour: hueOf(this.store.names.indexOf(one.vehicle)) })),
+      ...(ground?.bases ?? []).map((one) => ({ kind: "base", ...one })),
+      ...(ground?.alternates ?? []).map((one) => ({ kind: "alternate", ...one })),
+    ]);
+    this.map.setFootprints(ground?.footprints ?? []);
+  }
+
+  showRoutes() {
+    const { shown, loss, timeS, vehicle } = this.store;
+    const vehicles = shown?.vehicles ?? [];
+    const number = (/** @type {string} */ name) => Math.max(0, vehicles.findIndex((one) => one.name === name));
+    /** @param {PlannedVehicle} one @param {boolean} isAnswer */
+    const lines = (one, isAnswer) => {
+      const flown = one.routes.map((route) => splitAt(route, timeS));
+      return {
+        vehicle: one.name, colour: hueOf(number(one.name)), isFaint: vehicle !== null && vehicle !== one.name,
+        flown: isAnswer ? [] : flown.map(([before]) => before).filter((line) => line.length > 1),
+        ahead: (isAnswer ? one.routes.map((route) => splitAt(route, timeS)[1]) : flown.map(([, ahead]) => ahead)).filter((line) => line.length > 1),
+      };
+    };
+    const answered = loss?.routes ?? null;
+    this.map.setRoutes(vehicles.map((one) => {
+      const own = lines(one, false);
+      const other = answered?.find((survivor) => survivor.name === one.name);
+      return answered ? { ...own, ahead: other ? lines(other, true).ahead : [] } : own;
+    }));
+    this.map.setVehicles(vehicles.flatMap((one) => {
+      const moment = momentOf(one, timeS);
+      if (!moment?.place) return [];
+      const isLost = loss?.vehicle === one.name;
+      return [{
+        name: one.name, place: moment.place, heading_deg: moment.headingDeg, colour: hueOf(number(one.name)),
+        state: isLost ? "lost" : moment.isFlying ? "flying" : "ground", isChosen: one.name === vehicle,
+      }];
+    }));
+    if (loss) this.showNetwork();
+  }
+
+  /** What is chosen, in a line. */
+  describeSelection() {
+    const { network, selection } = this.store;
+    const chosen = (network?.segments ?? []).filter((one) => selection.has(one.id));
+    const lengthM = chosen.reduce((sum, one) => sum + one.length_m, 0);
+    const first = chosen.slice(0, 3).map((one) => one.name).join(", ");
+    const rest = chosen.length > 3 ? " …" : "";
+    return `${count("selected", chosen.length, { length: lengthM >= 1000 ? `${figure(lengthM / 1000, 1)} km` : `${figure(lengthM)} m` })}: ${first}${rest}`;
+  }
+}

@@ -1,0 +1,84 @@
+// The steps from a network to a plan, one below the other: each says in a word how far it is.
+import { element, write } from "./elements.js";
+import { startsWith } from "./plan-forms.js";
+import { count, say } from "./plan-texts.js";
+
+/** @import { Path } from "../plan.js" */
+/** @import { Store } from "./plan-store.js" */
+
+/**
+ * @typedef {object} Step
+ * @property {string} name
+ * @property {Path[]} paths tables of the site file that are filled in here
+ * @property {() => string} status how far it is, in a word
+ * @property {(place: HTMLElement) => void} build
+ * @property {() => void} show
+ */
+
+export class Steps {
+  /**
+   * @param {Store} store
+   * @param {HTMLElement} place
+   * @param {Step[]} steps
+   */
+  constructor(store, place, steps) {
+    this.store = store;
+    this.steps = steps.map((step, index) => {
+      const box = element("details", "", "step");
+      box.id = `step-${step.name}`;
+      const head = element("summary");
+      const status = element("span", "", "status");
+      head.append(element("i", `${index + 1}`, "number"), element("b", say(`step.${step.name}`)), status);
+      const body = element("div", "", "body");
+      box.append(head, body);
+      place.append(box);
+      step.build(body);
+      // What is not looked at is not kept up to date: a fleet of fifty has hundreds of fields.
+      box.addEventListener("toggle", () => {
+        if (box.open) step.show();
+      });
+      return { step, box, status };
+    });
+    store.on(["workspace", "network", "ground", "selection", "plan"], () => this.show());
+  }
+
+  show() {
+    for (const { step, box, status } of this.steps) {
+      const wrong = this.store.problems.filter((one) => step.paths.some((path) => startsWith(one.path, path))).length;
+      box.classList.toggle("is-wrong", wrong > 0);
+      write(status, wrong ? count("problems", wrong) : step.status());
+      if (box.open) step.show();
+    }
+  }
+
+  /** @param {string} name */
+  open(name) {
+    const found = this.steps.find(({ step }) => step.name === name);
+    if (!found) return;
+    found.box.open = true;
+    found.step.show();
+    found.box.scrollIntoView({ block: "start" });
+  }
+
+  /**
+   * Opens the field that a path of the site file leads to.
+   * @param {Path} path
+   */
+  goTo(path) {
+    const found = this.steps.find(({ step }) => step.paths.some((one) => startsWith(path, one)));
+    if (!found) return;
+    this.open(found.step.name);
+    for (let length = path.length; length > 0; length -= 1) {
+      const place = found.box.querySelector(`[data-path="${CSS.escape(path.slice(0, length).join("."))}"]`);
+      if (!(place instanceof HTMLElement)) continue;
+      for (let outer = place.parentElement; outer && outer !== found.box; outer = outer.parentElement) {
+        if (outer instanceof HTMLDetailsElement) outer.open = true;
+      }
+      if (place instanceof HTMLDetailsElement) place.open = true;
+      const input = place.querySelector("input, select, textarea");
+      place.scrollIntoView({ block: "center" });
+      if (input instanceof HTMLElement) input.focus();
+      return;
+    }
+  }
+}
