@@ -43,7 +43,7 @@ export function vehiclesStep(store) {
     .map((one) => /** @type {[string, string]} */ ([String(one.name), String(one.name)]));
   const list = new TableList(store, ["vehicle"], schemaAt(store.schema, []).properties?.vehicle ?? {}, {
     first: ["name", "connection", "sysid", "autopilot", "budget_pct", "reserve_pct", "pad"],
-    choices: { pad: pads }, word: say("vehicle"), add: () => nextVehicle(store.values.vehicle ?? []),
+    choices: { pad: pads }, word: say("vehicle"), note: (one) => [one?.connection].flat().join(", ") + (one?.budget_pct === undefined ? "" : ` · ${one.budget_pct} %`), add: () => nextVehicle(store.values.vehicle ?? []),
     extras: (index) => {
       const answer = element("output", "", "tried");
       answers[index] = answer;
@@ -74,7 +74,11 @@ export function vehiclesStep(store) {
     build: (place) => {
       const drone = element("details", "", "more");
       drone.append(element("summary", say("vehicles.energy")), energy.element);
-      place.append(list.element, drone);
+      const all = button(say("try.all"), () => store.names.forEach((_, index) => {
+        list.forms[index].box.open = true;
+        attempt(index);
+      }));
+      place.append(list.element, all, drone);
     },
     show: () => {
       list.show();

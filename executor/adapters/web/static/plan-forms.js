@@ -226,7 +226,7 @@ export class TableList {
    * @param {Store} store
    * @param {Path} path
    * @param {Schema} part
-   * @param {{ first?: string[], without?: string[], choices?: Record<string, () => [string, string][]>, add?: () => Json, title?: (value: Json, index: number) => string, extras?: (index: number) => HTMLElement[], word?: string, isAdded?: boolean }} [options]
+   * @param {{ first?: string[], without?: string[], choices?: Record<string, () => [string, string][]>, add?: () => Json, title?: (value: Json, index: number) => string, note?: (value: Json) => string, extras?: (index: number) => HTMLElement[], word?: string, isAdded?: boolean }} [options]
    */
   constructor(store, path, part, options = {}) {
     this.store = store;
@@ -241,7 +241,7 @@ export class TableList {
       const what = options.word ?? labelOf(path);
       this.element.append(button(say("list.add", { what }), () => this.addOne(), "add"));
     }
-    /** @type {{ form: TableForm, head: HTMLElement, title: HTMLElement, box: HTMLDetailsElement }[]} */
+    /** @type {{ form: TableForm, title: HTMLElement, note: HTMLElement, box: HTMLDetailsElement }[]} */
     this.forms = [];
   }
 
@@ -277,8 +277,9 @@ export class TableList {
     while (this.forms.length > items.length) this.forms.pop()?.box.remove();
     while (this.forms.length < items.length) this.append(this.forms.length);
     items.forEach((_, index) => {
-      const { form, title, box } = this.forms[index];
+      const { form, title, note, box } = this.forms[index];
       write(title, this.titleOf(index));
+      write(note, this.options.note?.(items[index]) ?? "");
       form.show();
       box.classList.toggle("is-wrong", this.store.problems.some((one) => startsWith(one.path, [...this.path, index])));
     });
@@ -289,7 +290,8 @@ export class TableList {
     const box = element("details", "", "item");
     const head = element("summary");
     const title = element("b");
-    head.append(title);
+    const note = element("span", "", "note");
+    head.append(title, note);
     const form = new TableForm(this.store, [...this.path, index], this.item, this.options);
     const tail = element("div", "", "actions");
     tail.append(...(this.options.extras?.(index) ?? []), button(say("remove"), () => {
@@ -298,6 +300,6 @@ export class TableList {
     }, "remove"));
     box.append(head, form.element, tail);
     this.rows.append(box);
-    this.forms.push({ form, head, title, box });
+    this.forms.push({ form, title, note, box });
   }
 }

@@ -81,7 +81,11 @@ export function placesStep(store, map) {
   return {
     name: "places",
     paths: [["depot"], ["place"]],
-    status: () => (store.ground?.depot ? count("places", namesOf(store.values.place).length) : store.network ? say("status.no-depot") : ""),
+    status: () => {
+      const number = namesOf(store.values.place).length;
+      if (!store.ground?.depot) return store.network ? say("status.no-depot") : "";
+      return number ? count("places", number) : say("place.depot");
+    },
     build: (place) => {
       const buttons = element("div", "", "actions");
       buttons.append(button(say("put.depot"), putDepot), button(say("put.pad"), putPad), button(say("put.alternate"), putAlternate));

@@ -14,9 +14,6 @@ import { clock } from "./words.js";
 const SECONDS = [2, 5, 20, 60, 300];
 const COSTS = ["", "minmax", "minsum", "mincomb"];
 
-/** @param {number | null} seconds */
-const minutes = (seconds) => (seconds === null ? "–" : `${clock(seconds)} min`);
-
 /**
  * A menu of texts, by what they stand for.
  * @param {string} name
@@ -129,7 +126,7 @@ export class Result {
   /** @param {PlanSummary} one */
   describe(one) {
     return say("plan.describe", {
-      longest: minutes(one.longest_s), window: one.window_pct === null ? "–" : `${figure(one.window_pct)} %`, left: one.uncovered,
+      longest: clock(one.longest_s), window: one.window_pct === null ? "–" : `${figure(one.window_pct)} %`, left: one.uncovered,
     });
   }
 
@@ -168,7 +165,7 @@ export class Result {
       return line;
     };
     card.append(
-      row("fact.longest", minutes(one.longest_s)),
+      row("fact.longest", clock(one.longest_s)),
       row("fact.window", one.window_pct === null ? "–" : `${figure(one.window_pct)} %`),
       row("fact.left", String(one.uncovered), one.uncovered ? "is-bad" : ""),
     );
@@ -249,7 +246,7 @@ export class Result {
     for (const one of violations) facts.append(element("li", one, "wrong"));
     if (!violations.length) facts.append(element("li", say("draft.holds")));
     facts.append(element("li", say("draft.window", { was: was === null ? "–" : figure(was), is: is === null ? "–" : figure(is) })),
-      element("li", say("draft.longest", { was: minutes(before?.longest_s ?? null), is: minutes(now.longest_s) })));
+      element("li", say("draft.longest", { was: clock(before?.longest_s ?? null), is: clock(now.longest_s) })));
     const actions = element("div", "", "actions");
     const keep = button(say("draft.keep"), () => this.keep(), "primary");
     keep.disabled = violations.length > 0;

@@ -111,11 +111,13 @@ export class Timeline {
   drawScale() {
     const { beginS, endS } = this.store;
     const steps = [10, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];
-    const step = steps.find((one) => (endS - beginS) / one <= LINES) ?? 86400;
+    // A narrow screen has room for fewer.
+    const lines = matchMedia("(max-width: 900px)").matches ? LINES / 2 : LINES;
+    const step = steps.find((one) => (endS - beginS) / one <= lines) ?? 86400;
     const marks = [];
     for (let at = Math.ceil(beginS / step) * step; at <= endS; at += step) {
       // The last one would stand beyond the edge.
-      if (this.share(at) > 0.96) break;
+      if (this.share(at) > 1 - 0.6 / lines) break;
       const mark = element("span", this.wordOf(at));
       mark.style.left = `${100 * this.share(at)}%`;
       marks.push(mark);
