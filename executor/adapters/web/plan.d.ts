@@ -181,5 +181,3 @@ export interface Schema {
   required?: string[];
 }
 
-/** What somebody pointed at on the map. */
-export interface Choice { kind: "segment" | "vehicle" | "area" | "place"; id: number | string }

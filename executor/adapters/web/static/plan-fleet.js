@@ -2,7 +2,7 @@
 import { element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { button, TableForm, TableList } from "./plan-forms.js";
-import { hueOf } from "./plan-map.js";
+import { hueOf } from "./map.js";
 import { freeName } from "./plan-places.js";
 import { labelOf, resolve, schemaAt } from "./plan-schema.js";
 import { count, say } from "./plan-texts.js";

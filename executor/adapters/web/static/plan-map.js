@@ -1,23 +1,21 @@
 // The map of the plan page: what the store knows, drawn by the map component, and what is pointed at, told to the store.
 import { byId, write } from "./elements.js";
-import { FleetMap } from "./plan-standin.js";
+import { FleetMap, hueOf } from "./map.js";
 import { count, figure, say } from "./plan-texts.js";
 import { momentOf, splitAt } from "./plan-track.js";
 
-/** @import { Choice, LatLon, PlannedVehicle } from "../plan.js" */
+/** @import { LatLon, Path, PlannedVehicle } from "../plan.js" */
+/** @import { SegmentState } from "./map-content.js" */
+/** @import { Choice } from "./map.js" */
+/** @import { ToolName } from "./map-tools.js" */
 /** @import { Store } from "./plan-store.js" */
-
-const HUES = ["#0072b2", "#d55e00", "#7a3e9d", "#b8860b", "#c2569a", "#1b9aaa", "#8b4513", "#5a6b00"];
-
-/** @param {number} index */
-export const hueOf = (index) => HUES[((index % HUES.length) + HUES.length) % HUES.length];
 
 /** @typedef {"pick" | "box" | "lasso" | "area" | "line" | "place" | "edit"} Tool */
 
 export class PlanMap {
   /**
    * @param {Store} store
-   * @param {{ area: (ring: LatLon[]) => void }} made
+   * @param {{ area: (ring: LatLon[]) => void, chosen: (path: Path) => void }} made
    */
   constructor(store, made) {
     this.store = store;
@@ -25,11 +23,12 @@ export class PlanMap {
     /** @type {Tool} */
     this.tool = "pick";
     this.isFitted = false;
+    this.grounded = "";
     this.map = new FleetMap(byId("plan-map"), {
       name: say("map.name"),
-      onChoose: (/** @type {Choice | null} */ choice) => this.store.choose(choice),
+      onChoose: (choice) => this.choose(choice),
       onCancel: () => this.stop(),
-      onPoint: (/** @type {LatLon | null} */ place) => this.point(place),
+      onPoint: (place) => this.point(place),
     });
     store.on(["network", "selection", "draft", "plan"], () => this.showNetwork());
     store.on(["ground", "vehicle"], () => this.showGround());
@@ -37,6 +36,10 @@ export class PlanMap {
     byId("tools").addEventListener("click", (event) => {
       const pressed = event.target instanceof Element ? event.target.closest("button") : null;
       if (pressed) this.use(/** @type {Tool} */ (pressed.dataset.tool));
+    });
+    byId("layer").addEventListener("click", () => {
+      this.map.ground.next();
+      this.showLayer();
     });
     byId("tool-done").addEventListener("click", () => this.map.finishTool());
     byId("tool-back").addEventListener("click", () => this.map.removeCorner());
@@ -50,7 +53,35 @@ export class PlanMap {
 
   /** @param {LatLon | null} place */
   point(place) {
-    write(byId("pointed"), place ? place.map((one) => one.toFixed(5)).join(", ") : "");
+    write(byId("pointed"), place === null ? "" : this.map.ground.document ? this.map.ground.describe(place) : place.map((one) => one.toFixed(5)).join(", "));
+  }
+
+  /** @param {Choice | null} choice */
+  choose(choice) {
+    const { store } = this;
+    if (choice?.kind === "segment") store.select([choice.id], "toggle");
+    else if (choice?.kind === "vehicle") store.chooseVehicle(choice.id);
+    else if (choice?.kind === "place" && choice.id.startsWith("pad ")) store.chooseVehicle(choice.id.slice(4));
+    else if (choice?.kind === "place") this.made.chosen(["place"]);
+    else if (choice?.kind === "area") this.made.chosen(["area", choice.id]);
+    else store.chooseVehicle(null);
+  }
+
+  /** Shows what lies below the line, where something is known of it. */
+  async loadGround() {
+    const { terrain, map, network, depot } = this.store.values;
+    const key = JSON.stringify([terrain, map, network, depot, this.store.network?.digest]);
+    if (key === this.grounded) return;
+    this.grounded = key;
+    await this.map.ground.load("/api/background/ground.json").catch(() => {});
+    this.showLayer();
+  }
+
+  showLayer() {
+    const { ground } = this.map;
+    byId("layer").hidden = ground.layers.length < 2;
+    write(byId("layer"), say(`layer.${ground.layer}`));
+    write(byId("attribution"), ground.attribution());
   }
 
   /** @param {Tool} tool */
@@ -99,7 +130,7 @@ export class PlanMap {
   /**
    * @param {Tool} tool
    * @param {string} guide
-   * @param {string} name
+   * @param {ToolName} name
    * @param {(found: any) => void} done
    * @param {any} [given]
    */
@@ -137,10 +168,15 @@ export class PlanMap {
   showNetwork() {
     const { network, selection } = this.store;
     const over = this.over;
+    if (network) this.map.setFrame(network.frame);
     this.map.setNetwork((network?.segments ?? []).map((one) => ({
       id: one.id, name: one.name, a: one.a, b: one.b, isChosen: selection.has(one.id),
-      state: one.left_out ? "left-out" : one.unreachable ? "unreachable" : over.has(one.id) ? "left-over" : "open",
+      state: /** @type {SegmentState} */ (one.left_out ? "left-out" : one.unreachable ? "unreachable" : over.has(one.id) ? "left-over" : "open"),
     })));
+    byId("legend-out").hidden = !network?.segments.some((one) => one.left_out);
+    byId("legend-left").hidden = !over.size;
+    byId("chart").classList.toggle("planned", this.store.shown !== null);
+    if (network) this.loadGround();
     if (network && !this.isFitted) {
       this.isFitted = true;
       this.map.fit();
@@ -154,10 +190,10 @@ export class PlanMap {
       index: one.index, name: one.name, isLimit: one.kind !== "closed" && /limit|low|height/.test(one.kind), rings: one.rings,
     })));
     this.map.setPlaces([
-      ...(ground?.depot ? [{ kind: "depot", name: say("place.depot"), place: ground.depot }] : []),
-      ...(ground?.pads ?? []).map((one) => ({ kind: "pad", name: one.vehicle, place: one.place, colour: hueOf(this.store.names.indexOf(one.vehicle)) })),
-      ...(ground?.bases ?? []).map((one) => ({ kind: "base", ...one })),
-      ...(ground?.alternates ?? []).map((one) => ({ kind: "alternate", ...one })),
+      ...(ground?.depot ? [{ kind: /** @type {const} */ ("depot"), name: say("place.depot"), place: ground.depot }] : []),
+      ...(ground?.pads ?? []).map((one) => ({ kind: /** @type {const} */ ("pad"), name: one.vehicle, place: one.place, colour: hueOf(this.store.names.indexOf(one.vehicle)) })),
+      ...(ground?.bases ?? []).map((one) => ({ kind: /** @type {const} */ ("base"), ...one })),
+      ...(ground?.alternates ?? []).map((one) => ({ kind: /** @type {const} */ ("alternate"), ...one })),
     ]);
     this.map.setFootprints(ground?.footprints ?? []);
   }

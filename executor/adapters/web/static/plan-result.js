@@ -4,7 +4,7 @@ import { byId, element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { drawFront } from "./plan-charts.js";
 import { button } from "./plan-forms.js";
-import { hueOf } from "./plan-map.js";
+import { hueOf } from "./map.js";
 import { count, figure, say } from "./plan-texts.js";
 import { clock } from "./words.js";
 

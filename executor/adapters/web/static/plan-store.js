@@ -3,7 +3,7 @@
 import { persist, Refusal, server, Unanswered } from "./plan-api.js";
 import { say } from "./plan-texts.js";
 
-/** @import { Choice, Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, Problem, Schema, Workspace } from "../plan.js" */
+/** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, Problem, Schema, Workspace } from "../plan.js" */
 
 /** @typedef {"workspace" | "network" | "ground" | "plan" | "selection" | "time" | "vehicle" | "loss" | "job" | "link" | "draft"} Topic */
 /** @typedef {{ edits: Edit[], label: string, done: (isTaken: boolean) => void }} Waiting */
@@ -340,13 +340,6 @@ export class Store {
   goTo(timeS) {
     this.timeS = Math.min(this.endS, Math.max(this.beginS, timeS));
     this.changed("time");
-  }
-
-  /** @param {Choice | null} choice */
-  choose(choice) {
-    if (choice?.kind === "segment") this.select([Number(choice.id)], "toggle");
-    else if (choice?.kind === "vehicle") this.chooseVehicle(String(choice.id));
-    else if (!choice) this.chooseVehicle(null);
   }
 
   dropDraft() {

@@ -3,7 +3,7 @@
 import { all, element, write } from "./elements.js";
 import { button } from "./plan-forms.js";
 import { drawBatteries, drawProfile } from "./plan-charts.js";
-import { hueOf } from "./plan-map.js";
+import { hueOf } from "./map.js";
 import { figure, say } from "./plan-texts.js";
 import { momentOf } from "./plan-track.js";
 import { clock } from "./words.js";

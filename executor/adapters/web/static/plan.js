@@ -20,9 +20,10 @@ const SLIDE_S = 10;
 /** @param {Schema} schema */
 function start(schema) {
   const store = new Store(schema);
-  const map = new PlanMap(store, { area: (ring) => addArea(store, ring) });
+  const map = new PlanMap(store, { area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path) });
   const dropping = new Dropping(store);
   const actions = new SpanActions(store);
+  /** @type {Steps} */
   const steps = new Steps(store, byId("steps"), [
     networkStep(store, dropping), spansStep(store, actions), placesStep(store, map), areasStep(store, map, () => map.use("area")),
     vehiclesStep(store), inspectionStep(store), dayStep(store, map), otherStep(store),
@@ -132,6 +133,7 @@ function listenToKeys(store, { map, steps, result, actions }) {
     t: () => { if (store.selection.size && store.shown) result.turn(); },
     k: () => focusOn("span.lock"), g: () => focusOn("span.give"),
     ",": () => store.goTo(store.timeS - SLIDE_S), ".": () => store.goTo(store.timeS + SLIDE_S), 0: () => map.fit(),
+    m: () => byId("layer").click(),
     "?": () => byId("help", HTMLDialogElement).showModal(),
     "/": () => {
       show("prepare");
