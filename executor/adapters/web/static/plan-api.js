@@ -91,12 +91,15 @@ export const server = {
    * @returns {Promise<Workspace>}
    */
   open: (path) => post("/api/open", { path }),
+  /** @returns {Promise<{ path: string, kind: string }[]>} */
+  files: async () => (await ask("/api/files")).files,
   /**
    * @param {File} file
+   * @param {"network" | "file"} use a network begins a site; another file is kept beside the site
    * @returns {Promise<Workspace>}
    */
-  upload: (file) =>
-    ask(`/api/upload?name=${encodeURIComponent(file.name)}`, {
+  upload: (file, use) =>
+    ask(`/api/upload?name=${encodeURIComponent(file.name)}&use=${use}`, {
       method: "POST", headers: { "content-type": "application/octet-stream" }, body: file,
     }),
   /**

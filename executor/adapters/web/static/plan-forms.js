@@ -1,6 +1,7 @@
 // Fields made from the schema of the site file: each with its unit, its default and its meaning beside it, and what is
 // wrong said at it. A field is saved when it is left, or with Enter.
 import { element, write } from "./elements.js";
+import { server } from "./plan-api.js";
 import { formatValue, isGiven, kindOf, labelOf, meaningOf, parseValue, resolve, unitOf } from "./plan-schema.js";
 import { at } from "./plan-store.js";
 import { say } from "./plan-texts.js";
@@ -10,6 +11,8 @@ import { say } from "./plan-texts.js";
 /** @import { Kind } from "./plan-schema.js" */
 
 let fields = 0;
+/** Keys that name a file: one can be sent to stand beside the site file. */
+const FILES = new Set(["file", "files", "background", "packs", "key_file", "ca_file"]);
 
 /** @param {Path} path @param {Path} start */
 export const startsWith = (path, start) => start.every((one, index) => path[index] === one);
@@ -24,6 +27,31 @@ export function button(text, act, name = "") {
   made.type = "button";
   made.addEventListener("click", act);
   return made;
+}
+
+/**
+ * A button that sends a file to stand beside the site file.
+ * @param {Store} store
+ * @param {(name: string) => void} sent
+ */
+export function fileButton(store, sent, text = "…") {
+  const input = element("input", "", "unseen");
+  input.type = "file";
+  input.tabIndex = -1;
+  input.setAttribute("aria-hidden", "true");
+  input.addEventListener("change", async () => {
+    const file = input.files?.[0];
+    input.value = "";
+    const next = file ? await store.ask(() => server.upload(file, "file")) : null;
+    if (!file || !next) return;
+    await store.take(next);
+    sent(next.uploaded ?? file.name);
+  });
+  const made = button(text, () => input.click(), "file");
+  made.setAttribute("aria-label", say("drop.choose"));
+  const both = element("span", "", "chooses");
+  both.append(made, input);
+  return both;
 }
 
 /**
@@ -67,6 +95,7 @@ export class Field {
     this.unit = element("span", unitOf(String(path.at(-1)), schema), "unit");
     const line = element("div", "", "entry");
     line.append(this.input, this.unit);
+    if (this.kind !== "choice" && FILES.has(String(path.at(-1)))) line.append(fileButton(store, (name) => this.store.edit([{ op: "set", path, value: name }], say("edit.set", { key: labelOf(path) }))));
     this.meaning = element("p", "", "meaning");
     this.meaning.id = `${id}-meaning`;
     this.wrong = element("p", "", "wrong");
@@ -109,7 +138,7 @@ export class Field {
     if (this.input instanceof HTMLInputElement && this.kind !== "boolean") this.input.placeholder = this.fallback;
   }
 
-  save() {
+  async save() {
     const before = at(this.store.values, this.path);
     /** @type {Json} */
     let value;
@@ -118,7 +147,16 @@ export class Field {
     else value = parseValue(this.input.value, this.kind);
     if (Array.isArray(value) && value.length === 1 && this.schema.anyOf) value = value[0];
     if (JSON.stringify(value) === JSON.stringify(before)) return;
-    this.store.edit([setOrUnset(this.path, value)], say("edit.set", { key: labelOf(this.path) }));
+    const isTaken = await this.store.edit([setOrUnset(this.path, value)], say("edit.set", { key: labelOf(this.path) }));
+    // What was typed stays there, with the reason why it is not in the file.
+    if (!isTaken) this.tellWrong(this.store.refusal);
+  }
+
+  /** @param {string} text */
+  tellWrong(text) {
+    write(this.wrong, text);
+    this.wrong.hidden = !text;
+    this.input.setAttribute("aria-invalid", String(Boolean(text)));
   }
 
   /** @param {string} text */
@@ -152,10 +190,7 @@ export class Field {
     else if (!isHeld || this.input.dataset.saved === this.input.value) this.input.value = formatValue(value);
     this.input.dataset.saved = this.input.value;
     this.element.classList.toggle("given", isGiven(value));
-    const wrong = wrongAt(this.store.problems, this.path);
-    write(this.wrong, wrong);
-    this.wrong.hidden = !wrong;
-    this.input.setAttribute("aria-invalid", String(Boolean(wrong)));
+    this.tellWrong(wrongAt(this.store.problems, this.path));
   }
 }
 

@@ -15,7 +15,7 @@ import { momentOf, splitAt } from "./plan-track.js";
 export class PlanMap {
   /**
    * @param {Store} store
-   * @param {{ area: (ring: LatLon[]) => void, chosen: (path: Path) => void }} made
+   * @param {{ area: (ring: LatLon[]) => void, chosen: (path: Path) => void, cancel: () => void }} made
    */
   constructor(store, made) {
     this.store = store;
@@ -27,11 +27,11 @@ export class PlanMap {
     this.map = new FleetMap(byId("plan-map"), {
       name: say("map.name"),
       onChoose: (choice) => this.choose(choice),
-      onCancel: () => this.stop(),
+      onCancel: () => made.cancel(),
       onPoint: (place) => this.point(place),
     });
     store.on(["network", "selection", "draft", "plan"], () => this.showNetwork());
-    store.on(["ground", "vehicle"], () => this.showGround());
+    store.on(["ground", "plan", "draft"], () => this.showGround());
     store.on(["plan", "time", "loss", "vehicle", "draft"], () => this.showRoutes());
     byId("tools").addEventListener("click", (event) => {
       const pressed = event.target instanceof Element ? event.target.closest("button") : null;
@@ -138,6 +138,7 @@ export class PlanMap {
     this.tool = tool;
     this.showTool(guide);
     this.map.startTool(name, done, given);
+    this.map.canvas.focus({ preventScroll: true });
   }
 
   stop() {
@@ -190,7 +191,7 @@ export class PlanMap {
       index: one.index, name: one.name, isLimit: one.kind !== "closed" && /limit|low|height/.test(one.kind), rings: one.rings,
     })));
     this.map.setPlaces([
-      ...(ground?.depot ? [{ kind: /** @type {const} */ ("depot"), name: say("place.depot"), place: ground.depot }] : []),
+      ...(ground?.depot ? [{ kind: /** @type {const} */ ("depot"), name: this.store.shown ? "" : say("place.depot"), place: ground.depot }] : []),
       ...(ground?.pads ?? []).map((one) => ({ kind: /** @type {const} */ ("pad"), name: one.vehicle, place: one.place, colour: hueOf(this.store.names.indexOf(one.vehicle)) })),
       ...(ground?.bases ?? []).map((one) => ({ kind: /** @type {const} */ ("base"), ...one })),
       ...(ground?.alternates ?? []).map((one) => ({ kind: /** @type {const} */ ("alternate"), ...one })),

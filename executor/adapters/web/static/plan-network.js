@@ -9,6 +9,7 @@ import { count, figure, say } from "./plan-texts.js";
 /** @import { Store } from "./plan-store.js" */
 
 const REMARKS = 6;
+const FILES = 12;
 
 /** Takes files that are dropped anywhere on the page, chosen, or named by their path on this computer. */
 export class Dropping {
@@ -44,7 +45,7 @@ export class Dropping {
     if (this.isBusy) return;
     this.isBusy = true;
     this.store.tell(say("upload.reading", { file: file.name }));
-    const next = await this.store.ask(() => server.upload(file));
+    const next = await this.store.ask(() => server.upload(file, "network"));
     this.isBusy = false;
     if (!next) return;
     this.store.tell(say("upload.done", { file: file.name }));
@@ -84,6 +85,20 @@ export class Dropping {
     });
     target.append(element("p", say("drop.here"), "where"), choose, input, line);
     return target;
+  }
+
+  /**
+   * The files of the folder that could be opened.
+   * @param {HTMLElement} place
+   */
+  async listFiles(place) {
+    const found = await server.files().catch(() => []);
+    place.hidden = !found.length;
+    place.replaceChildren(element("p", say("drop.found"), "soft"), ...found.slice(0, FILES).map(({ path, kind }) => {
+      const one = button(path, () => this.open(path), "found");
+      one.append(" ", element("small", say(`kind.${kind}`)));
+      return one;
+    }));
   }
 }
 

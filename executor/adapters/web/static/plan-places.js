@@ -1,6 +1,6 @@
 // Places and areas, put on the map by click: depot, pads, alternates, bases; areas to keep out of or to stay low in.
 import { element } from "./elements.js";
-import { button, TableForm, TableList } from "./plan-forms.js";
+import { button, fileButton, TableForm, TableList } from "./plan-forms.js";
 import { schemaAt } from "./plan-schema.js";
 import { count, say } from "./plan-texts.js";
 
@@ -133,11 +133,6 @@ export function areasStep(store, map, draw) {
       });
     })],
   });
-  const path = element("input");
-  path.type = "text";
-  path.placeholder = say("area.file.example");
-  path.setAttribute("aria-label", say("area.file"));
-
   return {
     name: "areas",
     paths: [["area"]],
@@ -145,15 +140,8 @@ export function areasStep(store, map, draw) {
     build: (place) => {
       const buttons = element("div", "", "actions");
       buttons.append(button(say("area.draw"), draw));
-      const line = element("form", "", "path");
-      line.append(path, element("button", say("area.import")));
-      line.addEventListener("submit", async (event) => {
-        event.preventDefault();
-        const file = path.value.trim();
-        if (!file) return;
-        if (await store.edit([{ op: "add", path: ["area"], value: { file }, at: null }], say("edit.area", { name: file }))) path.value = "";
-      });
-      place.append(element("p", say("areas.how"), "soft"), buttons, line, areas.element);
+      buttons.append(fileButton(store, (file) => store.edit([{ op: "add", path: ["area"], value: { file }, at: null }], say("edit.area", { name: file })), say("area.import")));
+      place.append(element("p", say("areas.how"), "soft"), buttons, areas.element);
     },
     show: () => areas.show(),
   };

@@ -1,6 +1,6 @@
 // The steps from a network to a plan, one below the other: each says in a word how far it is.
 import { element, write } from "./elements.js";
-import { startsWith } from "./plan-forms.js";
+import { button, startsWith } from "./plan-forms.js";
 import { count, say } from "./plan-texts.js";
 
 /** @import { Path } from "../plan.js" */
@@ -30,6 +30,8 @@ export class Steps {
       const status = element("span", "", "status");
       head.append(element("i", `${index + 1}`, "number"), element("b", say(`step.${step.name}`)), status);
       const body = element("div", "", "body");
+      const wrong = element("ul", "", "wrongs");
+      body.append(wrong);
       box.append(head, body);
       place.append(box);
       step.build(body);
@@ -37,18 +39,33 @@ export class Steps {
       box.addEventListener("toggle", () => {
         if (box.open) step.show();
       });
-      return { step, box, status };
+      return { step, box, status, wrong };
     });
     store.on(["workspace", "network", "ground", "selection", "plan"], () => this.show());
   }
 
   show() {
-    for (const { step, box, status } of this.steps) {
-      const wrong = this.store.problems.filter((one) => step.paths.some((path) => startsWith(one.path, path))).length;
-      box.classList.toggle("is-wrong", wrong > 0);
-      write(status, wrong ? count("problems", wrong) : step.status());
+    const found = this.store.problems.map((problem) => ({ problem, step: this.find(problem.path)?.step }));
+    for (const { step, box, status, wrong } of this.steps) {
+      const own = found.filter((one) => one.step === step).map((one) => one.problem);
+      box.classList.toggle("is-wrong", own.length > 0);
+      write(status, own.length ? count("problems", own.length) : step.status());
+      wrong.replaceChildren(...own.map((one) => {
+        const item = element("li");
+        item.append(button(one.message, () => this.goTo(one.path), "wrong"));
+        return item;
+      }));
       if (box.open) step.show();
     }
+  }
+
+  /**
+   * The step that a path of the site file belongs to.
+   * @param {Path} path
+   */
+  find(path) {
+    const is = (/** @type {(one: Path) => boolean} */ fits) => this.steps.find(({ step }) => step.paths.some(fits));
+    return is((one) => startsWith(path, one)) ?? (path.length ? is((one) => startsWith(one, path)) : undefined);
   }
 
   /** @param {string} name */
@@ -65,7 +82,7 @@ export class Steps {
    * @param {Path} path
    */
   goTo(path) {
-    const found = this.steps.find(({ step }) => step.paths.some((one) => startsWith(path, one)));
+    const found = this.find(path);
     if (!found) return;
     this.open(found.step.name);
     for (let length = path.length; length > 0; length -= 1) {

@@ -63,12 +63,13 @@ export class Store {
     this.waiting = [];
     this.isSending = false;
     this.isFetching = false;
+    this.isAsked = false;
+    /** Why the last edit was refused. */
+    this.refusal = "";
     /** @type {[Topic[], () => void][]} */
     this.listeners = [];
     /** @type {(text: string, outcome?: string) => void} */
     this.tell = () => {};
-    /** Edits of this tab make revisions that are no news to it. */
-    this.isOwn = false;
   }
 
   /**
@@ -116,10 +117,14 @@ export class Store {
   }
 
   async refresh() {
+    this.isAsked = true;
     if (this.isFetching) return;
     this.isFetching = true;
     try {
-      await this.take(await persist(() => server.workspace(), () => this.heard(false)));
+      while (this.isAsked) {
+        this.isAsked = false;
+        await this.take(await persist(() => server.workspace(), () => this.heard(false)));
+      }
     } finally {
       this.isFetching = false;
     }
@@ -141,10 +146,11 @@ export class Store {
     this.changed("job");
     const known = this.workspace;
     const isNewer = !known || news.revision > known.revision;
-    if ((isNewer && !this.isSending) || ended || (known && news.chosen !== known.chosen)) {
-      if (isNewer && known && !ended && !this.isSending) this.tell(say("tabs.changed"));
-      this.refresh();
-    }
+    // What this tab sends comes back as its answer.
+    if (this.isSending) return;
+    const isOther = known && (news.chosen !== known.chosen || news.checked !== known.checked || (news.saved ?? known.saved) !== known.saved);
+    if (isNewer && known && !ended) this.tell(say("tabs.changed"));
+    if (isNewer || ended || isOther) this.refresh();
   }
 
   /** @param {Workspace} next */
@@ -152,19 +158,20 @@ export class Store {
     const before = this.workspace;
     if (before && next.revision < before.revision) return;
     this.heard(true);
+    next.problems = next.problems.map((one) => ({ ...one, path: one.path ?? [] }));
     this.workspace = next;
     this.tabs = next.tabs;
     if (next.job || this.job?.state !== "running") this.job = next.job ?? this.job;
     this.changed("workspace", "job");
     const digest = next.network?.digest ?? null;
-    const wanted = [this.fetchGround()];
-    if (digest !== (this.network?.digest ?? null) || !same(at(before?.values, ["network"]), at(next.values, ["network"]))) {
-      wanted.push(this.fetchNetwork(digest));
-    }
-    if (next.chosen !== (this.plan?.summary.id ?? null)) wanted.push(this.fetchPlan(next.chosen));
-    else if (this.plan) {
-      const stale = next.plans.find((one) => one.id === next.chosen)?.stale;
-      if (stale !== undefined) this.plan.summary.stale = stale;
+    const wanted = [];
+    const isOther = !before || next.revision !== before.revision || next.checked !== before.checked;
+    if (isOther) wanted.push(this.fetchGround());
+    // What is out of reach depends on nearly everything in the file.
+    if (isOther || digest !== (this.network?.digest ?? null)) wanted.push(this.fetchNetwork(digest));
+    const summary = (/** @type {Workspace | null} */ of, /** @type {string | null} */ id) => ({ ...of?.plans.find((one) => one.id === id), stale: null });
+    if (next.chosen !== (this.plan?.summary.id ?? null) || !same(summary(before, next.chosen), summary(next, next.chosen))) {
+      wanted.push(this.fetchPlan(next.chosen));
     }
     await Promise.all(wanted);
   }
@@ -245,6 +252,8 @@ export class Store {
       next.done(isTaken);
     }
     this.isSending = false;
+    // News that came meanwhile was not looked at.
+    if (this.workspace && this.workspace.checked !== undefined && this.workspace.checked < this.workspace.revision) this.refresh();
   }
 
   /** @param {Waiting} next */
@@ -262,6 +271,7 @@ export class Store {
         if (!(error instanceof Refusal)) throw error;
         const newest = error.newest;
         if (!newest) {
+          this.refusal = error.message;
           this.tell(error.message, "failed");
           return false;
         }

@@ -24,7 +24,8 @@ export class Timeline {
     this.store = store;
     this.place = place;
     this.view = "routes";
-    this.drawn = "";
+    this.narrow = matchMedia("(max-width: 900px)");
+    this.narrow.addEventListener("change", () => this.drawScale());
     const head = element("div", "", "head");
     this.time = element("output", "", "clock");
     this.tabs = element("div", "", "actions tabs");
@@ -112,7 +113,7 @@ export class Timeline {
     const { beginS, endS } = this.store;
     const steps = [10, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 28800, 86400];
     // A narrow screen has room for fewer.
-    const lines = matchMedia("(max-width: 900px)").matches ? LINES / 2 : LINES;
+    const lines = this.narrow.matches ? LINES / 2 : LINES;
     const step = steps.find((one) => (endS - beginS) / one <= lines) ?? 86400;
     const marks = [];
     for (let at = Math.ceil(beginS / step) * step; at <= endS; at += step) {

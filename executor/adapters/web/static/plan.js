@@ -20,7 +20,7 @@ const SLIDE_S = 10;
 /** @param {Schema} schema */
 function start(schema) {
   const store = new Store(schema);
-  const map = new PlanMap(store, { area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path) });
+  const map = new PlanMap(store, { area: (ring) => addArea(store, ring), chosen: (path) => steps.goTo(path), cancel: () => cancel(store, map) });
   const dropping = new Dropping(store);
   const actions = new SpanActions(store);
   /** @type {Steps} */
@@ -44,7 +44,7 @@ function start(schema) {
   addEventListener("beforeunload", (event) => {
     if (store.waiting.length) event.preventDefault();
   });
-  return { store, steps };
+  return { store, steps, dropping };
 }
 
 /** @param {Store} store */
@@ -122,6 +122,17 @@ function show(view) {
 }
 
 /**
+ * Ends what was begun last: a tool, a change by hand, a choice.
+ * @param {Store} store
+ * @param {PlanMap} map
+ */
+function cancel(store, map) {
+  if (map.tool !== "pick") map.stop();
+  else if (store.draft) store.dropDraft();
+  else if (store.selection.size) store.select([]);
+}
+
+/**
  * @param {Store} store
  * @param {{ map: PlanMap, steps: Steps, result: Result, actions: SpanActions }} parts
  */
@@ -142,7 +153,7 @@ function listenToKeys(store, { map, steps, result, actions }) {
     },
   };
   document.addEventListener("keydown", (event) => {
-    if (document.querySelector("dialog[open]")) return;
+    if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const isTyping = event.target instanceof Element && event.target.closest("input:not([type=checkbox], [type=range]), textarea, select");
     if ((event.ctrlKey || event.metaKey) && !event.altKey && !isTyping) {
       const key = event.key.toLowerCase();
@@ -155,9 +166,7 @@ function listenToKeys(store, { map, steps, result, actions }) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.key === "Escape") {
       if (isTyping && event.target instanceof HTMLElement) event.target.blur();
-      else if (map.tool !== "pick") map.stop();
-      else if (store.draft) store.dropDraft();
-      else if (store.selection.size) store.select([]);
+      else cancel(store, map);
       return;
     }
     if (isTyping || !store.workspace?.site) return;
@@ -217,9 +226,10 @@ async function begin() {
     write(byId("banner"), say("link.lost"));
   };
   const schema = await persist(() => server.schema(), waits);
-  const { store, steps } = start(schema);
+  const { store, steps, dropping } = start(schema);
   await store.begin();
   const { workspace } = store;
+  if (!workspace?.site) dropping.listFiles(byId("found"));
   if (workspace?.site) steps.open(workspace.problems.length ? "places" : workspace.plans.length ? "spans" : "network");
   if (workspace?.problems.length) steps.goTo(workspace.problems[0].path);
 }
