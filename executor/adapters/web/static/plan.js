@@ -37,14 +37,23 @@ function start(schema) {
   byId("drop").append(dropping.makeTarget());
   store.tell = tell;
   store.on(["workspace", "link", "job"], () => showState(store));
-  store.on(["workspace"], () => showSite(store));
+  let opened = "";
+  store.on(["workspace"], () => {
+    showSite(store);
+    const { workspace } = store;
+    if (!workspace?.site || workspace.site.path === opened) return;
+    opened = workspace.site.path;
+    // What stops a plan is looked at first, once it is known.
+    if (workspace.problems.length) steps.goTo(workspace.problems[0].path);
+    else steps.open(workspace.plans.length ? "spans" : "network");
+  });
   listenToButtons(store, steps);
   listenToKeys(store, { map, steps, result, actions });
   listen((news) => store.news(news), (isHeard) => store.heard(isHeard));
   addEventListener("beforeunload", (event) => {
     if (store.waiting.length) event.preventDefault();
   });
-  return { store, steps, dropping };
+  return { store, dropping };
 }
 
 /** @param {Store} store */
@@ -226,12 +235,10 @@ async function begin() {
     write(byId("banner"), say("link.lost"));
   };
   const schema = await persist(() => server.schema(), waits);
-  const { store, steps, dropping } = start(schema);
+  const { store, dropping } = start(schema);
   await store.begin();
   const { workspace } = store;
   if (!workspace?.site) dropping.listFiles(byId("found"));
-  if (workspace?.site) steps.open(workspace.problems.length ? "places" : workspace.plans.length ? "spans" : "network");
-  if (workspace?.problems.length) steps.goTo(workspace.problems[0].path);
 }
 
 begin();
