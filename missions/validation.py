@@ -16,7 +16,7 @@ from pydantic import (
     TypeAdapter,
     ValidationError,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from missions.files import MOST_FIGURE, to_printable
 
@@ -108,7 +108,11 @@ def format_first_error(error: ValidationError, *, page: str = "the documents", s
         page: That names the keys there are.
         shown: Whether the wrong value is named; it may be a secret.
     """
-    first = error.errors(include_url=False)[0]
+    return format_error(error.errors(include_url=False)[0], page=page, shown=shown)
+
+
+def format_error(first: ErrorDetails, *, page: str = "the documents", shown: bool = True) -> str:
+    """Return one of a model's complaints as `format_first_error` does."""
     place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
     context = first.get("ctx", {})
     match first["type"]:

@@ -30,6 +30,7 @@ COMMANDS: Mapping[str, str] = {
     "demo": "executor.cli.flights:demo",
     "init": "executor.cli.network:init",
     "network": "executor.cli.network:network",
+    "open": "executor.cli.plan_page:open_page",
     "plan": "executor.cli.plans:plan",
     "check": "executor.cli.plans:check",
     "window": "executor.cli.plans:window",

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tomli_w
 import typer
 from pydantic import ValidationError
 from rich.console import Console
@@ -17,16 +16,15 @@ from rich.table import Table
 from rich.text import Text
 
 import missions
-from executor.adapters.templates import render_template
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
 from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.site import site_model
-from executor.site.site_keys import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from executor.site.new_site import render_site_template
+from executor.site.site_keys import DepotTable
 from missions.files import json_text, write_whole
-from planner import PRESETS
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,53 +253,6 @@ def _describe_findings(found: Sequence[missions.Remark]) -> Iterator[str]:
         yield from (f"  {finding.words}" for finding in own[:SHOWN])
         if len(own) > SHOWN:
             yield f"  {len(own) - SHOWN} more; --json has all"
-
-
-COMMENT_AT = 40
-FIRST_PORT = 14551
-
-
-def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
-    """Return the text of a site file.
-
-    Args:
-        vehicles: How many.
-        autopilot: Of all of them.
-        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
-            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
-            and `choice`, what else is said of the network's file, by its keys, None for what is not.
-    """
-    fleet = [
-        VehicleTable(
-            name=f"uav{number}",
-            connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
-            sysid=number,
-            autopilot=autopilot,
-        )
-        for number in range(1, vehicles + 1)
-    ]
-    return render_template(
-        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=fleet, drones=PRESETS,
-        autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
-    )  # fmt: skip
-
-
-def _render_row(key: str, value: object, comment: str = "") -> str:
-    text = tomli_w.dumps({key: value}).strip()
-    if isinstance(value, float | tuple):
-        text = f"{key} = {_shorten_figures(value)}"
-    return _append_comment(text, comment) if comment else text
-
-
-def _shorten_figures(value: float | tuple[float, ...]) -> object:
-    """Return figures without a fraction that is 0."""
-    if isinstance(value, tuple):
-        return [_shorten_figures(one) for one in value]
-    return int(value) if value.is_integer() else value
-
-
-def _append_comment(text: str, comment: str) -> str:
-    return f"{text:{COMMENT_AT - 1}} # {comment}"
 
 
 @flatten_options

@@ -25,8 +25,9 @@ from executor.core.interface.codes import ChannelCode, CheckCode, Ending, Reason
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
+from executor.site.site_schema import SITE, find_unit, read_docstrings
 from scripts.pages.page_types import TYPES, page_types
-from scripts.pages.schemas import SITE, docstrings, schemas
+from scripts.pages.schemas import schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
 
 COMMANDS = "reference/command-line.md"
@@ -42,11 +43,6 @@ DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
 )
 """Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
-UNITS = (
-    ("bytes_s", "B/s"), ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"),
-    ("_m2", "m²"), ("_m", "m"), ("_s", "s"),
-)  # fmt: skip
-"""What the end of a key's name says of its unit; the longest first."""
 
 
 def pages() -> dict[str, str]:
@@ -136,7 +132,7 @@ def _ranged(meaning: str) -> str:
 
 def site_page() -> str:
     """Return the page of the site file: each table, and each key with its unit, default, values and meaning."""
-    words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
+    words = {(name, key): text for module in SITE for name, key, text in read_docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
         MADE.format(
@@ -228,9 +224,8 @@ def _kinds(kind: object) -> set[object]:
 
 
 def _key(name: str, field: FieldInfo, meaning: str) -> str:
-    unit = next((unit for end, unit in UNITS if name.endswith(end)), "")
     default = "**required**" if field.default is PydanticUndefined else _value(field.default)
-    return f"| `{name}` | {unit} | {default} | {_cell(_values(field))} | {_cell(meaning)} |"
+    return f"| `{name}` | {find_unit(name)} | {default} | {_cell(_values(field))} | {_cell(meaning)} |"
 
 
 def _value(value: object) -> str:

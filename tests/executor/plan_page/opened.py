@@ -1,0 +1,86 @@
+"""A plan page that listens, for tests."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from executor.plan_page.server import PlanServer
+from executor.plan_page.site_files import make_site
+from executor.plan_page.site_store import SiteStore
+from executor.site.mqtt_and_web_keys import WebTable
+from tests.patience import PATIENCE_S
+
+DEMO_RADIUS = "radius_m = 600"
+
+
+@dataclass
+class Opened:
+    """A page that is open, and one who talks to it."""
+
+    server: PlanServer
+    client: httpx.Client
+    mistakes: list[str] = field(default_factory=list)
+
+    @property
+    def port(self) -> int:
+        return int(self.server.address.rstrip("/").rpartition(":")[2])
+
+    def get(self, path: str) -> Any:
+        return self.client.get(path).json()
+
+    def post(self, path: str, status: int = 200, **body: object) -> Any:
+        answer = self.client.post(path, json=body)
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def open(self, path: str, status: int = 200) -> Any:
+        answer = self.client.post("/api/open", json={"path": path})
+        assert answer.status_code == status, answer.text
+        return answer.json()
+
+    def edit(self, *edits: Mapping[str, object], status: int = 200) -> Any:
+        return self.post("/api/edits", status, revision=self.get("/api/workspace")["revision"], edits=edits)
+
+    def set(self, *path: str | int, value: object, status: int = 200) -> Any:
+        return self.edit({"op": "set", "path": path, "value": value}, status=status)
+
+    def follow(self, until: str, equals: object = True) -> Any:
+        """Follow the stream until it says so, and return the workspace."""
+        with self.client.stream("GET", "/api/events") as stream:
+            for line in stream.iter_lines():
+                news = json.loads(line.removeprefix("data: ")) if line.startswith("data: ") else {}
+                found = news.get("checked") == news.get("revision") if until == "checked" else news.get(until) == equals
+                if news and found:
+                    return self.get("/api/workspace")
+        raise AssertionError(f"the stream ended before {until} was {equals}")
+
+    def checked(self) -> Any:
+        """Return the workspace once its site is understood."""
+        return self.follow("checked")
+
+
+@contextmanager
+def opened(root: Path, site: Path | None, token: str | None = None) -> Iterator[Opened]:
+    mistakes: list[str] = []
+    server = PlanServer(
+        WebTable(), token, root, None if site is None else SiteStore(site),
+        lambda what, error: mistakes.append(f"{what}: {type(error).__name__}: {error}"),
+    )  # fmt: skip
+    with server, httpx.Client(base_url=server.address, timeout=PATIENCE_S) as client:
+        yield Opened(server, client, mistakes)
+    assert not mistakes
+
+
+def make_demo_site(folder: Path, *more: str) -> Path:
+    """Write a site over a part of the network that comes with faultline."""
+    site = make_site(folder, None)
+    text = site.read_text().replace('file = "default"', f'file = "default"\n{DEMO_RADIUS}')
+    site.write_text("\n".join([text, *more]))
+    return site
