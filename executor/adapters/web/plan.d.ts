@@ -41,7 +41,7 @@ export interface PlanSummary {
 export interface Workspace {
   revision: number;
   /** Of which revision network, ground and problems are. */
-  checked?: number;
+  checked: number;
   /** Of a file that was sent: its name from the site's folder. */
   uploaded?: string;
   site: { path: string; name: string; text: string } | null;
@@ -154,7 +154,7 @@ export interface TryAnswer { answers: boolean; words: string }
 
 export interface FlightEntry { run: string; begun?: string; report: string | null; left: number | null; lines?: string[] }
 
-export interface News { revision: number; checked?: number; saved?: boolean; job: Job | null; tabs: number; chosen: string | null }
+export interface News { revision: number; checked: number; saved?: boolean; job: Job | null; tabs: number; chosen: string | null }
 
 export type Edit =
   | { op: "set"; path: Path; value: Json }

@@ -1,11 +1,11 @@
 // The network: dropped or opened, and what was understood of its file.
 import { byId, element, write } from "./elements.js";
-import { button, TableForm } from "./plan-forms.js";
+import { button, fileButton, TableForm } from "./plan-forms.js";
 import { persist, server } from "./plan-api.js";
 import { schemaAt } from "./plan-schema.js";
 import { count, figure, say } from "./plan-texts.js";
 
-/** @import { Step } from "./plan-steps.js" */
+/** @import { Remedy, Step } from "./plan-steps.js" */
 /** @import { Store } from "./plan-store.js" */
 
 const REMARKS = 6;
@@ -146,10 +146,29 @@ export function networkStep(store, dropping) {
       const network = store.network;
       const lengthM = (network?.segments ?? []).reduce((sum, one) => sum + one.length_m, 0);
       write(what, network ? say("network.what", {
-        source: network.source, segments: network.segments.length, pylons: network.pylons.length, length: figure(lengthM / 1000, 1),
+        source: network.source.split(/[\\/]/).at(-1) ?? "", segments: network.segments.length, pylons: network.pylons.length, length: figure(lengthM / 1000, 1),
       }) : say("network.none"));
       showRemarks();
       form.show();
     },
   };
+}
+
+/**
+ * A network that does not know its heights can be flown by those of a raster, or where the ground is level.
+ * @param {Store} store
+ * @returns {Remedy[]}
+ */
+export function remediesOf(store) {
+  const fits = (/** @type {{ message: string }} */ { message }) => message.includes('heights = "flat"');
+  return [
+    {
+      fits,
+      make: () => fileButton(store, (file) => store.edit([{ op: "set", path: ["terrain", "files"], value: file }], say("edit.terrain", { file })), say("remedy.terrain")),
+    },
+    {
+      fits,
+      make: () => button(say("remedy.flat"), () => store.edit([{ op: "set", path: ["inspection", "heights"], value: "flat" }], say("edit.flat"))),
+    },
+  ];
 }

@@ -3,7 +3,7 @@ import { element, write } from "./elements.js";
 import { button, startsWith } from "./plan-forms.js";
 import { count, say } from "./plan-texts.js";
 
-/** @import { Path } from "../plan.js" */
+/** @import { Path, Problem } from "../plan.js" */
 /** @import { Store } from "./plan-store.js" */
 
 /**
@@ -15,14 +15,25 @@ import { count, say } from "./plan-texts.js";
  * @property {() => void} show
  */
 
+/**
+ * What may be done at once about something that is wrong.
+ * @typedef {object} Remedy
+ * @property {(problem: Problem) => boolean} fits
+ * @property {() => HTMLElement} make
+ */
+
 export class Steps {
   /**
    * @param {Store} store
    * @param {HTMLElement} place
    * @param {Step[]} steps
+   * @param {Remedy[]} remedies
    */
-  constructor(store, place, steps) {
+  constructor(store, place, steps, remedies) {
     this.store = store;
+    this.remedies = remedies;
+    /** @type {string[]} */
+    this.before = [];
     this.steps = steps.map((step, index) => {
       const box = element("details", "", "step");
       box.id = `step-${step.name}`;
@@ -50,13 +61,38 @@ export class Steps {
       const own = found.filter((one) => one.step === step).map((one) => one.problem);
       box.classList.toggle("is-wrong", own.length > 0);
       write(status, own.length ? count("problems", own.length) : step.status());
-      wrong.replaceChildren(...own.map((one) => {
-        const item = element("li");
-        item.append(button(one.message, () => this.goTo(one.path), "wrong"));
-        return item;
-      }));
+      this.showWrong(wrong, own);
       if (box.open) step.show();
     }
+    this.goOn();
+  }
+
+  /**
+   * @param {HTMLElement} place
+   * @param {Problem[]} problems
+   */
+  showWrong(place, problems) {
+    const key = JSON.stringify(problems);
+    if (place.dataset.shown === key) return;
+    place.dataset.shown = key;
+    place.replaceChildren(...problems.map((one) => {
+      const item = element("li");
+      const remedies = element("div", "", "actions");
+      remedies.append(...this.remedies.filter((remedy) => remedy.fits(one)).map((remedy) => remedy.make()));
+      item.append(button(one.message, () => this.goTo(one.path), "wrong"), remedies);
+      return item;
+    }));
+  }
+
+  /** Opens what is wrong next, once all that was wrong before is mended. */
+  goOn() {
+    const { workspace, problems } = this.store;
+    if (workspace?.checked !== workspace?.revision) return;
+    const now = problems.map((one) => one.message);
+    const isMended = this.before.length > 0 && !this.before.some((one) => now.includes(one));
+    this.before = now;
+    const next = isMended && problems.length ? this.find(problems[0].path) : undefined;
+    if (next && !next.box.open) this.open(next.step.name);
   }
 
   /**

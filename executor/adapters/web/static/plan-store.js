@@ -253,7 +253,7 @@ export class Store {
     }
     this.isSending = false;
     // News that came meanwhile was not looked at.
-    if (this.workspace && this.workspace.checked !== undefined && this.workspace.checked < this.workspace.revision) this.refresh();
+    if (this.workspace && this.workspace.checked < this.workspace.revision) this.refresh();
   }
 
   /** @param {Waiting} next */

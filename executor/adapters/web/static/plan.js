@@ -3,7 +3,7 @@ import { all, byId, element, find, write } from "./elements.js";
 import { listen, persist, server } from "./plan-api.js";
 import { dayStep, inspectionStep, otherStep, vehiclesStep } from "./plan-fleet.js";
 import { PlanMap } from "./plan-map.js";
-import { Dropping, networkStep } from "./plan-network.js";
+import { Dropping, networkStep, remediesOf } from "./plan-network.js";
 import { addArea, areasStep, placesStep } from "./plan-places.js";
 import { Flying, Result } from "./plan-result.js";
 import { SelectionBar, SpanActions, spansStep } from "./plan-spans.js";
@@ -27,7 +27,7 @@ function start(schema) {
   const steps = new Steps(store, byId("steps"), [
     networkStep(store, dropping), spansStep(store, actions), placesStep(store, map), areasStep(store, map, () => map.use("area")),
     vehiclesStep(store), inspectionStep(store), dayStep(store, map), otherStep(store),
-  ]);
+  ], remediesOf(store));
   const result = new Result(store, byId("plans"));
   new Flying(store, byId("plans"), ask);
   new SelectionBar(store, byId("selected"), actions, {
@@ -41,9 +41,9 @@ function start(schema) {
   store.on(["workspace"], () => {
     showSite(store);
     const { workspace } = store;
-    if (!workspace?.site || workspace.site.path === opened) return;
-    opened = workspace.site.path;
     // What stops a plan is looked at first, once it is known.
+    if (!workspace?.site || workspace.site.path === opened || workspace.checked !== workspace.revision) return;
+    opened = workspace.site.path;
     if (workspace.problems.length) steps.goTo(workspace.problems[0].path);
     else steps.open(workspace.plans.length ? "spans" : "network");
   });
