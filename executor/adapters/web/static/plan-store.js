@@ -6,7 +6,7 @@ import { say } from "./plan-texts.js";
 /** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, Problem, Schema, Workspace } from "../plan.js" */
 
 /** @typedef {"workspace" | "network" | "ground" | "plan" | "selection" | "time" | "vehicle" | "loss" | "job" | "link" | "draft"} Topic */
-/** @typedef {{ edits: Edit[], label: string, done: (isTaken: boolean) => void }} Waiting */
+/** @typedef {{ edits: Edit[], label: string, way?: "undo" | "redo", done: (isTaken: boolean) => void }} Waiting */
 
 /** @param {Json} one @param {Json} other */
 const same = (one, other) => JSON.stringify(one) === JSON.stringify(other);
@@ -246,7 +246,7 @@ export class Store {
     for (;;) {
       const next = this.waiting[0];
       if (!next) break;
-      const isTaken = await this.sendOne(next);
+      const isTaken = await (next.way ? this.stepOne(next.way) : this.sendOne(next));
       this.waiting.shift();
       this.changed("link");
       next.done(isTaken);
@@ -290,19 +290,33 @@ export class Store {
     return false;
   }
 
+  /**
+   * Goes a step back, or forward again, after the edits that are on their way.
+   * @param {"undo" | "redo"} way
+   */
+  step(way) {
+    return new Promise((done) => {
+      this.waiting.push({ edits: [], label: "", way, done });
+      this.send();
+    });
+  }
+
   /** @param {"undo" | "redo"} way */
-  async step(way) {
+  async stepOne(way) {
     const known = this.workspace;
-    if (!known?.[way]) return;
-    const label = known[way];
+    const label = known?.[way];
+    if (!known || !label) return false;
     try {
       await this.take(await persist(() => server[way](known.revision), () => this.heard(false)));
-      this.tell(say(`${way}.done`, { label: label ?? "" }));
     } catch (error) {
       if (!(error instanceof Refusal)) throw error;
+      // Another tab was first: its step is not the one that was meant.
       if (error.newest) await this.take(error.newest);
-      else this.tell(error.message, "failed");
+      this.tell(error.message, "failed");
+      return false;
     }
+    this.tell(say(`${way}.done`, { label }));
+    return true;
   }
 
   /**
