@@ -466,9 +466,11 @@ def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source:
 
 
 def preview_loss(
-    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int
+    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int, settled: int = SETTLED
 ) -> tuple[PlanFile, bool]:
     """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
+
+    It ends after so many `seconds`, or `settled` iterations without an improvement.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
@@ -478,7 +480,7 @@ def preview_loss(
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
     task = plan.build_task()
     left = build_remaining_problem(task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again)
-    stop = combine_stop_rules(Seconds(seconds), NoImprovement(SETTLED))
+    stop = combine_stop_rules(Seconds(seconds), NoImprovement(settled))
     result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.select_segments(
         left.open_segments, (one.name for one in left.instance.vehicles)
