@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -170,4 +171,5 @@ async def planning(
 
 async def ready(page: Page) -> None:
     """Wait until the page shows what there is: a site that is understood, or that there is none."""
-    await expect(page.locator("main:not([hidden]) .step .status, #empty:not([hidden]) .drop").first).to_be_attached()
+    shown = page.locator("#empty:not([hidden]) .drop").or_(page.locator("#step-network .status", has_text=re.compile(r"\d")))
+    await expect(shown.first).to_be_visible()
