@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -17,12 +17,14 @@ from rich.text import Text
 
 import missions
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
-from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, write_named_file
+from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, is_option_given, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.site import site_model
 from executor.site.new_site import render_site_template
+from executor.site.plan_summary import describe_site_choices
+from executor.site.site_file import read_site
 from executor.site.site_keys import DepotTable
 from missions.files import json_text, write_whole
 
@@ -145,7 +147,15 @@ class LineRow:
 
 @flatten_options
 def network(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="The network's file; 'default' is faultline's own.")],
+    asked: typer.Context,
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="The network's file; 'default' is faultline's own. Of a site file its network, with what the site "
+            "leaves out and locks.",
+        ),
+    ],
     *,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="GEOJSON", help="Write what was understood as GeoJSON.")
@@ -157,17 +167,48 @@ def network(
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
-    place, radius_m = options.place, options.radius
-    understood = missions.import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
-    document = missions.build_network_document(understood)
+    ground = _load_site(Path(file), asked) if Path(file).suffix == ".toml" else None
+    if ground is None:
+        path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+        understood = missions.import_network(
+            path, options.build_selection(), depot=options.place, radius_m=options.radius, anywhere=True
+        )
+    else:
+        understood = site_model.import_site_network(ground.site, Path(file).parent)
+    document = missions.build_network_document(understood, None if ground is None else _collect_choices(ground))
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))
     draw_named_file(picture, lambda pictures: pictures.draw_network_figure(understood))
     if as_json:
-        print(json_text(_build_document(understood)))
+        print(json_text(_build_document(understood) | ({} if ground is None else _build_choices(ground))))
     else:
         _show(understood)
+        for line in () if ground is None else describe_site_choices(ground):
+            print(formatting.escape_controls(line))
+
+
+def _load_site(file: Path, asked: typer.Context) -> site_model.SiteModel:
+    for one in fields(NetworkOptions):
+        if is_option_given(asked, one.name):
+            raise SiteError(f"--{one.name.replace('_', '-')}: expected none beside {file}, which says how it is read")
+    return site_model.load_site_model(read_site(file), file.parent)
+
+
+def _collect_choices(ground: site_model.SiteModel) -> dict[int, dict[str, object]]:
+    """Return what a site says of segments, by their numbers."""
+    found = dict[int, dict[str, object]]()
+    for segment in ground.left_out:
+        found[segment] = {"left_out": True}
+    for segment, keeper in ground.locked.items():
+        found.setdefault(segment, {})["locked"] = keeper
+    for segment, is_turned in ground.directions.items():
+        found.setdefault(segment, {})["reversed"] = is_turned
+    return found
+
+
+def _build_choices(ground: site_model.SiteModel) -> dict[str, object]:
+    chosen = _collect_choices(ground)
+    return {"chosen": [{"name": ground.network.segment_name(one), **chosen[one]} for one in sorted(chosen)]}
 
 
 def build_line_rows(understood: missions.NetworkImport) -> list[LineRow]:

@@ -354,7 +354,7 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
     """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
     if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
-    spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
+    spare = survivors.build_pad_survivor(context, state, vehicle).budget_pct > 0.0
     state, commands = touchdown.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands

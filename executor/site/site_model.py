@@ -33,6 +33,7 @@ from executor.site.site_parts import (
     load_areas,
     place_day_pads,
 )
+from executor.site.span_names import find_left_out, find_locks
 from missions.area_rules import apply_areas
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
@@ -78,6 +79,12 @@ class SiteModel:
     """What earlier flights said of packs."""
     day_pads: Mapping[str, Mapping[str, missions.Pad]] = field(default_factory=dict)
     """By the vehicle's name and the base's: where it lands on a day at bases that are not its own."""
+    left_out: frozenset[int] = frozenset()
+    """Segments that are not to be inspected; the network has them all the same."""
+    locked: Mapping[int, str] = field(default_factory=dict)
+    """Segments that one vehicle alone flies, and its name."""
+    directions: Mapping[int, bool] = field(default_factory=dict)
+    """Segments that are flown in one direction alone, and whether that is reversed."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -96,9 +103,7 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
-    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
-    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    understood = missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    understood = import_site_network(site, base)
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
@@ -115,6 +120,17 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     )
     ground = build_site_model(site, network, worth_a_look, base, terrain)
     return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
+
+
+def import_site_network(site: Site, base: Path) -> missions.NetworkImport:
+    """Read a site's network as its file has it.
+
+    Raises:
+        MissionsError: it cannot be used.
+    """
+    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
+    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
+    return missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
 
 
 def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
@@ -186,8 +202,10 @@ def build_site_model(
     said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
     inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
+    left_out = find_left_out(site, network, {asset: wish.pylon for asset, wish in wished.items()})
+    locked, directions = find_locks(site, network, left_out)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    (areas, left_out), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    (areas, unused), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
     setup = missions.plan_flight_setup(
         network, names, inspection, stated=stated, areas=areas, terrain=terrain,
         bases=find_base_pads(site, network),
@@ -198,9 +216,12 @@ def build_site_model(
         setup = apply_areas(setup, areas, alternates)
     # One line for all viewpoints that are flown higher than asked.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
-    remarks = (*worth_a_look, *left_out, *raised)
+    remarks = (*worth_a_look, *unused, *raised)
     day_pads = place_day_pads(site, setup, areas)
-    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads)
+    return SiteModel(
+        site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads, left_out=left_out,
+        locked=locked, directions=directions,
+    )  # fmt: skip
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -289,10 +310,12 @@ def select_reachable(
 ) -> tuple[tuple[int, ...], tuple[Unreachable, ...]]:
     """Return which of some segments can be reached, ascending, and the others; of all segments if not given.
 
+    What the site leaves out is in neither.
+
     Raises:
         SiteError: none can.
     """
-    wanted = set(range(len(ground.network.segments)) if segments is None else segments)
+    wanted = set(range(len(ground.network.segments)) if segments is None else segments) - ground.left_out
     never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
     if never and len(never) == len(wanted):
         name = ground.network.segment_name(never[0].segment)
@@ -356,6 +379,8 @@ def build_pricing(
         in_layer_s=from_layer,
         deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
         steps_m=setup.steps_m,
+        locked=ground.locked,
+        directions=ground.directions,
     )
 
 

@@ -68,6 +68,7 @@ SAME_PLACE_M = 1.0
 SAME = 1e-9
 """Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
 CHANGES_NAMED = 3
+LEFT_OUT = "is left out by the site"
 WINDOW_UP_TO = 150
 """Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
 WINDOW_SETTLED = 30_000
@@ -354,7 +355,7 @@ def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
         plan: One that belongs to the site.
         ground: The site.
     """
-    never = {one.segment: one.why for one in ground.setup.unreachable}
+    never = {one.segment: one.why for one in ground.setup.unreachable} | dict.fromkeys(ground.left_out, LEFT_OUT)
     if barred := [segment for segment in plan.segments if segment.id in never]:
         return [f"{segment.display_name} {never[segment.id]}" for segment in barred]
     task = site_model.build_first_task(ground, [segment.id for segment in plan.segments])
@@ -390,7 +391,13 @@ def _collect_site_facts(plan: PlanFile) -> dict[str, object]:
             for vehicle in plan.vehicles
         },
         "segments": {
-            segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
+            segment.id: {
+                "elevation_m": segment.elevation_m,
+                "height_m": segment.height_m,
+                "locked": None if plan.pricing is None else plan.pricing.locked.get(number),
+                "reversed": None if plan.pricing is None else plan.pricing.directions.get(number),
+            }
+            for number, segment in enumerate(plan.segments)
         },
     }
 

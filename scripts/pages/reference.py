@@ -209,7 +209,7 @@ def _tables(model: type[BaseModel], above: str) -> Iterator[tuple[str, type[Base
 def _plain(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
     for name, field in model.model_fields.items():
         if model is not site_file.Site:  # whose keys are the tables themselves
-            yield name, field
+            yield field.alias or name, field
 
 
 def _model_of(kind: object) -> type[BaseModel] | None:

@@ -142,7 +142,7 @@ def select_segments_to_reinspect(
 ) -> frozenset[int] | Reason:
     """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
     # What no vehicle has a camera for that works.
-    barred = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
+    barred = [find_barred_segments(context, state, vehicle) for vehicle in state.vehicles.values()]
     blind = frozenset.intersection(*barred) if barred else frozenset[int]()
     again, coverage = set[int](), state.coverage
     for asset in assets:

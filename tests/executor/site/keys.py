@@ -378,6 +378,7 @@ PYLONS = (
     ("look", [{"camera": "zoom", "of": "pylons", "bearings_deg": [60, 120]}]),
     ("camera[0].gimbal", True),
 )
+LOCK = (("lock", [{"segments": ["A.1"], "vehicle": "uav1"}]),)
 DAY = (("vehicle[0].budget_pct", 7.0), ("vehicle[1].budget_pct", 7.0))
 """With so little each vehicle needs two sorties."""
 BESIDE = at(150, 150)
@@ -407,7 +408,10 @@ def _of_table(table: str, needs: Changes, **values: object) -> dict[str, tuple[C
 
 KEYS: dict[str, tuple[Changes, object]] = {
     **_of_table("depot", (), lat_deg=LAT_DEG + 2e-4, lon_deg=LON_DEG + 2e-4, alt_m=905.0),
-    **_of_table("network", (), file="other.geojson", where="voltage >= 100000", radius_m=250.0),
+    **_of_table("network", (), file="other.geojson", where="voltage >= 100000", radius_m=250.0,
+                only=["B"], leave_out=["A.1"]),
+    **_of_table("lock[0]", LOCK, segments=["B.1..B.2"], vehicle="uav2"),
+    "lock[0].from": (LOCK, "A1"),
     "network.layer": ((("network.file", "folders.kml"), ("network.layer", ["North", "South"]), *FLAT), "North"),
     "network.snap_m": ((("network.file", "gap.geojson"), *FLAT), 5.0),
     "network.max_span_m": ((("network.file", "bare.geojson"), *FLAT), 50.0),
