@@ -115,6 +115,18 @@ export class PlanMap {
   }
 
   /**
+   * Asks for a way on the map.
+   * @param {(way: LatLon[]) => void} done
+   */
+  askLine(done) {
+    this.stop();
+    this.start("line", say("guide.line"), "line", (way) => {
+      this.stop();
+      if (way.length > 1) done(way);
+    });
+  }
+
+  /**
    * Lets somebody move the corners of an area.
    * @param {LatLon[]} ring
    * @param {(ring: LatLon[]) => void} done

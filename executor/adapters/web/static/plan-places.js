@@ -10,6 +10,7 @@ import { count, say } from "./plan-texts.js";
 /** @import { Store } from "./plan-store.js" */
 
 const DIGITS = 7;
+const WIDTH_M = 50;
 
 /** @param {number} value */
 const rounded = (value) => Number(value.toFixed(DIGITS));
@@ -112,6 +113,17 @@ export function addArea(store, ring) {
 }
 
 /**
+ * A corridor that was drawn; its width is changed at its field.
+ * @param {Store} store
+ * @param {LatLon[]} way
+ */
+function addCorridor(store, way) {
+  const name = freeName(say("area.corridor"), namesOf(store.values.area));
+  const line = way.map(([lat, lon]) => [rounded(lat), rounded(lon)]);
+  return store.edit([{ op: "add", path: ["area"], value: { name, line, width_m: WIDTH_M }, at: null }], say("edit.area", { name }));
+}
+
+/**
  * @param {Store} store
  * @param {PlanMap} map
  * @param {() => void} draw
@@ -119,7 +131,7 @@ export function addArea(store, ring) {
  */
 export function areasStep(store, map, draw) {
   const areas = new TableList(store, ["area"], schemaAt(store.schema, []).properties?.area ?? {}, {
-    first: ["name", "margin_m", "max_agl_m", "max_amsl_m", "file"], without: ["polygon", "line"], isAdded: false,
+    first: ["name", "margin_m", "max_agl_m", "max_amsl_m", "width_m", "file"], without: ["polygon", "line"], isAdded: false,
     title: (one) => `${one?.name ?? one?.file ?? ""}${one?.max_agl_m !== undefined || one?.max_amsl_m !== undefined ? ` (${say("area.limit")})` : ""}`,
     extras: (index) => [button(say("area.edit"), () => {
       const area = store.values.area?.[index];
@@ -139,7 +151,7 @@ export function areasStep(store, map, draw) {
     status: () => ((store.values.area ?? []).length ? count("areas", store.values.area.length) : say("status.none")),
     build: (place) => {
       const buttons = element("div", "", "actions");
-      buttons.append(button(say("area.draw"), draw));
+      buttons.append(button(say("area.draw"), draw), button(say("area.draw-corridor"), () => map.askLine((way) => addCorridor(store, way))));
       buttons.append(fileButton(store, (file) => store.edit([{ op: "add", path: ["area"], value: { file }, at: null }], say("edit.area", { name: file })), say("area.import")));
       place.append(element("p", say("areas.how"), "soft"), buttons, areas.element);
     },

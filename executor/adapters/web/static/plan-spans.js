@@ -1,6 +1,6 @@
 // Which segments are flown: chosen by click, box, lasso, name or distance, then left out, taken in, locked.
-import { element, find, write } from "./elements.js";
-import { button, Field } from "./plan-forms.js";
+import { element, write } from "./elements.js";
+import { button, Field, TableList } from "./plan-forms.js";
 import { schemaAt } from "./plan-schema.js";
 import { count, figure, say } from "./plan-texts.js";
 
@@ -156,7 +156,13 @@ export class SpanActions {
  * @returns {Step}
  */
 export function spansStep(store, actions) {
-  const radius = new Field(store, ["network", "radius_m"], schemaAt(store.schema, ["network"]).properties?.radius_m ?? {});
+  const keys = schemaAt(store.schema, ["network"]).properties ?? {};
+  const radius = new Field(store, ["network", "radius_m"], keys.radius_m ?? {});
+  const lists = ["leave_out", "only"].filter((key) => keys[key]).map((key) => new Field(store, ["network", key], keys[key]));
+  const vehicles = () => store.names.map((name) => /** @type {[string, string]} */ ([name, name]));
+  const locks = new TableList(store, ["lock"], schemaAt(store.schema, []).properties?.lock ?? {}, {
+    choices: { vehicle: vehicles }, isAdded: false, title: (one) => `${(one?.segments ?? []).join(", ")}: ${one?.vehicle ?? one?.from ?? ""}`,
+  });
   const search = element("input");
   search.type = "search";
   search.id = "sought-segments";
@@ -221,11 +227,14 @@ export function spansStep(store, actions) {
     build: (place) => {
       const line = element("div", "", "search");
       line.append(search, takes);
-      place.append(element("p", say("spans.how"), "soft"), line, list, note, radius.element);
-      find(line, "input", HTMLInputElement);
+      const more = element("details", "", "more");
+      more.append(element("summary", say("spans.named")), ...lists.map((one) => one.element));
+      place.append(element("p", say("spans.how"), "soft"), line, list, note, radius.element, locks.element, more);
     },
     show: () => {
       radius.show();
+      locks.show();
+      for (const one of lists) one.show();
       showList();
     },
   };
