@@ -27,6 +27,7 @@ export interface Breaking { vehicle: string; from_s: number; to_s: number }
 export interface PlanSummary {
   id: string;
   file: string;
+  kind?: "flight" | "day";
   longest_s: number;
   energy_pct: Record<string, number>;
   window_pct: number | null;
@@ -131,6 +132,7 @@ export interface PlanDocument {
   vehicles: PlannedVehicle[];
   uncovered: LeftOver[];
   lines: string[];
+  windows?: DayWindow[];
 }
 
 export interface LossAnswer {
@@ -152,7 +154,19 @@ export interface ChangeAnswer {
 
 export interface TryAnswer { answers: boolean; words: string }
 
-export interface FlightEntry { run: string; begun?: string; report: string | null; left: number | null; lines?: string[] }
+/** What a flight came to; `report` is null while there is none. */
+export interface FlightEntry {
+  run: string;
+  running: boolean;
+  has_report: boolean;
+  report: { finished: boolean; inspected: number; total: number; uncovered: string[]; duration_s: number | null; lost: string[] } | null;
+}
+
+/** The checklist, as before every flight. */
+export interface Checklist { ready: boolean; checks: { severity: "ok" | "warning" | "stop"; subject: string; text: string }[] }
+
+/** Of a day: from when on a vehicle may be lost for good. */
+export interface DayWindow { vehicle: string; from_s: number; breaks: string | null }
 
 export interface News { revision: number; checked: number; saved?: boolean; job: Job | null; tabs: number; chosen: string | null }
 

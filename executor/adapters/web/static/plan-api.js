@@ -1,6 +1,6 @@
 // The plan page's server: what is asked of it, and what is kept and sent again while it does not answer.
 
-/** @import { ChangeAnswer, Change, Edit, FlightEntry, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, PlanDocument, Schema, TryAnswer, Workspace } from "../plan.js" */
+/** @import { ChangeAnswer, Change, Checklist, Edit, FlightEntry, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, PlanDocument, Schema, TryAnswer, Workspace } from "../plan.js" */
 
 const RETRY_MS = 1000;
 
@@ -103,7 +103,7 @@ export const server = {
       method: "POST", headers: { "content-type": "application/octet-stream" }, body: file,
     }),
   /**
-   * @param {string | string[]} connection
+   * @param {string} connection
    * @param {number} sysid
    * @param {string} autopilot
    * @returns {Promise<TryAnswer>}
@@ -141,17 +141,22 @@ export const server = {
    */
   change: (id, changes, keep) => post(`/api/plans/${encodeURIComponent(id)}/change`, { changes, keep }),
   /**
+   * Starts the flight of a plan; its own page asks before anything moves.
    * @param {string} plan
-   * @param {boolean} dry
    * @returns {Promise<{ url: string }>}
    */
-  fly: (plan, dry) => post("/api/fly", { plan, dry }),
+  fly: (plan) => post("/api/fly", { plan }),
+  /**
+   * @param {string} plan
+   * @returns {Promise<Checklist>}
+   */
+  check: (plan) => post("/api/fly", { plan, dry: true }),
   /** @returns {Promise<FlightEntry[]>} */
-  flights: async () => {
-    const answer = await ask("/api/flights");
-    return Array.isArray(answer) ? answer : (answer.flights ?? []);
-  },
-  /** @param {string} run */
+  flights: async () => (await ask("/api/flights")).flights,
+  /**
+   * @param {string} run
+   * @returns {Promise<{ job: Job }>}
+   */
   left: (run) => post("/api/left", { run }),
 };
 

@@ -58,13 +58,17 @@ export function vehiclesStep(store) {
     if (!vehicle || !answer) return;
     answer.className = "tried";
     write(answer, say("try.listening"));
-    const heard = await store.ask(() => server.tryConnection(vehicle.connection, vehicle.sysid, vehicle.autopilot));
-    if (!heard) {
-      write(answer, "");
-      return;
+    // Each of several ways to it is listened on; the answer names the way.
+    const ways = /** @type {string[]} */ ([vehicle.connection].flat());
+    const words = [];
+    let isHeard = true;
+    for (const way of ways) {
+      const heard = await store.ask(() => server.tryConnection(way, vehicle.sysid, vehicle.autopilot));
+      isHeard = isHeard && (heard?.answers ?? false);
+      if (heard) words.push(ways.length > 1 ? `${way}: ${heard.words}` : heard.words);
     }
-    write(answer, heard.words);
-    answer.classList.add(heard.answers ? "is-good" : "is-bad");
+    write(answer, words.join("; "));
+    if (words.length) answer.classList.add(isHeard ? "is-good" : "is-bad");
   }
 
   return {

@@ -1,6 +1,6 @@
 // What came of planning: progress, the plans side by side, the routes as a table, what is left over, and changes by
 // hand, each checked and priced before it is kept.
-import { byId, element, write } from "./elements.js";
+import { element, write } from "./elements.js";
 import { server } from "./plan-api.js";
 import { drawFront } from "./plan-charts.js";
 import { button } from "./plan-forms.js";
@@ -384,90 +384,5 @@ export class Result {
     for (const item of this.routes.querySelectorAll("li[data-segment]")) {
       if (item instanceof HTMLElement) item.classList.toggle("chosen", this.store.selection.has(Number(item.dataset.segment)));
     }
-  }
-}
-
-/** What comes after the plan: the flight's own page; and what flights before left over. */
-export class Flying {
-  /**
-   * @param {Store} store
-   * @param {HTMLElement} place
-   * @param {(heading: string, meaning: string, yes: string, done: () => void) => void} ask
-   */
-  constructor(store, place, ask) {
-    this.store = store;
-    this.ask = ask;
-    const box = element("div", "", "flying");
-    this.fly = button(say("fly"), () => this.begin(false), "primary");
-    this.fly.id = "fly";
-    this.dry = button(say("fly.dry"), () => this.begin(true));
-    const actions = element("div", "", "actions");
-    actions.append(this.fly, this.dry);
-    this.link = element("p", "", "notice");
-    this.link.hidden = true;
-    this.runs = element("ul", "", "runs");
-    box.append(element("h3", say("flying")), element("p", say("fly.how"), "soft"), actions, this.link, this.runs);
-    place.append(box);
-    this.box = box;
-    store.on(["plan", "draft", "workspace"], () => this.show());
-    this.shown = "";
-  }
-
-  show() {
-    const { plan, draft, workspace } = this.store;
-    const stale = workspace?.plans.find((one) => one.id === workspace.chosen)?.stale ?? false;
-    this.fly.disabled = this.dry.disabled = !plan || draft !== null || stale;
-    this.fly.title = stale ? say("plan.stale") : "";
-    const key = `${workspace?.site?.path}`;
-    if (key !== this.shown && workspace?.site) {
-      this.shown = key;
-      this.showRuns();
-    }
-  }
-
-  /** @param {boolean} dry */
-  begin(dry) {
-    const plan = this.store.plan;
-    if (!plan) return;
-    this.ask(say(dry ? "fly.dry.ask" : "fly.ask"), say(dry ? "fly.dry.meaning" : "fly.meaning"), say(dry ? "fly.dry" : "fly"), async () => {
-      const answer = await this.store.ask(() => server.fly(plan.summary.id, dry));
-      if (!answer) return;
-      const link = element("a", say("fly.page"));
-      link.href = answer.url;
-      this.link.hidden = false;
-      this.link.replaceChildren(element("span", `${say("fly.begun")} `), link);
-      location.assign(answer.url);
-    });
-  }
-
-  async showRuns() {
-    /** @type {import("../plan.js").FlightEntry[]} */
-    let runs;
-    try {
-      runs = await server.flights();
-    } catch {
-      return;
-    }
-    this.runs.replaceChildren(...runs.map((one) => {
-      const item = element("li");
-      item.append(element("b", one.run));
-      if (one.report) {
-        const report = element("a", say("runs.report"));
-        report.href = one.report;
-        report.target = "_blank";
-        item.append(" ", report);
-      }
-      if (one.left) {
-        item.append(" ", button(count("runs.left", one.left), async () => {
-          const answer = await this.store.ask(() => server.left(one.run));
-          if (answer?.job) {
-            this.store.job = answer.job;
-            this.store.changed("job");
-          }
-        }));
-      }
-      return item;
-    }));
-    byId("plans").classList.toggle("has-runs", runs.length > 0);
   }
 }

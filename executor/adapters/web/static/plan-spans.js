@@ -9,6 +9,8 @@ import { count, figure, say } from "./plan-texts.js";
 /** @import { Store } from "./plan-store.js" */
 
 const LISTED = 200;
+/** No vehicle's name. */
+const NOBODY = "-";
 
 /** @param {string} text */
 const natural = (text) => text.toLowerCase().normalize("NFKC");
@@ -293,7 +295,7 @@ export class SelectionBar {
     made.push(this.makeChoice("span.lock", names, (vehicle) => this.actions.lock(vehicle)));
     if (chosen.some((one) => this.actions.lockOf(one.name))) act("span.unlock", () => this.actions.unlock(), "");
     if (this.store.shown) {
-      made.push(this.makeChoice("span.give", names, (vehicle) => this.by.give(vehicle)));
+      made.push(this.makeChoice("span.give", [...names, NOBODY], (vehicle) => this.by.give(vehicle === NOBODY ? "" : vehicle)));
       act("span.turn", () => this.by.turn(), "T");
     }
     act("span.clear", () => this.store.select([]), "Esc", "plain");
@@ -311,7 +313,7 @@ export class SelectionBar {
     made.dataset.act = key;
     made.setAttribute("aria-label", say(key));
     for (const one of ["", ...names]) {
-      const option = element("option", one || say(key));
+      const option = element("option", one === NOBODY ? say("span.nobody") : one || say(key));
       option.value = one;
       made.append(option);
     }

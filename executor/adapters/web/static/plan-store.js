@@ -104,7 +104,7 @@ export class Store {
   }
 
   get isDay() {
-    return this.shown?.vehicles.some((one) => one.routes.length > 1 || one.routes.some((route) => route.sortie > 0 || route.day > 1)) ?? false;
+    return this.shown?.summary.kind === "day";
   }
 
   /** @param {number} segment */

@@ -167,6 +167,12 @@ export class Timeline {
       }
     }
     const loss = this.store.loss;
+    const safe = this.store.shown?.windows?.find((one) => one.vehicle === vehicle.name);
+    if (safe) {
+      const piece = this.piece(safe.from_s, this.store.endS, "safe");
+      piece.title = say("window.day", { vehicle: vehicle.name, time: this.wordOf(safe.from_s) });
+      track.append(piece);
+    }
     if (loss?.vehicle === vehicle.name) track.append(this.piece(loss.at_s, this.store.endS, "lost"));
     const answer = loss?.routes.find((one) => one.name === vehicle.name);
     for (const route of answer?.routes ?? []) {

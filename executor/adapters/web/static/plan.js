@@ -2,10 +2,11 @@
 import { all, byId, element, find, write } from "./elements.js";
 import { listen, persist, server } from "./plan-api.js";
 import { dayStep, inspectionStep, otherStep, vehiclesStep } from "./plan-fleet.js";
+import { Flights } from "./plan-flights.js";
 import { PlanMap } from "./plan-map.js";
 import { Dropping, networkStep, remediesOf } from "./plan-network.js";
 import { addArea, areasStep, placesStep } from "./plan-places.js";
-import { Flying, Result } from "./plan-result.js";
+import { Result } from "./plan-result.js";
 import { SelectionBar, SpanActions, spansStep } from "./plan-spans.js";
 import { Steps } from "./plan-steps.js";
 import { Store } from "./plan-store.js";
@@ -29,7 +30,7 @@ function start(schema) {
     vehiclesStep(store), inspectionStep(store), dayStep(store, map), otherStep(store),
   ], remediesOf(store));
   const result = new Result(store, byId("plans"));
-  new Flying(store, byId("plans"), ask);
+  new Flights(store, byId("plans"), ask);
   new SelectionBar(store, byId("selected"), actions, {
     describe: () => map.describeSelection(), give: (vehicle) => result.give(vehicle), turn: () => result.turn(),
   });
