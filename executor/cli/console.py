@@ -77,16 +77,18 @@ class _Screen:
 class TerminalConsole:
     """Draws with rich on a terminal; plain lines where the output is a file or a pipe."""
 
-    def __init__(self, *, quiet: bool, yes: bool) -> None:
+    def __init__(self, *, quiet: bool, yes: bool, on_page: bool = False) -> None:
         """Choose how much is shown and whether questions are asked.
 
         Args:
             quiet: show nothing but questions; `--json` wants the output for itself.
             yes: take every question as answered.
+            on_page: leave every question to the page; nobody sits at a terminal.
         """
         self._terminal = Terminal(file=cast("IO[str]", _Screen()), highlight=False, soft_wrap=True)
         self._quiet = quiet
         self._yes = yes
+        self._on_page = on_page
         self._live: Live | None = None
         self._view: tuple[Context, FleetState, float] | None = None
         self._asked: Text | None = None
@@ -141,6 +143,8 @@ class TerminalConsole:
         """
         if self._yes:
             return True
+        if self._on_page:
+            await asyncio.get_running_loop().create_future()  # until it was answered there
         if not sys.stdin.isatty():
             return False
         loop = asyncio.get_running_loop()

@@ -12,12 +12,17 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
+from executor.adapters.run_directory import RunDirectory
 from executor.adapters.web.page_server import TYPES
-from executor.errors import ExecutorError
-from executor.plan_page import site_files
+from executor.errors import ExecutorError, SiteError
+from executor.plan_page import flights, site_files
+from executor.plan_page.plan_work import Change, PlanWish
+from executor.plan_page.planning import Superseded
 from executor.plan_page.site_document import Edit, EditRefused, Operation
+from executor.plan_page.try_connection import listen_for_vehicle
 from executor.plan_page.workspace import StaleRevision, Workspace
 from executor.site.ground_view import DOCUMENT
+from executor.site.site_keys import AutopilotKey
 from executor.site.site_schema import build_site_schema
 from missions import MissionsError
 from missions.files import json_text
@@ -68,6 +73,81 @@ class OpenBody(Body):
     """A site, a network or a plan; `default` for the network that comes with faultline."""
 
 
+class PlanBody(Body):
+    """A plan to be made."""
+
+    revision: Revision
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
+    """Time limit of the search."""
+    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
+    """As `faultline plan --cost`; without it the window where there is one to search for."""
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
+    front: bool = False
+    """Several plans, between longest route, energy and window."""
+    day: bool = False
+    """Working days of many sorties."""
+
+
+class JobBody(Body):
+    """Which job."""
+
+    job: Annotated[str, Field(max_length=20)]
+
+
+class LossBody(Body):
+    """A loss to think of."""
+
+    vehicle: Annotated[str, Field(max_length=32)]
+    at_s: Annotated[float, Field(ge=0, le=1e6)]
+    """From the start of the plan."""
+
+
+class ChangeBody(Body):
+    """One change of a plan by hand."""
+
+    segment: Annotated[int, Field(ge=0)]
+    """Its id in the network."""
+    vehicle: Annotated[str, Field(max_length=32)] | None = None
+    """Who flies it from now on; empty for nobody, null for who does."""
+    reversed: bool | None = None
+    """From its b to its a; null for as it is, or what is best for another vehicle."""
+    position: Annotated[int, Field(ge=0)] | None = None
+    """In the route; null for where it is, or the best place for another vehicle."""
+
+
+class ChangesBody(Body):
+    """Changes of a plan by hand."""
+
+    changes: Annotated[tuple[ChangeBody, ...], Field(min_length=1, max_length=MOST_EDITS)]
+    keep: bool = False
+    """Whether the new plan becomes the chosen one."""
+
+
+class TryBody(Body):
+    """A connection to listen on."""
+
+    connection: Annotated[str, Field(max_length=300)]
+    sysid: Annotated[int, Field(ge=1, le=254)]
+    autopilot: AutopilotKey
+
+
+class FlyBody(Body):
+    """A plan to fly."""
+
+    plan: Annotated[str, Field(max_length=20)]
+    dry: bool = False
+    """Run the checklist alone."""
+
+
+class LeftBody(Body):
+    """A flight whose rest is planned."""
+
+    run: Annotated[str, Field(max_length=200)]
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
+
+
 class JsonBytes(Response):
     """JSON that is made already."""
 
@@ -88,6 +168,8 @@ def build_api(workspace: Workspace) -> FastAPI:
     _add_error_answers(api, workspace)
     _add_questions(api, workspace)
     _add_changes(api, workspace)
+    _add_planning(api, workspace)
+    _add_flights(api, workspace)
     return api
 
 
@@ -98,6 +180,9 @@ def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
 
     async def answer_stale(_: Request, error: Exception) -> Response:
         return JSONResponse({"error": str(error), "path": None, "workspace": workspace.describe()}, 409)
+
+    async def answer_superseded(_: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error), "path": None}, 409)
 
     async def answer_wrong_body(_: Request, error: Exception) -> Response:
         found = error.errors()[0] if isinstance(error, RequestValidationError) else {"loc": (), "msg": "?"}
@@ -112,6 +197,7 @@ def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
     for kind in (ExecutorError, MissionsError, PlannerError):
         api.add_exception_handler(kind, answer_ours)
     api.add_exception_handler(StaleRevision, answer_stale)
+    api.add_exception_handler(Superseded, answer_superseded)
     api.add_exception_handler(RequestValidationError, answer_wrong_body)
     api.add_exception_handler(HTTPException, answer_http)
     api.add_exception_handler(ClientDisconnect, answer_http)
@@ -204,3 +290,86 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
         """Keep the file of the body beside the site. A network begins a new site; other files are named by edits."""
         kept = await workspace.upload(name, request.stream(), as_network=use == "network")
         return await answer(uploaded=kept)
+
+
+def _add_planning(api: FastAPI, workspace: Workspace) -> None:
+    planning = workspace.planning
+
+    @api.post("/api/plan")
+    async def post_plan(body: PlanBody) -> Response:
+        """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
+        workspace.expect_revision(body.revision)
+        wish = PlanWish(**body.model_dump(exclude={"revision"}))
+        return JSONResponse({"job": planning.start(workspace.now, wish).describe()})
+
+    @api.post("/api/cancel")
+    async def post_cancel(body: JobBody) -> Response:
+        """End a job; what it has found is dropped."""
+        await planning.cancel(body.job)
+        return JsonBytes(json_text(workspace.describe()))
+
+    @api.get("/api/plans/{plan}")
+    async def get_plan(plan: str) -> Response:
+        """Return a plan: who is where at any time with how much battery, what is left over, and its heights."""
+        return JsonBytes(json_text(await planning.show(workspace.now, plan)))
+
+    @api.post("/api/plans/{plan}/choose")
+    async def post_choose(plan: str) -> Response:
+        """Write a plan to the file beside the site that is flown."""
+        await planning.choose(plan)
+        return JsonBytes(json_text(workspace.describe()))
+
+    @api.post("/api/plans/{plan}/loss")
+    async def post_loss(plan: str, body: LossBody) -> Response:
+        """Return what the others would fly if a vehicle were lost; 409 where a newer question came meanwhile."""
+        return JsonBytes(json_text(await planning.preview_loss(workspace.now, plan, body.vehicle, body.at_s)))
+
+    @api.post("/api/plans/{plan}/change")
+    async def post_change(plan: str, body: ChangesBody) -> Response:
+        """Change a plan by hand: the new one is checked and priced, and kept beside the old one."""
+        changes = [Change(**one.model_dump()) for one in body.changes]
+        return JsonBytes(json_text(await planning.change(workspace.now, plan, changes, keep=body.keep)))
+
+
+REPORT = {
+    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+}
+"""A report is one file, without scripts: its style stands in it."""
+
+
+def _add_flights(api: FastAPI, workspace: Workspace) -> None:
+    @api.post("/api/try")
+    async def post_try(body: TryBody) -> Response:
+        """Listen for a vehicle on a connection for some seconds; nothing is sent."""
+        try:
+            return JSONResponse(await listen_for_vehicle(body.connection, body.sysid, body.autopilot))
+        except ValueError as error:
+            raise SiteError(f"connection: {error}") from error
+
+    @api.post("/api/fly")
+    async def post_fly(body: FlyBody) -> Response:
+        """Start a flight of a plan with a page of its own, which asks before anything takes off; `url` leads there."""
+        site, plan = await workspace.choose_for_flight(body.plan)
+        work = flights.run_checklist if body.dry else flights.start_flight
+        return JSONResponse(await work(workspace.root, site, plan))
+
+    @api.get("/api/flights")
+    def get_flights() -> Response:
+        """Return the flights of the folder where the page was started, the newest first."""
+        return JSONResponse({"flights": list(flights.list_flights(workspace.root))})
+
+    @api.get("/api/report")
+    def get_report(run: Annotated[str, Query(max_length=200)]) -> Response:
+        """Return the report of a flight, as a page without scripts."""
+        page = RunDirectory(flights.find_run(workspace.root, run)).page
+        if not page.is_file():
+            raise HTTPException(404, "there is no report yet")
+        return Response(page.read_bytes(), 200, REPORT, "text/html; charset=utf-8")
+
+    @api.post("/api/left")
+    async def post_left(body: LeftBody) -> Response:
+        """Begin to plan what a flight left over."""
+        run = flights.find_run(workspace.root, body.run)
+        wish = PlanWish(seconds=body.seconds, after=str(run))
+        return JSONResponse({"job": workspace.planning.start(workspace.now, wish).describe()})

@@ -267,10 +267,15 @@ def change_plan(text: str, folder: Path, path: Path, changes: Sequence[Change], 
         ExecutorError: the site cannot be used, or a change is of something that is not there.
     """
     plan, ground = _read_flight(path), read_site_model(text, folder)
-    task = _build_site_task(text, folder, path)
-    routes = {name: list(task.from_network(visits)) for name, visits in plan.network_routes.items()}
+    dropped = frozenset(one.segment for one in changes if one.vehicle == "")
+    task = _build_site_task(text, folder, path, dropped)
+    routes = {
+        name: list(task.from_network(one for one in visits if segment_of(one) not in dropped))
+        for name, visits in plan.network_routes.items()
+    }
     for change in changes:
-        _apply_change(change, plan, task, routes)
+        if change.segment not in dropped:
+            _apply_change(change, plan, task, routes)
     flown = {segment_of(one) for visits in routes.values() for one in visits}
     left = tuple(one for one in range(len(task.segment_ids)) if one not in flown)
     made = Plan(tuple(Route(number, tuple(routes[name])) for number, name in enumerate(plan.names)), left)
@@ -289,16 +294,20 @@ def change_plan(text: str, folder: Path, path: Path, changes: Sequence[Change], 
         shown = {"vehicles": [], "uncovered": list_uncovered(content), "lines": []}
     kept = keep_plan(content, into)
     return {
-        "id": kept.id, "summary": kept.summary, "plan": shown, "violations": violations,
+        "made": kept, "plan": shown, "violations": violations,
         "window_was": None if plan.window is None else plan.window.window_pct, "window_is": window.window_pct,
     }  # fmt: skip
 
 
 @lru_cache(maxsize=2)
-def _build_site_task(text: str, folder: Path, path: Path) -> missions.Task:
+def _build_site_task(text: str, folder: Path, path: Path, dropped: frozenset[int]) -> missions.Task:
+    """Return the problem of a plan, as the site is now, without what nobody shall fly: that is not left over."""
     plan, ground = _read_flight(path), read_site_model(text, folder)
     site_planning.check_plan_belongs(plan, ground, "the plan")
-    return site_model.build_first_task(ground, [segment.id for segment in plan.segments])
+    kept = [segment.id for segment in plan.segments if segment.id not in dropped]
+    if not kept or not dropped <= set(plan.positions):
+        raise SiteError("changes: segment: expected some of the plan's, and one that is left")
+    return site_model.build_first_task(ground, kept)
 
 
 def _apply_change(change: Change, plan: PlanFile, task: missions.Task, routes: dict[str, list[int]]) -> None:
@@ -313,8 +322,8 @@ def _apply_change(change: Change, plan: PlanFile, task: missions.Task, routes: d
     )
     before = None if had is None else routes[had].pop(was)
     goes = had if change.vehicle is None else change.vehicle
-    if not goes:
-        return
+    if goes is None:
+        raise SiteError(f"changes: vehicle: expected one for segment {change.segment}, which nobody flies")
     position, turned = change.position, change.reversed
     if goes == had and before is not None:  # it stays with who has it: what is not said stays, too
         position = was if position is None else position

@@ -78,18 +78,20 @@ class PlanServer(PageServer):
         workspace = self._workspace
         if workspace is None:
             return
-        news = asyncio.Event()
-        workspace.changed = news.set
         said = b""
-        async with run_beside("what is understood", workspace.run), run_beside("the files", workspace.watch_files):
+        async with (
+            run_beside("what is understood", workspace.run),
+            run_beside("the files", workspace.watch_files),
+            run_beside("the planner", workspace.planning.warm_up),
+        ):
             while True:
                 now = workspace.describe_news()
                 if now != said:
                     said = now
                     await self._newest.put(now)
-                news.clear()
+                workspace.news.clear()
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(news.wait(), PERIOD_S)
+                    await asyncio.wait_for(workspace.news.wait(), PERIOD_S)
 
     async def _close(self) -> None:
         if self._workspace is not None:

@@ -69,6 +69,7 @@ class Worker:
         self._shared = self._context.RawArray("d", [-1.0, 0.0, 0.0, 0.0, -1.0])
         self._pool: ProcessPoolExecutor | None = None
         self._processes: set[BaseProcess] = set()
+        self._closed = False
 
     @property
     def progress(self) -> WorkProgress:
@@ -97,6 +98,8 @@ class Worker:
         try:
             return await asyncio.wrap_future(asked)
         except BrokenProcessPool as error:
+            if self._closed:
+                raise asyncio.CancelledError from error  # nobody waits any more
             self.kill()
             raise ExecutorError(f"{self._name}: its process died; is there enough memory?") from error
 
@@ -109,6 +112,7 @@ class Worker:
 
     def close(self) -> None:
         """End the process."""
+        self._closed = True
         self.cancel(2**50)
         self._release(cancel=True)
         end_processes(self._processes)

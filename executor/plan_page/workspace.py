@@ -15,11 +15,12 @@ from typing import Any
 
 from executor.errors import ExecutorError, SiteError
 from executor.plan_page import site_files
+from executor.plan_page.plan_store import sum_up_facts
+from executor.plan_page.planning import OURS, Planning, SiteNow
 from executor.plan_page.site_document import Edit
 from executor.plan_page.site_problems import Problem, check_text
 from executor.plan_page.site_store import SiteStore
 from executor.plan_page.site_view import SiteView
-from executor.plan_page.worker import Worker
 from executor.plan_page.worker_site import read_site_view
 from missions.files import json_text
 
@@ -42,14 +43,13 @@ class Workspace:
         self.root = root.absolute()
         self.store = store
         self.view = NOTHING
-        self.revision = int(time.time())
+        self.revision = int(1000 * time.time())
         """Grows with every change of the site; also over restarts, so that a tab which stayed open is told."""
         self.checked = self.revision
         """Of which revision `view` is."""
-        self.answers = Worker("reading the site")
-        self.planner = Worker("planning")
-        self.changed: Callable[[], None] = lambda: None
-        """Called when there is something new for the stream."""
+        self.news = asyncio.Event()
+        """Set when there is something new for the stream."""
+        self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0
         self._values: Mapping[str, Any] = {}
         self._problems: list[Problem] = []
@@ -57,6 +57,7 @@ class Workspace:
         self._wanted = asyncio.Event()
         self._known = asyncio.Condition()
         self._stamps: Sequence[object] = ()
+        self._facts = ""
         self._take_change()
 
     # What is there
@@ -80,7 +81,7 @@ class Workspace:
             "network": None if self.view.network is None else {
                 "digest": self.view.digest, "segments": self.view.segments,
             },
-            "plans": [], "chosen": None, "job": None,
+            **self.planning.describe(self._facts),
             "saved": store is None or store.saved,
             "save_error": None if store is None else store.save_error,
             "tabs": self.tabs(),
@@ -89,10 +90,34 @@ class Workspace:
     def describe_news(self) -> bytes:
         """Return what the stream says: enough to know whether to ask for more."""
         store = self.store
+        self.planning.tick()
+        plans = self.planning.describe(self._facts)
         return json_text({
-            "revision": self.revision, "checked": self.checked, "job": None, "chosen": None, "tabs": self.tabs(),
+            "revision": self.revision, "checked": self.checked, "tabs": self.tabs(),
             "saved": store is None or store.saved,
+            "job": plans["job"], "chosen": plans["chosen"], "warm": plans["warm"],
+            "plans": [one["id"] + "*" * one["stale"] for one in plans["plans"]],
         }).encode()  # fmt: skip
+
+    @property
+    def now(self) -> SiteNow:
+        """The site that something is asked about.
+
+        Raises:
+            SiteError: none is open.
+        """
+        if self.store is None:
+            raise SiteError("expected a site; none is open")
+        return SiteNow(self.store.history.text, self.store.path.parent, self._facts)
+
+    def expect_revision(self, revision: int) -> None:
+        """Go on only with what the page has seen.
+
+        Raises:
+            StaleRevision: the site is another one.
+        """
+        if revision != self.revision:
+            raise StaleRevision("the site was changed elsewhere, in another tab or program; here is what it is now")
 
     def name_file(self, path: Path) -> str:
         """Return what people call a file: its path from the folder of this page."""
@@ -116,7 +141,7 @@ class Workspace:
         """
         kind = await asyncio.to_thread(site_files.find_kind, path)
         if kind == "network":
-            path = await self.answers.run(site_files.make_site, path.parent, path)
+            path = await self.planning.answers.run(site_files.make_site, path.parent, path)
         elif kind == "plan":
             path = site_files.find_site_of_plan(path)
         await self._open_site(path.absolute())
@@ -127,7 +152,7 @@ class Workspace:
         Raises:
             ExecutorError: its file cannot be written.
         """
-        await self._open_site(await self.answers.run(site_files.make_site, self.root, None))
+        await self._open_site(await self.planning.answers.run(site_files.make_site, self.root, None))
 
     async def upload(self, name: str, content: AsyncIterator[bytes], *, as_network: bool) -> str:
         """Keep a file; a network's begins a site. Returns its name from the site's folder.
@@ -170,6 +195,18 @@ class Workspace:
         """
         await self._change(revision, SiteStore.redo)
 
+    async def choose_for_flight(self, plan: str) -> tuple[Path, Path]:
+        """Make a plan the chosen one; returns the files of the site and of it, which are what the page shows.
+
+        Raises:
+            SiteError: the site is not on disk, or there is no such plan.
+        """
+        store = self.store
+        if store is None or not store.saved:
+            raise SiteError("expected a site that is saved before it is flown")
+        await self.planning.choose(plan)
+        return store.path, self.planning.chosen_file
+
     async def wait_until_checked(self, within_s: float = SOON_S) -> None:
         """Wait until the present site is understood, but not for long."""
         with suppress(TimeoutError):
@@ -185,13 +222,16 @@ class Workspace:
             if store is None:
                 continue
             try:
-                view = await self.answers.run(read_site_view, store.history.text, store.path.parent)
+                view = await self.planning.answers.run(read_site_view, store.history.text, store.path.parent)
             except ExecutorError as error:
                 view = SiteView([Problem(path=None, message=str(error))])
             async with self._known:
                 self.view, self.checked = view, revision
                 self._known.notify_all()
-            self.changed()
+            self.news.set()
+            with suppress(*OURS):  # a process that died is said with what is asked next
+                await self.planning.refresh(self.now)
+            self.news.set()
 
     async def watch_files(self) -> None:
         """Read what others write, and try again to save what could not be saved, for ever."""
@@ -199,18 +239,19 @@ class Workspace:
             await asyncio.sleep(LOOK_S)
             async with self._lock:
                 await self._look()
+            with suppress(*OURS):
+                await self.planning.look()
 
     async def close(self) -> None:
         """Save what is not saved, and end the processes."""
         async with self._lock:
             if self.store is not None:
                 await asyncio.to_thread(self.store.__exit__, None, None, None)
-            await asyncio.gather(*(asyncio.to_thread(one.close) for one in (self.answers, self.planner)))
+            await self.planning.close()
 
     def kill_workers(self) -> None:
         """End the processes at once."""
-        self.answers.kill()
-        self.planner.kill()
+        self.planning.kill()
 
     async def _open_site(self, path: Path) -> None:
         async with self._lock:
@@ -229,8 +270,7 @@ class Workspace:
             if store is None:
                 raise SiteError("expected a site; none is open")
             await self._look()
-            if revision != self.revision:
-                raise StaleRevision("the site was changed elsewhere, in another tab or program; here is what it is now")
+            self.expect_revision(revision)
             await asyncio.to_thread(work, store)
             self._take_change()
 
@@ -244,19 +284,22 @@ class Workspace:
         stamps = await asyncio.to_thread(_stamp_files, self._values, store.path.parent)
         if stamps != self._stamps:
             self._stamps = stamps
+            self._facts = sum_up_facts(self._values, stamps)
             self._wanted.set()
         if was != (store.saved, store.save_error):
-            self.changed()
+            self.news.set()
 
     def _take_change(self) -> None:
         if self.store is None:
             return
         self.revision += 1
+        self.planning.open(self.store.path)
         values, _, self._problems = check_text(self.store.history.text)
         self._values = _to_plain(values)
         self._stamps = _stamp_files(values, self.store.path.parent)
+        self._facts = sum_up_facts(self._values, self._stamps)
         self._wanted.set()
-        self.changed()
+        self.news.set()
 
 
 def _to_plain(values: Any) -> Any:  # noqa: ANN401 - whatever a file says

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,7 +35,7 @@ class Opened:
     def get(self, path: str) -> Any:
         return self.client.get(path).json()
 
-    def post(self, path: str, status: int = 200, **body: object) -> Any:
+    def post(self, path: str, status: int = 200, **body: Any) -> Any:
         answer = self.client.post(path, json=body)
         assert answer.status_code == status, answer.text
         return answer.json()
@@ -51,19 +51,27 @@ class Opened:
     def set(self, *path: str | int, value: object, status: int = 200) -> Any:
         return self.edit({"op": "set", "path": path, "value": value}, status=status)
 
-    def follow(self, until: str, equals: object = True) -> Any:
+    @property
+    def root(self) -> Path:
+        return self.server._root
+
+    def follow_until(self, is_so: Callable[[Any], bool]) -> Any:
         """Follow the stream until it says so, and return the workspace."""
         with self.client.stream("GET", "/api/events") as stream:
             for line in stream.iter_lines():
-                news = json.loads(line.removeprefix("data: ")) if line.startswith("data: ") else {}
-                found = news.get("checked") == news.get("revision") if until == "checked" else news.get(until) == equals
-                if news and found:
+                if line.startswith("data: ") and is_so(json.loads(line.removeprefix("data: "))):
                     return self.get("/api/workspace")
-        raise AssertionError(f"the stream ended before {until} was {equals}")
+        raise AssertionError("the stream ended before")
+
+    def follow(self, key: str, value: object) -> Any:
+        return self.follow_until(lambda news: news[key] == value)
+
+    def follow_job(self, job: str) -> Any:
+        return self.follow_until(lambda news: news["job"]["id"] == job and news["job"]["state"] != "running")
 
     def checked(self) -> Any:
         """Return the workspace once its site is understood."""
-        return self.follow("checked")
+        return self.follow_until(lambda news: news["checked"] == news["revision"])
 
 
 @contextmanager
@@ -75,7 +83,7 @@ def opened(root: Path, site: Path | None, token: str | None = None, port: int = 
     )  # fmt: skip
     with server, httpx.Client(base_url=server.address, timeout=PATIENCE_S) as client:
         yield Opened(server, client, mistakes)
-    assert not mistakes
+    assert mistakes == []
 
 
 def make_demo_site(folder: Path, *more: str) -> Path:

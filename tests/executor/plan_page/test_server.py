@@ -43,7 +43,7 @@ def test_a_site_is_understood(demo: Opened) -> None:
 
 
 def test_edits_are_in_the_file_and_undone_there(demo: Opened) -> None:
-    path = demo.server._root / "site.toml"
+    path = demo.root / "site.toml"
     before = path.read_text()
     edited = demo.set("inspection", "height_m", value=17)
     assert "height_m = 17 " in path.read_text()
@@ -119,7 +119,7 @@ def test_the_schema_says_what_each_key_means(demo: Opened) -> None:
 
 
 def test_what_another_program_writes_is_shown(demo: Opened) -> None:
-    path = demo.server._root / "site.toml"
+    path = demo.root / "site.toml"
     before, revision = path.read_text(), demo.checked()["revision"]
     path.write_text(before + "# by hand\n")
     demo.post("/api/undo", 409, revision=revision)
