@@ -191,5 +191,5 @@ async def test_every_step_is_legible_and_whole_at_every_width(tmp_path: Path, sc
             assert await page.evaluate(CUT_OFF) == []
             assert await page.evaluate(OVERLAPS) == []
         assert await page.locator("html").get_attribute("lang") == language
-        for one in await page.locator("button:visible, input:visible, select:visible").all():
+        for one in await page.locator("button:visible, input:not([aria-hidden]):visible, select:visible").all():
             assert await one.evaluate("one => Boolean(one.textContent.trim() || one.ariaLabel || one.labels?.length)")

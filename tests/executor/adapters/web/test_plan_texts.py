@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from executor.adapters.web.server import STATIC
+from executor.adapters.web.page_server import STATIC
 from executor.site.site_file import Site
 
 LANGUAGES = ("en", "de")
