@@ -2,9 +2,9 @@
 import { byId, write } from "./elements.js";
 import { FleetMap, hueOf } from "./map.js";
 import { count, figure, say } from "./plan-texts.js";
-import { momentOf, splitAt } from "./plan-track.js";
+import { splitAt } from "./plan-track.js";
 
-/** @import { LatLon, Path, PlannedVehicle } from "../plan.js" */
+/** @import { LatLon, Path } from "../plan.js" */
 /** @import { SegmentState } from "./map-content.js" */
 /** @import { Choice } from "./map.js" */
 /** @import { ToolName } from "./map-tools.js" */
@@ -24,6 +24,7 @@ export class PlanMap {
     this.tool = "pick";
     this.isFitted = false;
     this.grounded = "";
+    this.wasLost = false;
     this.map = new FleetMap(byId("plan-map"), {
       name: say("map.name"),
       onChoose: (choice) => this.choose(choice),
@@ -212,34 +213,28 @@ export class PlanMap {
   }
 
   showRoutes() {
-    const { shown, loss, timeS, vehicle } = this.store;
-    const vehicles = shown?.vehicles ?? [];
-    const number = (/** @type {string} */ name) => Math.max(0, vehicles.findIndex((one) => one.name === name));
-    /** @param {PlannedVehicle} one @param {boolean} isAnswer */
-    const lines = (one, isAnswer) => {
-      const flown = one.routes.map((route) => splitAt(route, timeS));
-      return {
-        vehicle: one.name, colour: hueOf(number(one.name)), isFaint: vehicle !== null && vehicle !== one.name,
-        flown: isAnswer ? [] : flown.map(([before]) => before).filter((line) => line.length > 1),
-        ahead: (isAnswer ? one.routes.map((route) => splitAt(route, timeS)[1]) : flown.map(([, ahead]) => ahead)).filter((line) => line.length > 1),
-      };
-    };
-    const answered = loss?.routes ?? null;
-    this.map.setRoutes(vehicles.map((one) => {
-      const own = lines(one, false);
-      const other = answered?.find((survivor) => survivor.name === one.name);
-      return answered ? { ...own, ahead: other ? lines(other, true).ahead : [] } : own;
-    }));
-    this.map.setVehicles(vehicles.flatMap((one) => {
-      const moment = momentOf(one, timeS);
-      if (!moment?.place) return [];
+    const { store } = this;
+    const { loss, timeS, vehicle, vehicles } = store;
+    this.map.setRoutes(vehicles.map((one, index) => {
       const isLost = loss?.vehicle === one.name;
+      const parts = one.routes.map((route) => splitAt(route, isLost ? Math.min(timeS, loss.at_s) : timeS));
+      return {
+        vehicle: one.name, colour: hueOf(index), isFaint: !loss && vehicle !== null && vehicle !== one.name,
+        flown: parts.map(([before]) => before).filter((line) => line.length > 1),
+        ahead: isLost ? [] : parts.map(([, ahead]) => ahead).filter((line) => line.length > 1),
+      };
+    }));
+    this.map.setVehicles(vehicles.flatMap((one, index) => {
+      const moment = store.momentOf(one);
+      if (!moment?.place) return [];
+      const isLost = loss?.vehicle === one.name && timeS >= loss.at_s;
       return [{
-        name: one.name, place: moment.place, heading_deg: moment.headingDeg, colour: hueOf(number(one.name)),
+        name: one.name, place: moment.place, heading_deg: moment.headingDeg, colour: hueOf(index), isFaulty: isLost,
         state: isLost ? "lost" : moment.isFlying ? "flying" : "ground", isChosen: one.name === vehicle,
       }];
     }));
-    if (loss) this.showNetwork();
+    if (loss || this.wasLost) this.showNetwork();
+    this.wasLost = loss !== null;
   }
 
   /** What is chosen, in a line. */

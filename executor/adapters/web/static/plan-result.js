@@ -301,7 +301,9 @@ export class Result {
       parts.push(box);
     }
     const said = element("ul", "", "said");
-    said.append(...shown.lines.map((one) => element("li", one)));
+    // What each one does stands in the table.
+    const rest = shown.lines.filter((line) => !shown.vehicles.some((one) => line.startsWith(`${one.name}: `)));
+    said.append(...rest.map((one) => element("li", one)));
     this.lines.replaceChildren(...parts, said);
     this.showMarks();
   }

@@ -2,8 +2,9 @@
 // edits on their way to the server, in their order, none lost while it does not answer.
 import { persist, Refusal, server, Unanswered } from "./plan-api.js";
 import { say } from "./plan-texts.js";
+import { momentOf } from "./plan-track.js";
 
-/** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, Problem, Schema, Workspace } from "../plan.js" */
+/** @import { Edit, GroundPlaces, Job, Json, LossAnswer, NetworkDocument, News, Path, PlanDocument, PlannedVehicle, Problem, Schema, Workspace } from "../plan.js" */
 
 /** @typedef {"workspace" | "network" | "ground" | "plan" | "selection" | "time" | "vehicle" | "loss" | "job" | "link" | "draft"} Topic */
 /** @typedef {{ edits: Edit[], label: string, way?: "undo" | "redo", done: (isTaken: boolean) => void }} Waiting */
@@ -216,13 +217,31 @@ export class Store {
     this.changed("plan", "loss", "time");
   }
 
+  /**
+   * Who flies what: as planned, and once somebody is lost as the answer to that has it.
+   * @type {PlannedVehicle[]}
+   */
+  get vehicles() {
+    const { loss } = this;
+    return (this.shown?.vehicles ?? []).map((one) => loss?.routes.find((other) => other.name === one.name && one.name !== loss.vehicle) ?? one);
+  }
+
+  /**
+   * Where a vehicle is at the time that is looked at; who is lost stays where that was.
+   * @param {PlannedVehicle} vehicle
+   */
+  momentOf(vehicle) {
+    const { loss, timeS } = this;
+    return momentOf(vehicle, loss?.vehicle === vehicle.name ? Math.min(timeS, loss.at_s) : timeS);
+  }
+
   get beginS() {
     const starts = (this.shown?.vehicles ?? []).flatMap((one) => one.routes.map((route) => route.start_s));
     return starts.length ? Math.min(...starts) : 0;
   }
 
   get endS() {
-    const ends = (this.shown?.vehicles ?? []).flatMap((one) => one.routes.map((route) => route.start_s + route.duration_s));
+    const ends = this.vehicles.flatMap((one) => one.routes.map((route) => route.start_s + route.duration_s));
     return Math.max(this.beginS + 1, ...ends);
   }
 

@@ -5,7 +5,6 @@ import { button } from "./plan-forms.js";
 import { drawBatteries, drawProfile } from "./plan-charts.js";
 import { hueOf } from "./map.js";
 import { figure, say } from "./plan-texts.js";
-import { momentOf } from "./plan-track.js";
 import { clock } from "./words.js";
 
 /** @import { PlannedVehicle } from "../plan.js" */
@@ -103,7 +102,7 @@ export class Timeline {
     if (!shown) return;
     this.drawScale();
     this.drawBand();
-    this.rows.replaceChildren(...shown.vehicles.map((one, index) => this.row(one, index)));
+    this.rows.replaceChildren(...this.store.vehicles.map((one, index) => this.row(one, index)));
     this.drawCharts();
     this.showChosen();
     this.showTime();
@@ -158,10 +157,11 @@ export class Timeline {
     row.style.setProperty("--hue", hueOf(index));
     const who = button(vehicle.name, () => this.store.chooseVehicle(this.store.vehicle === vehicle.name ? null : vehicle.name), "who");
     const track = element("div", "", "track");
+    const planned = this.store.shown?.vehicles[index]?.routes.flatMap((route) => route.visits.map((visit) => visit.segment)) ?? [];
     for (const route of vehicle.routes) {
       track.append(this.piece(route.start_s, route.start_s + route.duration_s, "route"));
       for (const visit of route.visits) {
-        const piece = this.piece(visit.from_s, visit.to_s, "visit");
+        const piece = this.piece(visit.from_s, visit.to_s, planned.includes(visit.segment) ? "visit" : "visit again");
         piece.title = `${this.store.nameOf(visit.segment)} ${visit.reversed ? "←" : "→"} ${this.wordOf(visit.from_s)}`;
         track.append(piece);
       }
@@ -174,10 +174,6 @@ export class Timeline {
       track.append(piece);
     }
     if (loss?.vehicle === vehicle.name) track.append(this.piece(loss.at_s, this.store.endS, "lost"));
-    const answer = loss?.routes.find((one) => one.name === vehicle.name);
-    for (const route of answer?.routes ?? []) {
-      for (const visit of route.visits) track.append(this.piece(visit.from_s, visit.to_s, "visit again"));
-    }
     track.append(element("i", "", "now"));
     track.addEventListener("pointerdown", (event) => this.jump(event, track, vehicle.name));
     row.append(who, track, element("span", "", "where"));
@@ -220,19 +216,18 @@ export class Timeline {
     const at = `${100 * this.share(timeS)}%`;
     for (const now of all(this.place, ".now")) now.style.left = at;
     const rows = all(this.rows, ".row");
-    shown.vehicles.forEach((one, index) => {
+    this.store.vehicles.forEach((one, index) => {
       const place = rows[index]?.querySelector(".where");
-      if (place) write(place, this.describe(one, timeS));
+      if (place) write(place, this.describe(one));
     });
   }
 
-  /**
-   * @param {PlannedVehicle} vehicle
-   * @param {number} timeS
-   */
-  describe(vehicle, timeS) {
-    const moment = momentOf(vehicle, timeS);
+  /** @param {PlannedVehicle} vehicle */
+  describe(vehicle) {
+    const { timeS, loss } = this.store;
+    const moment = this.store.momentOf(vehicle);
     if (!moment) return say("at.stays");
+    if (loss?.vehicle === vehicle.name && timeS >= loss.at_s) return say("at.lost", { time: this.wordOf(loss.at_s) });
     const battery = moment.batteryPct === null ? "" : ` · ${figure(moment.batteryPct)} %`;
     const over = timeS >= moment.route.start_s + moment.route.duration_s;
     const what = moment.visit ? say("at.inspects", { name: this.store.nameOf(moment.visit.segment) })
@@ -248,7 +243,7 @@ export class Timeline {
     this.place.dataset.view = this.view;
     if (!shown || this.view === "routes") return;
     if (this.view === "battery") {
-      this.charts.replaceChildren(this.frame("", drawBatteries(shown.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery")), true));
+      this.charts.replaceChildren(this.frame("", drawBatteries(this.store.vehicles, hueOf, [this.store.beginS, this.store.endS], vehicle, say("times.battery")), true));
     } else {
       const wanted = shown.vehicles.filter((one) => (vehicle === null || one.name === vehicle) && one.profile.length > 1);
       this.charts.replaceChildren(...wanted.map((one) => {
