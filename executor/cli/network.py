@@ -174,7 +174,7 @@ def network(
             path, options.build_selection(), depot=options.place, radius_m=options.radius, anywhere=True
         )
     else:
-        understood = site_model.import_site_network(ground.site, Path(file).parent)
+        understood = site_model.import_site_network(ground.site.network, ground.site.depot, Path(file).parent)
     document = missions.build_network_document(understood, None if ground is None else _collect_choices(ground))
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))

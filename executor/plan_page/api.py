@@ -15,6 +15,7 @@ from starlette.responses import JSONResponse, Response
 from executor.adapters.run_directory import RunDirectory
 from executor.adapters.web.page_server import TYPES
 from executor.errors import ExecutorError, SiteError
+from executor.plan_page import api_answers as answers
 from executor.plan_page import flights, site_files
 from executor.plan_page.plan_work import Change, PlanWish
 from executor.plan_page.planning import Superseded
@@ -36,7 +37,7 @@ Revision = Annotated[int, Field(description="Of the workspace that the change is
 class Body(BaseModel):
     """What is sent."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class EditBody(Body):
@@ -154,6 +155,13 @@ class JsonBytes(Response):
     media_type = "application/json"
 
 
+def answer_of(kind: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
+    """Return what is documented of a path's answers."""
+    return {
+        200: {"model": kind}, 409: {"model": answers.StaleAnswer}, 422: {"model": answers.ErrorAnswer}
+    }  # fmt: skip
+
+
 def refuse(text: str, status: int, headers: Mapping[str, str] | None = None, **more: object) -> Response:
     """Return the answer to what is not done: one line, and the key that it is about."""
     return JSONResponse({"error": text, "path": None, **more}, status, headers)
@@ -204,7 +212,7 @@ def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
 
 
 def _add_questions(api: FastAPI, workspace: Workspace) -> None:
-    @api.get("/api/workspace")
+    @api.get("/api/workspace", responses=answer_of(answers.WorkspaceAnswer))
     async def get_workspace() -> Response:
         """Return the site, what is wrong with it, its plans and the job under way."""
         return JsonBytes(json_text(workspace.describe()))
@@ -214,12 +222,12 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
         """Return the JSON schema of the site file; keys have `description`, `default` and `unit`."""
         return JsonBytes(json_text(build_site_schema()))
 
-    @api.get("/api/network")
+    @api.get("/api/network", responses=answer_of(answers.NetworkAnswer))
     async def get_network() -> Response:
         """Return the network as it was understood: spans, pylons and what was mended."""
         return _answer_bytes(workspace.view.network, "no network is known")
 
-    @api.get("/api/ground")
+    @api.get("/api/ground", responses=answer_of(answers.GroundAnswer))
     async def get_ground() -> Response:
         """Return depot, pads, bases, places, areas and what cameras see."""
         return _answer_bytes(workspace.view.ground, "nothing is known of the ground")
@@ -237,7 +245,7 @@ def _add_questions(api: FastAPI, workspace: Workspace) -> None:
             raise HTTPException(404, "there is no such picture")
         return Response(found, media_type=TYPES["." + name.rpartition(".")[2]])
 
-    @api.get("/api/files")
+    @api.get("/api/files", responses=answer_of(answers.FilesAnswer))
     async def get_files() -> Response:
         """Return what could be opened in the folder where the page was started."""
         found = site_files.list_files(workspace.root)
@@ -255,26 +263,26 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
         await workspace.wait_until_checked()
         return JsonBytes(json_text(workspace.describe() | more))
 
-    @api.post("/api/edits")
+    @api.post("/api/edits", responses=answer_of(answers.WorkspaceAnswer))
     async def post_edits(body: EditsBody) -> Response:
         """Do edits of the site file as one step of undo; 409 where the site is another one by now."""
         edits = [Edit(one.op, one.path, one.value, one.at) for one in body.edits]
         await workspace.edit(body.revision, body.label, edits)
         return await answer()
 
-    @api.post("/api/undo")
+    @api.post("/api/undo", responses=answer_of(answers.WorkspaceAnswer))
     async def post_undo(body: RevisionBody) -> Response:
         """Undo the last step."""
         await workspace.undo(body.revision)
         return await answer()
 
-    @api.post("/api/redo")
+    @api.post("/api/redo", responses=answer_of(answers.WorkspaceAnswer))
     async def post_redo(body: RevisionBody) -> Response:
         """Do again what was undone last."""
         await workspace.redo(body.revision)
         return await answer()
 
-    @api.post("/api/open")
+    @api.post("/api/open", responses=answer_of(answers.WorkspaceAnswer))
     async def post_open(body: OpenBody) -> Response:
         """Open a site; a network begins a new one, a plan opens the site beside it."""
         if body.path == "default":
@@ -283,7 +291,7 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
             await workspace.open_file(site_files.find_inside(workspace.root, body.path))
         return await answer()
 
-    @api.post("/api/upload")
+    @api.post("/api/upload", responses=answer_of(answers.WorkspaceAnswer))
     async def post_upload(
         request: Request, name: Annotated[str, Query(max_length=200)], use: Literal["network", "file"] = "network"
     ) -> Response:
@@ -295,36 +303,36 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
 def _add_planning(api: FastAPI, workspace: Workspace) -> None:
     planning = workspace.planning
 
-    @api.post("/api/plan")
+    @api.post("/api/plan", responses=answer_of(answers.JobAnswer))
     async def post_plan(body: PlanBody) -> Response:
         """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
         workspace.expect_revision(body.revision)
         wish = PlanWish(**body.model_dump(exclude={"revision"}))
         return JSONResponse({"job": planning.start(workspace.now, wish).describe()})
 
-    @api.post("/api/cancel")
+    @api.post("/api/cancel", responses=answer_of(answers.WorkspaceAnswer))
     async def post_cancel(body: JobBody) -> Response:
         """End a job; what it has found is dropped."""
         await planning.cancel(body.job)
         return JsonBytes(json_text(workspace.describe()))
 
-    @api.get("/api/plans/{plan}")
+    @api.get("/api/plans/{plan}", responses=answer_of(answers.PlanPart))
     async def get_plan(plan: str) -> Response:
         """Return a plan: who is where at any time with how much battery, what is left over, and its heights."""
         return JsonBytes(json_text(await planning.show(workspace.now, plan)))
 
-    @api.post("/api/plans/{plan}/choose")
+    @api.post("/api/plans/{plan}/choose", responses=answer_of(answers.WorkspaceAnswer))
     async def post_choose(plan: str) -> Response:
         """Write a plan to the file beside the site that is flown."""
         await planning.choose(plan)
         return JsonBytes(json_text(workspace.describe()))
 
-    @api.post("/api/plans/{plan}/loss")
+    @api.post("/api/plans/{plan}/loss", responses=answer_of(answers.LossAnswer))
     async def post_loss(plan: str, body: LossBody) -> Response:
         """Return what the others would fly if a vehicle were lost; 409 where a newer question came meanwhile."""
         return JsonBytes(json_text(await planning.preview_loss(workspace.now, plan, body.vehicle, body.at_s)))
 
-    @api.post("/api/plans/{plan}/change")
+    @api.post("/api/plans/{plan}/change", responses=answer_of(answers.ChangeAnswer))
     async def post_change(plan: str, body: ChangesBody) -> Response:
         """Change a plan by hand: the new one is checked and priced, and kept beside the old one."""
         changes = [Change(**one.model_dump()) for one in body.changes]
@@ -339,7 +347,7 @@ REPORT = {
 
 
 def _add_flights(api: FastAPI, workspace: Workspace) -> None:
-    @api.post("/api/try")
+    @api.post("/api/try", responses=answer_of(answers.TryAnswer))
     async def post_try(body: TryBody) -> Response:
         """Listen for a vehicle on a connection for some seconds; nothing is sent."""
         try:
@@ -347,14 +355,14 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
         except ValueError as error:
             raise SiteError(f"connection: {error}") from error
 
-    @api.post("/api/fly")
+    @api.post("/api/fly", responses=answer_of(answers.FlightAnswer))
     async def post_fly(body: FlyBody) -> Response:
         """Start a flight of a plan with a page of its own, which asks before anything takes off; `url` leads there."""
         site, plan = await workspace.choose_for_flight(body.plan)
         work = flights.run_checklist if body.dry else flights.start_flight
         return JSONResponse(await work(workspace.root, site, plan))
 
-    @api.get("/api/flights")
+    @api.get("/api/flights", responses=answer_of(answers.FlightsAnswer))
     def get_flights() -> Response:
         """Return the flights of the folder where the page was started, the newest first."""
         return JSONResponse({"flights": list(flights.list_flights(workspace.root))})
@@ -367,7 +375,7 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
             raise HTTPException(404, "there is no report yet")
         return Response(page.read_bytes(), 200, REPORT, "text/html; charset=utf-8")
 
-    @api.post("/api/left")
+    @api.post("/api/left", responses=answer_of(answers.JobAnswer))
     async def post_left(body: LeftBody) -> Response:
         """Begin to plan what a flight left over."""
         run = flights.find_run(workspace.root, body.run)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,8 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
     understood, found = _import_network(values, folder)
     if site is not None:
         try:
-            ground = site_model.load_site_model(site, folder)
+            read = understood if understood is not None and understood.has_depot else None
+            ground = site_model.load_site_model(site, folder, understood=read)
         except (MissionsError, ExecutorError) as error:
             found = [describe_error(error, values)]
     problems = [*problems, *found]
@@ -90,14 +92,22 @@ def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.N
         depot = None if "depot" not in values else DepotTable.model_validate(values["depot"])
     except ValidationError:
         return None, []  # said of the whole site
-    place = None if depot is None else (depot.lat_deg, depot.lon_deg, depot.alt_m)
-    file = missions.default_network_path() if table.file == site_model.DEFAULT_NETWORK else folder / table.file
     try:
-        chosen = site_model.build_selection(Site.model_construct(network=table))
-        understood = missions.import_network(file, chosen, depot=place, radius_m=table.radius_m, anywhere=True)
+        file = folder / table.file
+        stat = file.stat() if file.is_file() else None
+        stamp = None if stat is None else (stat.st_mtime_ns, stat.st_size)
+        understood = _import_once(table, depot, folder, stamp)
     except MissionsError as error:
         return None, [describe_error(error, values)]
     return understood, []
+
+
+@lru_cache(maxsize=2)
+def _import_once(
+    table: NetworkTable, depot: DepotTable | None, folder: Path, _: tuple[int, int] | None
+) -> missions.NetworkImport:
+    """Read a network once for as long as its file is the same: one of thousands of spans takes seconds."""
+    return site_model.import_site_network(table, depot, folder, anywhere=True)
 
 
 def _describe_network(understood: missions.NetworkImport, ground: SiteModel | None) -> dict[str, object]:

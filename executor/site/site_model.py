@@ -23,7 +23,7 @@ from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
 from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
-from executor.site.site_keys import VehicleTable
+from executor.site.site_keys import DepotTable, NetworkTable, VehicleTable
 from executor.site.site_parts import (
     base_places_m,
     build_looks,
@@ -92,18 +92,24 @@ class SiteModel:
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 
-def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] = MappingProxyType({})) -> SiteModel:
+def load_site_model(
+    site: Site,
+    base: Path,
+    learned: Mapping[str, KnownVehicle] = MappingProxyType({}),
+    understood: missions.NetworkImport | None = None,
+) -> SiteModel:
     """Read the network and prepare the models.
 
     Args:
         site: The site file's tables.
         base: Its folder, which its paths are relative to.
         learned: What is known of vehicles from flights before, by their name.
+        understood: What `import_site_network` returned, where the network is read already.
 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
-    understood = import_site_network(site, base)
+    understood = understood or import_site_network(site.network, site.depot, base)
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
@@ -122,15 +128,24 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
 
 
-def import_site_network(site: Site, base: Path) -> missions.NetworkImport:
-    """Read a site's network as its file has it.
+def import_site_network(
+    table: NetworkTable, depot: DepotTable | None, base: Path, *, anywhere: bool = False
+) -> missions.NetworkImport:
+    """Read the network of a site.
+
+    Args:
+        table: What the site says of it.
+        depot: What it says of its depot.
+        base: The folder of the site file.
+        anywhere: Whether a depot may be missing.
 
     Raises:
-        MissionsError: it cannot be used.
+        NetworkError: the network cannot be used.
     """
-    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
-    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    return missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    file = missions.default_network_path() if table.file == DEFAULT_NETWORK else base / table.file
+    place = None if depot is None else (depot.lat_deg, depot.lon_deg, depot.alt_m)
+    chosen = build_selection(table)
+    return missions.import_network(file, chosen, depot=place, radius_m=table.radius_m, anywhere=anywhere)
 
 
 def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
@@ -165,9 +180,8 @@ def list_cameras(site: Site) -> tuple[str, ...]:
     return tuple(dict.fromkeys(look.camera for look in site.look))
 
 
-def build_selection(site: Site) -> missions.Selection:
+def build_selection(table: NetworkTable) -> missions.Selection:
     """Return what a site wants of its network's file."""
-    table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else missions.parse_where(table.where)
     return missions.Selection(

@@ -27,6 +27,8 @@ from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
 from executor.site.site_schema import SITE, find_unit, read_docstrings
 from scripts.pages.page_types import TYPES, page_types
+from scripts.pages.plan_api import PAGE as PLAN_API
+from scripts.pages.plan_api import plan_api_page
 from scripts.pages.schemas import schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
 
@@ -53,6 +55,7 @@ def pages() -> dict[str, str]:
         SITE_FILE: site_page(),
         REASONS: reasons_page(),
         PAGE: states,
+        PLAN_API: plan_api_page(MADE.format(what="models (executor/plan_page/api.py and api_answers.py)")),
         PICTURE: states_picture(),
         TYPES: page_types(),
         **schemas(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import jsonschema
 
 from executor.plan_page.server import PlanServer
 from executor.plan_page.site_files import make_site
@@ -27,18 +29,30 @@ class Opened:
     server: PlanServer
     client: httpx.Client
     mistakes: list[str] = field(default_factory=list)
+    api: dict[str, Any] = field(default_factory=dict)
 
     @property
     def port(self) -> int:
         return int(self.server.address.rstrip("/").rpartition(":")[2])
 
     def get(self, path: str) -> Any:
-        return self.client.get(path).json()
+        return self._check(path, "get", self.client.get(path))
+
+    def _check(self, path: str, method: str, answer: httpx.Response) -> Any:
+        """Return an answer once it is what the API's documentation says."""
+        document: Any = answer.json()
+        if not self.api:
+            self.api.update(self.client.get("/api/openapi.json").json())
+        plain = re.sub(r"/plans/[^/]+", "/plans/{plan}", path.partition("?")[0])
+        said = self.api["paths"].get(plain, {}).get(method, {}).get("responses", {}).get(str(answer.status_code))
+        schema = {} if said is None else said["content"]["application/json"]["schema"]
+        jsonschema.validate(document, {**schema, "components": self.api["components"]})
+        return document
 
     def post(self, path: str, status: int = 200, **body: Any) -> Any:
         answer = self.client.post(path, json=body)
         assert answer.status_code == status, answer.text
-        return answer.json()
+        return self._check(path, "post", answer)
 
     def open(self, path: str, status: int = 200) -> Any:
         answer = self.client.post("/api/open", json={"path": path})

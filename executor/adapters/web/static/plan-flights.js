@@ -60,7 +60,7 @@ export class Flights {
       this.tell(say("fly.begins"));
       const answer = await this.store.ask(() => server.fly(plan.summary.id));
       if (!answer) {
-        this.tell("");
+        this.tell(this.store.refusal, "is-bad");
         return;
       }
       this.tell(`${say("fly.begun")} `, "is-good");
@@ -79,7 +79,7 @@ export class Flights {
     const answer = await this.store.ask(() => server.check(plan.summary.id));
     this.dry.disabled = false;
     if (answer) this.showChecks(answer);
-    else this.tell("");
+    else this.tell(this.store.refusal, "is-bad");
   }
 
   /** @param {Checklist} found */

@@ -65,7 +65,7 @@ export class Store {
     this.isSending = false;
     this.isFetching = false;
     this.isAsked = false;
-    /** Why the last edit was refused. */
+    /** Why the server did not do what it was asked last. */
     this.refusal = "";
     /** @type {[Topic[], () => void][]} */
     this.listeners = [];
@@ -352,9 +352,10 @@ export class Store {
     } catch (error) {
       if (error instanceof Unanswered) {
         this.heard(false);
-        this.tell(say("link.unanswered"), "failed");
-      } else if (error instanceof Refusal) this.tell(error.message, "failed");
+        this.refusal = say("link.unanswered");
+      } else if (error instanceof Refusal) this.refusal = error.message;
       else throw error;
+      this.tell(this.refusal, "failed");
       return null;
     }
   }
