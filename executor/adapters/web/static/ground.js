@@ -32,18 +32,17 @@ export class Ground {
   /** @param {string} path of the document; its pictures are beside it */
   async load(path = "/ground/ground.json") {
     const answer = await fetch(path);
-    if (!answer.ok) return;
-    /** @type {GroundDocument} */
-    const content = await answer.json();
+    /** @type {GroundDocument | null} */
+    const content = answer.ok ? await answer.json() : null;
+    const isFirst = this.document === null;
     this.document = content;
-    const { photo, relief } = content;
+    const { photo, relief } = content ?? { photo: null, relief: null };
     this.layers = [...(photo ? ["photo"] : []), ...(relief ? ["relief"] : []), "plain"];
-    this.layer = this.layers[0];
+    if (isFirst || !this.layers.includes(this.layer)) this.layer = this.layers[0];
+    this.images = {};
+    this.lines = (relief?.contours ?? []).map((line) => contour(line));
     if (photo) this.fetch("photo", path, photo);
-    if (relief) {
-      this.fetch("relief", path, relief.file);
-      this.lines = relief.contours.map((line) => contour(line));
-    }
+    if (relief) this.fetch("relief", path, relief.file);
     this.changed();
   }
 
@@ -54,8 +53,10 @@ export class Ground {
    */
   fetch(layer, path, name) {
     const image = new Image();
+    const content = this.document;
     image.fetchPriority = "low";
     image.addEventListener("load", () => {
+      if (this.document !== content) return;
       this.images[layer] = image;
       this.changed();
     });

@@ -87,8 +87,9 @@ function drawNetwork(painter, segments) {
  * @param {MapRoute} route
  */
 function drawRoute(painter, { colour, isFaint, flown, ahead }) {
-  painter.lines(flown, { colour, width: isFaint ? 2 : 3, alpha: isFaint ? 0.45 : 0.9, isBright: true });
-  painter.lines(ahead, { colour, width: 2, dash: [7, 5], alpha: isFaint ? 0.45 : 1, isBright: true });
+  // Thin instead of pale: a pale line is not seen in the sun.
+  painter.lines(flown, { colour, width: isFaint ? 1.5 : 3, isBright: true });
+  painter.lines(ahead, { colour, width: isFaint ? 1 : 2, dash: [7, 5], isBright: true });
 }
 
 /**

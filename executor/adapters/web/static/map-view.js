@@ -42,7 +42,8 @@ export class View {
   fit(places) {
     this.isFitted = true;
     const [west, south, east, north] = boundsOf(places);
-    if (east < west) return;
+    // Nothing to show, or hidden: then it is fitted when it is seen.
+    if (east < west || !this.width || !this.height) return;
     this.middle = [(west + east) / 2, (south + north) / 2];
     const [width, height] = [this.width, this.height].map((one) => Math.max(one - 2 * PAD_PX, one / 2));
     this.scale = Math.min(width / Math.max(east - west, 20), height / Math.max(north - south, 20));
@@ -80,7 +81,7 @@ export class View {
     if (inside && long >= LEAST_PX) return;
     this.middle = [(ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2];
     if (long < LEAST_PX) this.scale = Math.min(MOST_PX_M, (this.scale * 4 * LEAST_PX) / Math.max(1, long));
-    const most = Math.min(this.width, this.height) - 2 * PAD_PX;
+    const most = Math.max(LEAST_PX, Math.min(this.width, this.height) - 2 * PAD_PX);
     if (long > most) this.scale *= most / long;
     this.isFitted = false;
   }

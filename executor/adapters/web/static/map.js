@@ -58,7 +58,13 @@ export class FleetMap {
     this.still = { context: still, middle: this.view.middle, scale: 0, atMs: 0, isOld: true };
     this.ground = new Ground(() => this.renew(), (one) => this.metres(one));
     this.projection = METRES;
-    this.hasFrame = options.isMetres ?? false;
+    /** @type {Frame | null} */
+    this.frame = null;
+    /**
+     * What was given last to each setter: it lies elsewhere in another frame.
+     * @type {Map<(content: any) => void, any>}
+     */
+    this.given = new Map();
     this.content = {
       /** @type {(MapSegment & { ends: [Place, Place] })[]} */
       segments: [],
@@ -81,6 +87,7 @@ export class FleetMap {
     /** @type {ReturnType<typeof makeTool> | null} */
     this.tool = null;
     this.isDue = false;
+    this.sharpening = 0;
     this.gestures = new Gestures(this.canvas, this.makeHearer());
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.renew());
@@ -107,17 +114,21 @@ export class FleetMap {
   }
 
   /**
-   * Says where degrees are counted from: before anything else is given.
-   * @param {Frame | null} frame
+   * Says where degrees are counted from; without it that is the first place that is given.
+   * @param {Frame} frame
    */
   setFrame(frame) {
-    this.hasFrame = frame !== null;
-    this.projection = frame === null ? METRES : projectionOf(frame);
+    const { frame: known, projection: before } = this;
+    if (known?.lat_deg === frame.lat_deg && known.lon_deg === frame.lon_deg) return;
+    [this.frame, this.projection] = [frame, projectionOf(frame)];
+    if (known === null) return;
+    this.view.middle = this.projection.toMetres(before.toDegrees(this.view.middle));
+    for (const [set, content] of this.given) set.call(this, content);
   }
 
   /** @param {Place} place */
   metres(place) {
-    if (!this.hasFrame) this.setFrame({ lat_deg: place[0], lon_deg: place[1] });
+    if (!this.frame && !this.options.isMetres) this.setFrame({ lat_deg: place[0], lon_deg: place[1] });
     return this.projection.toMetres(place);
   }
 
@@ -128,24 +139,28 @@ export class FleetMap {
 
   /** @param {MapSegment[]} segments */
   setNetwork(segments) {
+    this.given.set(this.setNetwork, segments);
     this.content.segments = segments.map((one) => ({ ...one, ends: [this.metres(one.a), this.metres(one.b)] }));
     this.renew(this.view.isFitted);
   }
 
   /** @param {MapArea[]} areas */
   setAreas(areas) {
+    this.given.set(this.setAreas, areas);
     this.content.areas = areas.map((one) => ({ ...one, rings: one.rings.map((ring) => this.allMetres(ring)) }));
     this.renew();
   }
 
   /** @param {MapPlace[]} places */
   setPlaces(places) {
+    this.given.set(this.setPlaces, places);
     this.content.places = places.map((one) => ({ ...one, place: this.metres(one.place) }));
     this.renew(this.view.isFitted);
   }
 
   /** @param {MapFootprint[]} footprints */
   setFootprints(footprints) {
+    this.given.set(this.setFootprints, footprints);
     this.content.footprints = footprints.map((one) => {
       const { ring, colour } = Array.isArray(one) ? { ring: one } : one;
       return { ring: this.allMetres(ring), colour };
@@ -155,6 +170,7 @@ export class FleetMap {
 
   /** @param {MapRoute[]} routes */
   setRoutes(routes) {
+    this.given.set(this.setRoutes, routes);
     const metres = (/** @type {Place[][]} */ lines) => lines.map((line) => this.allMetres(line));
     this.content.routes = routes.map((one) => ({ ...one, flown: metres(one.flown), ahead: metres(one.ahead) }));
     this.renew();
@@ -162,6 +178,7 @@ export class FleetMap {
 
   /** @param {MapVehicle[]} vehicles */
   setVehicles(vehicles) {
+    this.given.set(this.setVehicles, vehicles);
     this.content.vehicles = vehicles.map((one) => ({ ...one, place: this.metres(one.place) }));
     this.later();
   }
@@ -361,7 +378,8 @@ export class FleetMap {
     // Between two pixels it would be blurred.
     if (zoomed === 1) [left, top] = [Math.round(left * ratio) / ratio, Math.round(top * ratio) / ratio];
     context.drawImage(canvas, left, top, wide, high);
-    if (zoomed !== 1) setTimeout(() => this.later(), ZOOMED_MS);
+    clearTimeout(this.sharpening);
+    if (zoomed !== 1) this.sharpening = setTimeout(() => this.later(), ZOOMED_MS);
   }
 
   /** Whether the picture reaches over the whole map, and is sharp enough. */
