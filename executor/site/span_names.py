@@ -11,9 +11,17 @@ from functools import cached_property
 from executor.errors import SiteError
 from executor.site.site_file import Site
 from missions import Network
+from missions.files import to_printable
 
 RANGE = ".."
 """Between the first and the last span of a range."""
+
+
+class SpanError(SiteError):
+    """A name that is of no span, or spans that are not to be had like this, in one line that a terminal can show."""
+
+    def __init__(self, words: str) -> None:
+        super().__init__(to_printable(words))
 
 
 class SpanNames:
@@ -50,7 +58,7 @@ class SpanNames:
         known = [*self._number, *(one.removesuffix(".") for one in self._lines if one.endswith("."))]
         parts = [part.strip() for part in (first, last)] if last else [entry]
         wrong = next((part for part in parts if part not in self._number), None)
-        raise SiteError(
+        raise SpanError(
             f"{key}: expected a span such as '{known[0]}', a range FIRST..LAST of one line, a line or a pattern, got "
             f"'{entry}'{name_nearest(wrong, known)}"
         )
@@ -70,7 +78,7 @@ class SpanNames:
 
 def name_nearest(wrong: str | None, known: Sequence[str]) -> str:
     """Return in words which of some names is most like a wrong one; nothing where none is wrong, or none is like it."""
-    nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1)
+    nearest = [] if wrong is None else difflib.get_close_matches(wrong, known, n=1, cutoff=0.4)
     return f"; the nearest is '{nearest[0]}'" if nearest else ""
 
 
@@ -96,7 +104,7 @@ def find_left_out(site: Site, network: Network, carried_by: Mapping[int, int]) -
     left_out = everything - flown - (pylons - out)
     if left_out == everything:
         key = "leave_out" if table.leave_out else "only"
-        raise SiteError(f"network.{key}: expected a span that is left to fly, got none of {len(everything)}")
+        raise SpanError(f"network.{key}: expected a span that is left to fly, got none of {len(everything)}")
     return left_out
 
 
@@ -116,16 +124,15 @@ def find_locks(site: Site, network: Network, left_out: Collection[int]) -> tuple
                 first, vehicle = vehicles.setdefault(span, (index, lock.vehicle))
                 if vehicle != lock.vehicle:
                     expected = f"'{vehicle}' for {name}, as lock[{first}] has it, got '{lock.vehicle}'"
-                    raise SiteError(f"{place}.vehicle: expected {expected}")
+                    raise SpanError(f"{place}.vehicle: expected {expected}")
             if span in turned:
                 first, way = ways.setdefault(span, (index, turned[span]))
                 if way != turned[span]:
-                    raise SiteError(
+                    raise SpanError(
                         f"{place}.from: expected the direction of lock[{first}] for {name}, got the other one"
                     )
-    locked, directions = (
-        {span: one for span, (_, one) in found.items() if span not in left_out} for found in (vehicles, ways)
-    )
+    locked = {span: vehicle for span, (_, vehicle) in vehicles.items() if span not in left_out}
+    directions = {span: way for span, (_, way) in ways.items() if span not in left_out}
     return locked, directions
 
 
@@ -139,7 +146,7 @@ def _direct_spans(network: Network, spans: Collection[int], begin: str, key: str
     front, turned = [end for end in at if network.pylons[end].id == begin], dict[int, bool]()
     if not front:
         shown = ", ".join(ends[:4]) + (" ..." if len(ends) > 4 else "")
-        raise SiteError(
+        raise SpanError(
             f"{key}: expected a pylon at an end of its spans, {shown}, got '{begin}'{name_nearest(begin, ends)}"
         )
     while front:
@@ -150,7 +157,7 @@ def _direct_spans(network: Network, spans: Collection[int], begin: str, key: str
                 front.append(network.segments[span].a if turned[span] else network.segments[span].b)
     for span in sorted(spans):
         if span not in turned:
-            raise SiteError(
+            raise SpanError(
                 f"{key}: expected spans that hang together from {begin} on, got {network.segment_name(span)}"
             )
     return turned

@@ -203,3 +203,28 @@ def test_a_large_network_is_covered_though_locks_are_far_from_their_vehicles_rou
     plan = solve(instance, cost=Cost.MINMAX, stop=Iterations(30_000), params=params).plan
     assert find_broken_locks(instance, directions, plan) == []
     assert plan.uncovered == ()
+
+
+@settings(max_examples=6, **LOOSE)
+@given(st.integers(0, 1000), st.booleans(), st.floats(0.8, 1.3))
+def test_losses_that_nobody_decides_exactly_are_repaired_too(seed: int, airborne: bool, consumption: float) -> None:
+    """With so much energy any two of three can do everything, but not what is locked to the third."""
+    vehicles = [Vehicle(f"v{number}", (0.0, 0.0), 300.0, consumption, airborne=airborne) for number in range(3)]
+    locked, directions = {segment: segment % 3 for segment in range(0, 24, 2)}, dict.fromkeys(range(0, 24, 5), True)
+    instance = lock(random_instance(seed, 24, vehicles), locked, directions)
+    found = solve_window(instance, stretch=0.1, stop=Iterations(400))
+    assert (found.plan.uncovered, found.window.earliest_s) == ((), 0.0)
+    assert find_broken_locks(instance, directions, found.plan) == []
+    for row in iterate_losses(instance, found.plan, effort=2000):
+        left = build_remaining_problem(instance, found.plan, row.vehicle, row.from_s)
+        ways = {number: True for number, one in enumerate(left.open_segments) if one in directions}
+        assert row.plan is not None
+        assert find_broken_locks(left.instance, ways, row.plan) == []
+
+
+def test_who_stands_on_the_ground_begins_with_what_was_locked_to_the_lost() -> None:
+    vehicles = [Vehicle(f"v{number}", (0.0, 0.0), 300.0, 1.2) for number in range(2)]
+    instance = lock(random_instance(1, 16, vehicles), dict.fromkeys(range(16), 1), {})
+    plan = solve(instance, cost=Cost.MINSUM, stop=Iterations(100)).plan
+    assert [len(route.visits) for route in plan.routes] == [0, 16]
+    assert {row.verdict for row in iterate_losses(instance, plan, effort=200)} == {RepairStatus.FEASIBLE}

@@ -71,6 +71,7 @@ EXPECTED = "expected a span such as 'V1.1', a range FIRST..LAST of one line, a l
     [
         ({"network": {"leave_out": ["V2.1", "V1.22"]}},
          f"network.leave_out[1]: {EXPECTED}'V1.22'; the nearest is 'V1.2'"),
+        ({"network": {"only": ["\x1b[2J"]}}, f"network.only[0]: {EXPECTED}' [2J'"),
         ({"network": {"only": ["W*"]}}, f"network.only[0]: {EXPECTED}'W*'"),
         ({"network": {"only": ["V1.2..V1.9"]}}, f"network.only[0]: {EXPECTED}'V1.2..V1.9'; the nearest is 'V1.5'"),
         ({"network": {"only": ["V1.2..V2.2"]}}, f"network.only[0]: {EXPECTED}'V1.2..V2.2'"),
@@ -88,7 +89,7 @@ EXPECTED = "expected a span such as 'V1.1', a range FIRST..LAST of one line, a l
                    {"segments": ["V1.2"], "vehicle": "uav2"}]},
          "lock[2].vehicle: expected 'uav1' for V1.2, as lock[1] has it, got 'uav2'"),
         ({"lock": [{"segments": ["V1.1"], "from": "p5"}]},
-         "lock[0].from: expected a pylon at an end of its spans, p0, p1, got 'p5'"),
+         "lock[0].from: expected a pylon at an end of its spans, p0, p1, got 'p5'; the nearest is 'p1'"),
         ({"lock": [{"segments": ["V1.1", "V1.3"], "from": "p0"}]},
          "lock[0].from: expected spans that hang together from p0 on, got V1.3"),
         ({"lock": [{"segments": ["V1.1"], "from": "p0"}, {"segments": ["V1"], "from": "p5"}]},
@@ -218,3 +219,41 @@ def test_the_loss_of_a_vehicle_lifts_its_locks_and_no_direction() -> None:
     flown = {names[visit.segment]: visit.reversed for route in answer.routes for visit in route.visits}
     assert {flown[name] for name in ("V1.1", "V1.2") if name in flown} <= {True}
     assert {flown[name] for name in ("V2.1", "V2.2") if name in flown} <= {False}
+
+
+def test_what_a_camera_is_good_for_on_a_day_is_named_the_same_way() -> None:
+    ground = site(day={"vehicle": [{"name": "uav2", "segments": ["V1.2..V1.4", "V2"]}]})
+    assert build_day_problem(ground).pricing.barred == {"uav2": {0, 4, 7}}
+    wrong = site(day={"vehicle": [{"name": "uav2", "segments": ["V1.1", "V7"]}]})
+    with pytest.raises(SiteError) as refused:
+        build_day_problem(wrong)
+    assert str(refused.value) == f"day.vehicle[0].segments[1]: {EXPECTED}'V7'; the nearest is 'V2'"
+
+
+CAMERA = {"name": "zoom", "focal_mm": 20.0, "sensor_mm": [20.0, 15.0], "image_px": [4000, 3000]}
+PYLONS = {"camera": "zoom", "of": "pylons", "pylons": ["p0", "p5", "p8"], "bearings_deg": [60, 120]}
+
+
+@pytest.mark.parametrize(
+    ("wish", "flown"),
+    [
+        ({}, {"p0", "p5", "p8"}),
+        ({"leave_out": ["V1.5"]}, {"p0", "p8"}),  # p5 carries nothing else
+        ({"leave_out": ["pylon p0"]}, {"p5", "p8"}),
+        ({"only": ["V2"]}, {"p8"}),
+        ({"only": ["V2", "pylon p0"]}, {"p0", "p8"}),
+        ({"only": ["V2"], "leave_out": ["pylon *"]}, set()),
+    ],
+)
+def test_a_pylon_that_is_looked_at_goes_with_the_spans_that_it_carries(wish: dict[str, Any], flown: set[str]) -> None:
+    ground = site(network=wish, camera=[CAMERA], look=[PYLONS])
+    names = {ground.network.segment_name(one) for one in build_first_task(ground).segment_ids}
+    assert {name.removeprefix("pylon ") for name in names if name.startswith("pylon ")} == flown
+
+
+def test_a_spare_of_a_day_has_nothing_locked_to_it() -> None:
+    ground = site(lock=LOCKS, day={"vehicle": [{"name": "uav2", "spare": True}]})
+    assert planned(ground).uncovered == ()  # a single flight has no spares
+    with pytest.raises(SiteError) as refused:
+        build_day_problem(ground)
+    assert str(refused.value) == "lock[0].vehicle: expected one that is planned for, got 'uav2', a spare of [day]"
