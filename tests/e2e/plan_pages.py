@@ -25,89 +25,28 @@ KML = """<?xml version="1.0" encoding="UTF-8"?>
 </Document></kml>
 """
 
-LOW_CONTRAST = """(least) => {
-  const parse = (text) => { const found = text.match(/[\\d.]+/g).map(Number); return found.length < 4 ? [...found, 1] : found; };
-  const canvas = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
-  const rgb = (text) => {
-    if (text.startsWith("rgb")) return parse(text);
-    canvas.clearRect(0, 0, 1, 1);
-    canvas.fillStyle = text;
-    canvas.fillRect(0, 0, 1, 1);
-    const [r, g, b, a] = canvas.getImageData(0, 0, 1, 1).data;
-    return [r, g, b, a / 255];
-  };
-  const over = ([r, g, b, a], [R, G, B]) => [r * a + R * (1 - a), g * a + G * (1 - a), b * a + B * (1 - a), 1];
-  const light = ([r, g, b]) => [r, g, b].map((one) => one / 255)
-    .map((one) => (one <= 0.03928 ? one / 12.92 : ((one + 0.055) / 1.055) ** 2.4))
-    .reduce((sum, one, index) => sum + one * [0.2126, 0.7152, 0.0722][index], 0);
-  const paper = (one) => {
-    const papers = [];
-    for (let outer = one; outer; outer = outer.parentElement) papers.unshift(rgb(getComputedStyle(outer).backgroundColor));
-    return papers.reduce((below, above) => over(above, below), [255, 255, 255, 1]);
-  };
-  const found = [];
-  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
-    const one = node.parentElement;
-    if (!node.textContent.trim() || !one.getClientRects().length || one.closest(":disabled, .unseen, option, #answer:not(.shown), kbd, label:has(:disabled)")) continue;
-    const below = paper(one);
-    const above = over(rgb(getComputedStyle(one).color), below);
-    const [dark, bright] = [light(below), light(above)].sort((a, b) => a - b);
-    const ratio = (bright + 0.05) / (dark + 0.05);
-    if (ratio < least) found.push(`${node.textContent.trim().slice(0, 40)}: ${ratio.toFixed(2)}`);
-  }
-  return found;
-}"""
-"""Texts that are seen, and whose contrast to what is behind them is less than asked for."""
+LOOK = Path(__file__).with_name("look_at.js").read_text(encoding="utf-8")
 
-CUT_OFF = """() => {
-  const found = [];
-  for (const one of document.querySelectorAll("button, summary, label, b, th, td, p, li, .status, .where, dd")) {
-    if (!one.getClientRects().length || one.closest("canvas, .unseen, #answer")) continue;
-    const style = getComputedStyle(one);
-    const hides = style.overflowX !== "visible";
-    const box = one.getBoundingClientRect();
-    if (box.width < 2 || one.closest("#history") && box.width < 3) continue;
-    if ((hides && one.scrollWidth > one.clientWidth + 1) || box.right > document.documentElement.clientWidth + 1) {
-      found.push(`${one.tagName} ${one.className}: ${one.textContent.trim().slice(0, 50)}`);
-    }
-  }
-  for (const one of document.querySelectorAll("select")) {
-    if (!one.getClientRects().length) continue;
-    const probe = document.createElement("span");
-    probe.textContent = one.selectedOptions[0]?.textContent ?? "";
-    probe.style.cssText = "position:absolute;white-space:nowrap;visibility:hidden";
-    probe.style.font = getComputedStyle(one).font;
-    document.body.append(probe);
-    if (probe.offsetWidth > one.clientWidth - 8) found.push(`select: ${probe.textContent}`);
-    probe.remove();
-  }
-  return found;
-}"""
-"""Whatever is not seen whole."""
 
-OVERLAPS = """() => {
-  const parts = [...document.querySelectorAll("header > *, main > *, #stage > :not(#plan-map), #times .head > *, #times .grid > *, #plans > *")]
-    .filter((one) => one.getClientRects().length && !one.closest("#answer"))
-    .map((one) => [one, one.getBoundingClientRect()]).filter(([, box]) => box.width > 0 && box.height > 0);
-  const found = [];
-  for (const [one, a] of parts) for (const [other, b] of parts) {
-    if (one === other || one.contains(other) || other.contains(one) || one.parentElement !== other.parentElement) continue;
-    const wide = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-    const high = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    if (wide > 1 && high > 1 && !(a.bottom > innerHeight + 1 && getComputedStyle(one).position === "sticky")) {
-      found.push(`${one.id || one.className || one.tagName} over ${other.id || other.className || other.tagName}`);
-    }
-  }
-  return found;
-}"""
-"""Parts beside each other of which one lies over the other."""
+async def look_at(page: Page) -> list[str]:
+    """Return what is hard to read, cut off, covered, or beyond the edge of the page."""
+    found = [f"{way}: {one}" for way in ("faint(4.5)", "cut()", "covered()") for one in await _ask(page, way)]
+    wide, seen = await page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+    return [*found, *([f"{wide} px of {seen}"] if wide > seen else [])]
+
+
+async def _ask(page: Page, way: str) -> list[str]:
+    found = await page.evaluate(f"{LOOK.partition(chr(10))[2].rstrip()}.{way}")
+    assert isinstance(found, list)
+    return found
 
 
 def write_kml(path: Path, name: str = "Line 7", spans: int = 12) -> Path:
     """Write a line from west to east that bends once."""
-    corners = [(DEPOT_DEG[1] + STEP_DEG * step, DEPOT_DEG[0] + 0.0008 * max(0, step - spans // 2)) for step in range(spans + 1)]
-    path.write_text(KML.format(name=name, corners=" ".join(f"{lon:.6f},{lat:.6f},0" for lon, lat in corners)), encoding="utf-8")
+    steps = range(spans + 1)
+    corners = [(DEPOT_DEG[1] + STEP_DEG * step, DEPOT_DEG[0] + 0.0008 * max(0, step - spans // 2)) for step in steps]
+    text = " ".join(f"{lon_deg:.6f},{lat_deg:.6f},0" for lon_deg, lat_deg in corners)
+    path.write_text(KML.format(name=name, corners=text), encoding="utf-8")
     return path
 
 
@@ -171,5 +110,7 @@ async def planning(
 
 async def ready(page: Page) -> None:
     """Wait until the page shows what there is: a site that is understood, or that there is none."""
-    shown = page.locator("#empty:not([hidden]) .drop").or_(page.locator("#step-network .status", has_text=re.compile(r"\d")))
+    shown = page.locator("#empty:not([hidden]) .drop").or_(
+        page.locator("#step-network .status", has_text=re.compile(r"\d"))
+    )
     await expect(shown.first).to_be_visible()

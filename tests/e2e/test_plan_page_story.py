@@ -1,4 +1,4 @@
-"""From a network's file to a plan on the page alone: counted in clicks; then what-if, by hand, several, days, a flight."""
+"""From a network's file to a plan on the page alone, counted in clicks; then losses, changes by hand, days, a flight."""
 
 from __future__ import annotations
 
@@ -95,7 +95,10 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
     plan = read_any_plan(root / "plan.json")
     assert isinstance(plan, PlanFile)
     assert check_plan(plan) == []
-    flown = {plan.segments[plan.positions[visit.segment]].display_name: one.vehicle for one in plan.routes for visit in one.visits}
+    flown = {
+        plan.segments[plan.positions[visit.segment]].display_name: one.vehicle
+        for one in plan.routes for visit in one.visits
+    }  # fmt: skip
     assert (len(plan.names), flown[name]) == (3, "uav2")
 
 
