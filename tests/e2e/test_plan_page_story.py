@@ -1,4 +1,4 @@
-"""From a network's file to a plan on the page alone, counted in clicks; then losses, changes by hand, days, a flight."""
+"""From a network's file to a plan on the page alone, counted in clicks; then losses, changes, days, a flight."""
 
 from __future__ import annotations
 

@@ -49,6 +49,8 @@ export function placesStep(store, map) {
     }))],
   });
 
+  const puts = button(say("put.depot"), putDepot);
+
   function putDepot() {
     map.askPlace(say("guide.place", { what: say("place.depot") }), (place) => {
       const { lat_deg, lon_deg } = asKeys(place);
@@ -89,12 +91,13 @@ export function placesStep(store, map) {
     },
     build: (place) => {
       const buttons = element("div", "", "actions");
-      buttons.append(button(say("put.depot"), putDepot), button(say("put.pad"), putPad), button(say("put.alternate"), putAlternate));
+      buttons.append(puts, button(say("put.pad"), putPad), button(say("put.alternate"), putAlternate));
       const more = element("details", "", "more");
       more.append(element("summary", say("depot.figures")), depot.element);
       place.append(element("p", say("places.how"), "soft"), buttons, places.element, more);
     },
     show: () => {
+      puts.classList.toggle("primary", store.problems.some((one) => one.path[0] === "depot"));
       depot.show();
       places.show();
     },

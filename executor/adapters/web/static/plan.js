@@ -37,6 +37,10 @@ function start(schema) {
   new Timeline(store, byId("times"), { lose: () => result.lose() });
   byId("drop").append(dropping.makeTarget());
   store.tell = tell;
+  // On a small screen the answer is where nobody looks.
+  store.on(["loss", "draft"], () => {
+    if (store.loss || store.draft) show("plan");
+  });
   store.on(["workspace", "link", "job"], () => showState(store));
   let opened = "";
   store.on(["workspace"], () => {
@@ -149,7 +153,10 @@ function cancel(store, map) {
 function listenToKeys(store, { map, steps, result, actions }) {
   /** @type {Record<string, () => void>} */
   const keys = {
-    b: () => map.use("box"), l: () => map.use("lasso"), a: () => map.use("area"), p: () => result.plan(), x: () => result.lose(),
+    b: () => map.use("box"), l: () => map.use("lasso"), a: () => map.use("area"), p: () => {
+      show("plan");
+      result.plan();
+    }, x: () => result.lose(),
     o: () => { if (store.selection.size) actions.leaveOut(); },
     t: () => { if (store.selection.size && store.shown) result.turn(); },
     k: () => focusOn("span.lock"), g: () => focusOn("span.give"),
