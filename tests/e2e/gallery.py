@@ -547,7 +547,7 @@ async def _open_list(page: Page) -> None:
 
 
 async def _draw(folder: Path, wanted: Sequence[str] = ()) -> None:
-    from tests.e2e.plan_scenes import PLAN_SCENES, draw_plan_scene  # noqa: PLC0415 - they browse as this file does
+    from tests.e2e.plan_scenes import PLAN_SCENES, draw_plan_scene
 
     for name in wanted or (*SCENES, *PLAN_SCENES):
         if name in PLAN_SCENES:

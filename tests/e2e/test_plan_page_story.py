@@ -14,10 +14,11 @@ import pytest
 from playwright.async_api import Page, expect
 
 from missions import PlanFile, check_plan, read_any_plan
-from tests.e2e.flights import called
-from tests.e2e.plan_pages import Hand, planning, write_kml
+from tests.e2e.flights import called, said_in
+from tests.e2e.gallery import browsing
+from tests.e2e.plan_pages import PATIENCE_MS, Hand, planning, write_kml
 from tests.executor.plan_page.opened import Opened, make_demo_site
-from tests.ports import free_ports
+from tests.ports import free_port, free_ports
 
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 
@@ -29,17 +30,27 @@ HOUR = "08:00"
 @asynccontextmanager
 async def planned(root: Path, ports: Sequence[int] = ()) -> AsyncIterator[tuple[Page, Hand, Opened]]:
     """Open the page over a part of the network that comes with faultline, and plan it."""
+    async with planning(root, make_site_with_ports(root, ports)) as (page, server):
+        hand = Hand(page)
+        await plan(page, hand)
+        yield page, hand, server
+
+
+def make_site_with_ports(root: Path, ports: Sequence[int]) -> Path:
+    """Write a site whose vehicles are heard on ports that nobody else uses."""
     site = make_demo_site(root)
     text = site.read_text(encoding="utf-8")
     for number, port in enumerate(ports, 1):
         text = text.replace(f":{14550 + number}", f":{port}")
     site.write_text(text, encoding="utf-8")
-    async with planning(root, site) as (page, server):
-        hand = Hand(page)
-        await page.locator(".menu select").first.select_option("2")
-        await hand.click("#start")
-        await expect(page.locator("#times")).to_be_visible()
-        yield page, hand, server
+    return site
+
+
+async def plan(page: Page, hand: Hand) -> None:
+    """Search for a plan for two seconds."""
+    await page.locator(".menu select").first.select_option("2")
+    await hand.click("#start")
+    await expect(page.locator("#times")).to_be_visible()
 
 
 async def go_to(page: Page, share: float) -> None:
@@ -92,14 +103,14 @@ async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, 
         summary = server.get("/api/workspace")
     values = summary["values"]
     assert ([one["name"] for one in values["area"]], values["lock"][0]["vehicle"]) == (["area1"], "uav2")
-    plan = read_any_plan(root / "plan.json")
-    assert isinstance(plan, PlanFile)
-    assert check_plan(plan) == []
+    made = read_any_plan(root / "plan.json")
+    assert isinstance(made, PlanFile)
+    assert check_plan(made) == []
     flown = {
-        plan.segments[plan.positions[visit.segment]].display_name: one.vehicle
-        for one in plan.routes for visit in one.visits
+        made.segments[made.positions[visit.segment]].display_name: one.vehicle
+        for one in made.routes for visit in one.visits
     }  # fmt: skip
-    assert (len(plan.names), flown[name]) == (3, "uav2")
+    assert (len(made.names), flown[name]) == (3, "uav2")
 
 
 async def test_a_loss_is_answered_where_the_slider_stands(tmp_path: Path) -> None:
@@ -197,17 +208,22 @@ async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_
 
 
 async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(tmp_path: Path) -> None:
-    async with planned(tmp_path, ports=free_ports(3)) as (page, hand, _):
-        await hand.click("#fly")
-        await expect(page.locator("#meaning")).to_contain_text("asks again before anything is changed")
-        async with called("simulate", str(tmp_path / "site.toml")):
-            await hand.click("#yes")
-            try:
-                await expect(page.locator("#agree")).to_be_visible()
-                await expect(page.locator("#clock")).to_have_text("before take-off")
-            finally:
-                for flight in list_flights(tmp_path):
-                    os.kill(flight, signal.SIGINT)
+    site, port = make_site_with_ports(tmp_path, free_ports(3)), free_port()
+    async with called("open", str(site), "--no-browser", "--port", str(port)) as server:
+        await said_in(server.stdout, "page: http")
+        async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:
+            hand = Hand(page)
+            await plan(page, hand)
+            await hand.click("#fly")
+            await expect(page.locator("#meaning")).to_contain_text("asks again before anything is changed")
+            async with called("simulate", str(site)):
+                await hand.click("#yes")
+                try:
+                    await expect(page.locator("#agree")).to_be_visible()
+                    await expect(page.locator("#clock")).to_have_text("before take-off")
+                finally:
+                    for flight in list_flights(tmp_path):
+                        os.kill(flight, signal.SIGINT)
 
 
 async def test_a_flight_that_does_not_begin_says_why(tmp_path: Path) -> None:
