@@ -36,7 +36,7 @@ WHERE = (DOCS / "where.md").read_text(encoding="utf-8")
 SITE = re.search(r"```toml\n(.*?)```", OWN_LINE, re.DOTALL)
 ROWS = re.findall(r"^\| (`faultline .*?) \|", GLANCE, re.MULTILINE)
 CALLS = [call for row in ROWS for call in re.findall(r"`faultline ([^`]*)`", row)]
-NEEDS_VEHICLES = ("simulate", "fly", "day", "preflight", "resume", "restore", "demo")
+NEEDS_VEHICLES = ("simulate", "fly", "day", "preflight", "resume", "restore", "demo", "open")
 NEEDS_LOGS_OR_HOURS = ("replay", "images", "bench")
 RUNS = [call for call in CALLS if not call.startswith((*NEEDS_VEHICLES, *NEEDS_LOGS_OR_HOURS))]
 LEAST_SITE = {

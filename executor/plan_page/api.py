@@ -17,9 +17,9 @@ from executor.adapters.web.page_server import TYPES
 from executor.errors import ExecutorError, SiteError
 from executor.plan_page import api_answers as answers
 from executor.plan_page import flights, site_files
-from executor.plan_page.plan_work import Change, PlanWish
+from executor.plan_page.plan_work import Change, PlanSettings
 from executor.plan_page.planning import Superseded
-from executor.plan_page.site_document import Edit, EditRefused, Operation
+from executor.plan_page.site_document import Edit, EditRefused
 from executor.plan_page.try_connection import listen_for_vehicle
 from executor.plan_page.workspace import StaleRevision, Workspace
 from executor.site.ground_view import DOCUMENT
@@ -30,7 +30,6 @@ from missions.files import json_text
 from planner import PlannerError
 
 MOST_EDITS = 1000
-Key = Annotated[str, Field(max_length=200)] | Annotated[int, Field(ge=0, le=1_000_000)]
 Revision = Annotated[int, Field(description="Of the workspace that the change is meant for.")]
 
 
@@ -40,23 +39,11 @@ class Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
-class EditBody(Body):
-    """One change of the site file."""
-
-    op: Operation
-    path: Annotated[tuple[Key, ...], Field(min_length=1, max_length=12)]
-    """Keys, and numbers in lists, from the whole file down."""
-    value: Any = None
-    """Of `set` and `add`."""
-    at: Annotated[int, Field(ge=0)] | None = None
-    """With `add`: before which one; without it at the end."""
-
-
 class EditsBody(Body):
     """Changes of the site file that are one step of undo."""
 
     revision: Revision
-    edits: Annotated[tuple[EditBody, ...], Field(min_length=1, max_length=MOST_EDITS)]
+    edits: Annotated[tuple[Edit, ...], Field(min_length=1, max_length=MOST_EDITS)]
     label: Annotated[str, Field(max_length=200)] = "edit"
     """What undo calls it."""
 
@@ -105,23 +92,10 @@ class LossBody(Body):
     """From the start of the plan."""
 
 
-class ChangeBody(Body):
-    """One change of a plan by hand."""
-
-    segment: Annotated[int, Field(ge=0)]
-    """Its id in the network."""
-    vehicle: Annotated[str, Field(max_length=32)] | None = None
-    """Who flies it from now on; empty for nobody, null for who does."""
-    reversed: bool | None = None
-    """From its b to its a; null for as it is, or what is best for another vehicle."""
-    position: Annotated[int, Field(ge=0)] | None = None
-    """In the route; null for where it is, or the best place for another vehicle."""
-
-
 class ChangesBody(Body):
     """Changes of a plan by hand."""
 
-    changes: Annotated[tuple[ChangeBody, ...], Field(min_length=1, max_length=MOST_EDITS)]
+    changes: Annotated[tuple[Change, ...], Field(min_length=1, max_length=MOST_EDITS)]
     keep: bool = False
     """Whether the new plan becomes the chosen one."""
 
@@ -266,8 +240,7 @@ def _add_changes(api: FastAPI, workspace: Workspace) -> None:
     @api.post("/api/edits", responses=answer_of(answers.WorkspaceAnswer))
     async def post_edits(body: EditsBody) -> Response:
         """Do edits of the site file as one step of undo; 409 where the site is another one by now."""
-        edits = [Edit(one.op, one.path, one.value, one.at) for one in body.edits]
-        await workspace.edit(body.revision, body.label, edits)
+        await workspace.edit(body.revision, body.label, body.edits)
         return await answer()
 
     @api.post("/api/undo", responses=answer_of(answers.WorkspaceAnswer))
@@ -307,7 +280,7 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
     async def post_plan(body: PlanBody) -> Response:
         """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
         workspace.expect_revision(body.revision)
-        wish = PlanWish(**body.model_dump(exclude={"revision"}))
+        wish = PlanSettings(**body.model_dump(exclude={"revision"}))
         return JSONResponse({"job": planning.start(workspace.now, wish).describe()})
 
     @api.post("/api/cancel", responses=answer_of(answers.WorkspaceAnswer))
@@ -335,8 +308,7 @@ def _add_planning(api: FastAPI, workspace: Workspace) -> None:
     @api.post("/api/plans/{plan}/change", responses=answer_of(answers.ChangeAnswer))
     async def post_change(plan: str, body: ChangesBody) -> Response:
         """Change a plan by hand: the new one is checked and priced, and kept beside the old one."""
-        changes = [Change(**one.model_dump()) for one in body.changes]
-        return JsonBytes(json_text(await planning.change(workspace.now, plan, changes, keep=body.keep)))
+        return JsonBytes(json_text(await planning.change(workspace.now, plan, body.changes, keep=body.keep)))
 
 
 REPORT = {
@@ -379,5 +351,5 @@ def _add_flights(api: FastAPI, workspace: Workspace) -> None:
     async def post_left(body: LeftBody) -> Response:
         """Begin to plan what a flight left over."""
         run = flights.find_run(workspace.root, body.run)
-        wish = PlanWish(seconds=body.seconds, after=str(run))
+        wish = PlanSettings(seconds=body.seconds, after=str(run))
         return JSONResponse({"job": workspace.planning.start(workspace.now, wish).describe()})

@@ -193,7 +193,7 @@ class NetworkAnswer(Answer):
     """What was mended or found."""
 
 
-class PadPart(Answer):
+class VehiclePadPart(Answer):
     """Where a vehicle stands."""
 
     vehicle: str
@@ -241,7 +241,7 @@ class GroundAnswer(Answer):
     """What lies around the network."""
 
     depot: Place
-    pads: list[PadPart]
+    pads: list[VehiclePadPart]
     bases: list[BasePart]
     places: list[PlacePart]
     alternates: list[PlacePart]

@@ -15,7 +15,6 @@ from executor.site import plan_summary, site_model
 from executor.site.day_plans import name_sortie_rounds
 from executor.site.site_model import SiteModel
 from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Phase, PlanFile, estimate
-from missions.geo import FloatArray
 from missions.waypoints import legs_m
 from planner import is_reversed, segment_of
 
@@ -121,7 +120,7 @@ def describe_vehicles(
 
 def _build_all_paths(sorties: Sequence[Sortie], setup: FlightSetup) -> Mapping[Sortie, FlightPath]:
     """Return the way of each sortie; those of the same number are flown side by side."""
-    paths = {}
+    paths = dict[Sortie, FlightPath]()
     for number in sorted({one.number for one in sorties}):
         beside = [one for one in sorties if one.number == number and one.visits]
         built = site_model.build_paths(setup, {one.vehicle: one.visits for one in beside})
@@ -179,9 +178,3 @@ def _describe_profile(setup: FlightSetup, path: FlightPath) -> list[list[float |
         [round(along, 1), round(up, 1), round(below, 1) if np.isfinite(below) else None]
         for along, up, below in zip(profile.along_m[::every].tolist(), flown.tolist(), ground.tolist(), strict=True)
     ]
-
-
-def interpolate_track(track: Sequence[Sequence[float]], at_s: float) -> list[float]:
-    """Return the row of a track at a time: before its begin its first, after its end its last."""
-    rows: FloatArray = np.array(track)
-    return [float(np.interp(at_s, rows[:, 0], column)) for column in rows.T]

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, ClassVar
+
+from pydantic import ConfigDict, Field
 
 import missions
 import planner
@@ -34,7 +36,7 @@ MOST_FRONT = 12
 
 
 @dataclass(frozen=True, slots=True)
-class PlanWish:
+class PlanSettings:
     """What is asked for."""
 
     seconds: float = DEFAULT.seconds
@@ -64,7 +66,7 @@ class MadePlan:
     summary: Mapping[str, Any]
 
 
-def warm_up() -> None:
+def load_planner() -> None:
     """Load, or compile, all that plans and re-plans need."""
     planner.warm_up()
     line = [[[10.0 * at, 0.0], [10.0 * at + 10.0, 0.0]] for at in range(4)]
@@ -76,7 +78,7 @@ def warm_up() -> None:
     planner.replan(left.instance, warm=left.warm, stop=planner.Iterations(1))
 
 
-def make_plans(text: str, folder: Path, wish: PlanWish, into: Path, job: int) -> list[MadePlan]:
+def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int) -> list[MadePlan]:
     """Plan a site, and write the plans.
 
     Args:
@@ -155,7 +157,7 @@ def read_kept_plan(path: Path) -> PlanFile | DayPlanFile:
 
 def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
     """Return the summaries of plans that can be read, by their names."""
-    found = {}
+    found = dict[str, Mapping[str, Any]]()
     for path in paths:
         try:
             found[path.stem] = summarise(read_kept_plan(path))
@@ -187,7 +189,7 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
     return describe_plan(read_kept_plan(path), read_site_model(text, folder))
 
 
-def preview_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
+def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
     """Return what the others would fly if a vehicle of a plan were lost at a time.
 
     Raises:
@@ -249,17 +251,19 @@ def _build_task(path: Path) -> missions.Task:
 class Change:
     """One change of a plan by hand."""
 
-    segment: int
-    """Of the network."""
-    vehicle: str | None = None
-    """Who flies it from now on; empty for nobody, None for who does."""
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+    segment: Annotated[int, Field(ge=0)]
+    """Its id in the network."""
+    vehicle: Annotated[str, Field(max_length=32)] | None = None
+    """Who flies it from now on; empty for nobody, null for who does."""
     reversed: bool | None = None
-    """From its b to its a; None for what is best."""
-    position: int | None = None
-    """In the route; None for the best place, or where it is."""
+    """From its b to its a; null for as it is, or what is best for another vehicle."""
+    position: Annotated[int, Field(ge=0)] | None = None
+    """In the route; null for where it is, or the best place for another vehicle."""
 
 
-def change_plan(text: str, folder: Path, path: Path, changes: Sequence[Change], into: Path) -> dict[str, Any]:
+def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Change], into: Path) -> dict[str, Any]:
     """Change a plan by hand, check and price it; it is kept, whatever it violates.
 
     Raises:

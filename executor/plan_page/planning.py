@@ -14,14 +14,14 @@ from executor.errors import ExecutorError, SiteError
 from executor.plan_page.plan_store import PlanStore
 from executor.plan_page.plan_work import (
     Change,
-    PlanWish,
-    change_plan,
+    PlanSettings,
+    answer_loss,
+    edit_plan_by_hand,
     is_stale,
+    load_planner,
     make_plans,
-    preview_loss,
     show_plan,
     summarise_plans,
-    warm_up,
 )
 from executor.plan_page.worker import WorkCancelled, Worker
 from missions import MissionsError
@@ -113,7 +113,7 @@ class Planning:
 
     async def warm_up(self) -> None:
         """Load what plans and answers need, in both processes."""
-        await asyncio.gather(self.planner.run(warm_up), self.answers.run(warm_up))
+        await asyncio.gather(self.planner.run(load_planner), self.answers.run(load_planner))
         self.warm = True
         self._changed()
 
@@ -145,7 +145,7 @@ class Planning:
             store.summaries |= await self.answers.run(summarise_plans, [path])
             self._changed()
 
-    def start(self, now: SiteNow, wish: PlanWish) -> Job:
+    def start(self, now: SiteNow, wish: PlanSettings) -> Job:
         """Begin to plan.
 
         Raises:
@@ -207,7 +207,7 @@ class Planning:
         async with self._answering:
             if mine != self._asked:
                 raise Superseded("a newer question came")
-            found = await self.answers.run(preview_loss, now.text, now.folder, path, vehicle, at_s)
+            found = await self.answers.run(answer_loss, now.text, now.folder, path, vehicle, at_s)
         return {**found, "seconds": round(time.monotonic() - began_s, 3)}
 
     async def change(self, now: SiteNow, name: str, changes: Sequence[Change], *, keep: bool) -> dict[str, Any]:
@@ -219,7 +219,7 @@ class Planning:
         """
         store = self._expect_store()
         path = store.path_of(name)
-        found = await self.answers.run(change_plan, now.text, now.folder, path, changes, store.folder)
+        found = await self.answers.run(edit_plan_by_hand, now.text, now.folder, path, changes, store.folder)
         made = found.pop("made")
         store.add([made], now.facts)
         if keep:
@@ -265,7 +265,7 @@ class Planning:
             "warm": self.warm,
         }
 
-    async def _run(self, job: Job, now: SiteNow, wish: PlanWish, store: PlanStore) -> None:
+    async def _run(self, job: Job, now: SiteNow, wish: PlanSettings, store: PlanStore) -> None:
         try:
             made = await self.planner.run(make_plans, now.text, now.folder, wish, store.folder, job.number)
             store.add(made, now.facts)

@@ -13,9 +13,10 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import tomlkit
+from pydantic import ConfigDict, Field
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Item
 
@@ -24,7 +25,7 @@ from missions import NESTED
 
 Path: TypeAlias = tuple[str | int, ...]
 """Keys, and numbers in lists, from the whole file down."""
-Operation = Literal["set", "unset", "add", "remove"]
+Key = Annotated[str, Field(max_length=200)] | Annotated[int, Field(ge=0, le=1_000_000)]
 DEEPEST = 12
 """Keys of a path."""
 
@@ -42,12 +43,15 @@ class EditRefused(SiteError):
 class Edit:
     """One change of a site file."""
 
-    op: Operation
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+    op: Literal["set", "unset", "add", "remove"]
     """`add` puts a value into a list, which may be one of tables; `remove` takes one out."""
-    path: Path
+    path: Annotated[tuple[Key, ...], Field(min_length=1, max_length=DEEPEST)]
+    """Keys, and numbers in lists, from the whole file down."""
     value: Any = None
     """Of `set` and `add`, as JSON has it."""
-    at: int | None = None
+    at: Annotated[int, Field(ge=0)] | None = None
     """With `add`: before which one; without it at the end."""
 
 
@@ -216,10 +220,10 @@ def _edit_text(text: str, edit: Edit) -> str:
         case "set" if own and not _is_table(edit.value):
             # A table, or a list of tables, becomes something else: its blocks make room for it.
             blocks = _edit_block(_remove_blocks(blocks, own), edit, newline)
-        case "set" if _is_table(edit.value) and (own or not _stands_in_block(blocks, edit.path)):
+        case "set" if _is_table(edit.value) and (own or not _is_in_block(blocks, edit.path)):
             place = own[0] if own else _find_end(blocks, edit.path[:-1])
             blocks = _insert_blocks(_remove_blocks(blocks, own), place, _make_blocks(edit.path, edit.value), newline)
-        case "add" if isinstance(edit.value, Mapping) and (own or not _stands_in_block(blocks, edit.path)):
+        case "add" if isinstance(edit.value, Mapping) and (own or not _is_in_block(blocks, edit.path)):
             place = _find_element(blocks, edit)
             made = _make_blocks((*edit.path, 0), edit.value)
             blocks = _insert_blocks(blocks, place, made, newline)
@@ -296,7 +300,7 @@ def _find_owner(blocks: Sequence[_Block], path: Path) -> int:
     return max(above, key=lambda number: len(blocks[number].path))
 
 
-def _stands_in_block(blocks: Sequence[_Block], path: Path) -> bool:
+def _is_in_block(blocks: Sequence[_Block], path: Path) -> bool:
     """Return whether something of a path is written within a block, such as an inline table."""
     owner = blocks[_find_owner(blocks, path)]
     return path[len(owner.path)] in tomllib.loads(owner.body)

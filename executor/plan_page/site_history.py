@@ -6,7 +6,7 @@ file says, or will say as soon as it can be written.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -87,19 +87,7 @@ class History:
         return History(base, steps[over:], len(steps) - over)
 
 
-def replay_edits(base: str, steps: Iterable[Step]) -> str:
-    """Return the text that some steps make of another one; what somebody else wrote stands for itself.
-
-    Raises:
-        EditRefused: an edit cannot be done.
-    """
-    text = base
-    for step in steps:
-        text = step.text if step.edits is None else apply_edits(text, step.edits)
-    return text
-
-
-class Line(BaseModel):
+class RecordLine(BaseModel):
     """One line of the record."""
 
     model_config = ConfigDict(extra="ignore")
@@ -111,13 +99,13 @@ class Line(BaseModel):
     edits: tuple[Edit, ...] = ()
 
 
-_LINE = TypeAdapter(Annotated[Line, Field()])
+_LINE = TypeAdapter(Annotated[RecordLine, Field()])
 
 
 def write_line(does: str, label: str = "", text: str = "", edits: Sequence[Edit] = ()) -> bytes:
     """Return a line of the record."""
     said: dict[str, Any] = {"does": does, "label": label, "text": text, "edits": edits}
-    line = Line.model_validate({key: one for key, one in said.items() if one})
+    line = RecordLine.model_validate({key: one for key, one in said.items() if one})
     return line.model_dump_json(exclude_defaults=True).encode() + b"\n"
 
 
@@ -154,7 +142,7 @@ def read_lines(record: bytes) -> tuple[History, bool] | None:
     return None if history is None else (history, saved)
 
 
-def _apply_line(history: History, said: Line) -> History:
+def _apply_line(history: History, said: RecordLine) -> History:
     match said.does:
         case "edit":
             return history.edit(said.label, said.edits)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, TypedDict
+from typing import Any, TypedDict, cast
 
 from pydantic import ValidationError
 
@@ -18,7 +18,7 @@ from missions.errors import AreaError, BackgroundError, ElevationError, NetworkE
 from missions.validation import format_error
 
 
-class Problem(TypedDict):
+class SiteProblem(TypedDict):
     """One matter."""
 
     path: list[str | int] | None
@@ -32,20 +32,20 @@ _ABOUT: Mapping[type[Exception], list[str | int]] = {
 }  # fmt: skip
 
 
-def check_text(text: str) -> tuple[dict[str, Any], Site | None, list[Problem]]:
+def check_text(text: str) -> tuple[dict[str, Any], Site | None, list[SiteProblem]]:
     """Return what a site file says, the site if it can be used, and what is wrong with it."""
     try:
         values = read_values(text)
         return values, Site.model_validate(values), []
     except SiteError as error:
-        return {}, None, [Problem(path=None, message=str(error))]
+        return {}, None, [SiteProblem(path=None, message=str(error))]
     except ValidationError as error:
         return values, None, list(_list_problems(error, values))
     except RecursionError:
-        return values, None, [Problem(path=None, message=NESTED)]
+        return values, None, [SiteProblem(path=None, message=NESTED)]
 
 
-def _list_problems(error: ValidationError, values: Mapping[str, Any]) -> Iterator[Problem]:
+def _list_problems(error: ValidationError, values: Mapping[str, Any]) -> Iterator[SiteProblem]:
     found = error.errors(include_url=False)
     for one in found:
         inside = any(other["loc"][: len(one["loc"])] == one["loc"] != other["loc"] for other in found)
@@ -53,15 +53,16 @@ def _list_problems(error: ValidationError, values: Mapping[str, Any]) -> Iterato
             continue  # of those that are there none can be used, which is said of each
         place, message = split_place(format_error(one, page=PAGE))
         known = list(one["loc"]) if place is None else place
-        yield Problem(path=_cut_to_values(known, values), message=message)
+        yield SiteProblem(path=_cut_to_values(known, values), message=message)
 
 
 def _cut_to_values(path: Sequence[str | int], values: Mapping[str, Any]) -> list[str | int]:
     """Return a path as far as the file has it, and one key more: what follows are the kinds that a value may have."""
     at: Any = values
     for number, part in enumerate(path):
-        if (isinstance(at, dict) and part in at) or (isinstance(at, list) and part in range(len(at))):
-            at = at[part]
+        is_there = part in at if isinstance(at, dict) else isinstance(at, list) and part in range(len(at))
+        if is_there:
+            at = cast("Any", at)[part]
         else:
             return list(path[: number + (isinstance(at, dict) and isinstance(part, str))])
     return list(path)
@@ -102,12 +103,12 @@ def _list_keys() -> Mapping[str, frozenset[str]]:
     return {name: keys_of(known) for name, known in schema["properties"].items()}
 
 
-def describe_error(error: MissionsError | ExecutorError, values: Mapping[str, Any]) -> Problem:
+def describe_error(error: MissionsError | ExecutorError, values: Mapping[str, Any]) -> SiteProblem:
     """Return what a site could not be read or planned for, at the key that it is about, if that is known."""
     path, message = split_place(str(error))
     if path is None:
         path = _find_file_key(error, message, values)
-    return Problem(path=path, message=message)
+    return SiteProblem(path=path, message=message)
 
 
 def _find_file_key(error: Exception, message: str, values: Mapping[str, Any]) -> list[str | int] | None:
@@ -119,10 +120,11 @@ def _find_file_key(error: Exception, message: str, values: Mapping[str, Any]) ->
     if stands := re.match(r"area\[(\d+)\]", message):
         return ["area", int(stands[1])]
     files = [one.get("file") for one in values.get("area", ()) if isinstance(one, dict)]
-    return next((["area", at, "file"] for at, file in enumerate(files) if file and str(file) in message), ["area"])
+    named = next((at for at, file in enumerate(files) if file and str(file) in message), None)
+    return ["area"] if named is None else ["area", named, "file"]
 
 
-def describe_problem(problem: Problem) -> str:
+def describe_problem(problem: SiteProblem) -> str:
     """Return a problem in one line."""
     path = problem["path"]
     return problem["message"] if path is None else f"{format_path(path)}: {problem['message']}"

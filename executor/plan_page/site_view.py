@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 import missions
 from executor.errors import ExecutorError
-from executor.plan_page.site_problems import Problem, check_text, describe_error
+from executor.plan_page.site_problems import SiteProblem, check_text, describe_error
 from executor.site import site_model, site_parts
 from executor.site.ground_view import encode_ground, view_for
 from executor.site.site_file import Site
@@ -40,7 +40,7 @@ MOST_FOOTPRINTS = 2000
 class SiteView:
     """What the page shows of a site."""
 
-    problems: list[Problem]
+    problems: list[SiteProblem]
     network: bytes | None = None
     """JSON; None where its file cannot be read."""
     digest: str = ""
@@ -85,7 +85,7 @@ def understand_site(text: str, folder: Path) -> tuple[SiteView, SiteModel | None
     return SiteView(problems, network, digest, len(understood.network.segments), around, background), ground
 
 
-def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.NetworkImport | None, list[Problem]]:
+def _import_network(values: Mapping[str, Any], folder: Path) -> tuple[missions.NetworkImport | None, list[SiteProblem]]:
     """Return the network as far as its own tables can be used, whatever is wrong with the others."""
     try:
         table = NetworkTable.model_validate(values.get("network"))

@@ -18,7 +18,7 @@ from executor.plan_page import site_files
 from executor.plan_page.plan_store import sum_up_facts
 from executor.plan_page.planning import OURS, Planning, SiteNow
 from executor.plan_page.site_document import Edit
-from executor.plan_page.site_problems import Problem, check_text
+from executor.plan_page.site_problems import SiteProblem, check_text
 from executor.plan_page.site_store import SiteStore
 from executor.plan_page.site_view import SiteView
 from executor.plan_page.worker_site import read_site_view
@@ -52,7 +52,7 @@ class Workspace:
         self.planning = Planning(self.news.set)
         self.tabs: Callable[[], int] = lambda: 0
         self._values: Mapping[str, Any] = {}
-        self._problems: list[Problem] = []
+        self._problems: list[SiteProblem] = []
         self._lock = asyncio.Lock()
         self._wanted = asyncio.Event()
         self._known = asyncio.Condition()
@@ -224,7 +224,7 @@ class Workspace:
             try:
                 view = await self.planning.answers.run(read_site_view, store.history.text, store.path.parent)
             except ExecutorError as error:
-                view = SiteView([Problem(path=None, message=str(error))])
+                view = SiteView([SiteProblem(path=None, message=str(error))])
             async with self._known:
                 self.view, self.checked = view, revision
                 self._known.notify_all()
