@@ -112,13 +112,9 @@ def _import_once(
 
 def _describe_network(understood: missions.NetworkImport, ground: SiteModel | None) -> dict[str, object]:
     network = understood.network if ground is None else ground.network
-    asked = (
-        understood.network
-        if ground is None or len(ground.network.segments) < len(understood.network.segments)
-        else network
-    )
+    asked = network
     why = {} if ground is None else {network.segment_name(one.segment): one.why for one in ground.setup.unreachable}
-    flown = {network.segment_name(one.id) for one in network.segments}
+    left_out = frozenset[int]() if ground is None else ground.left_out
     places = [_round_place((pylon.lat_deg, pylon.lon_deg)) for pylon in asked.pylons]
     lengths_m = asked.lengths_m.tolist()
     lat_deg, lon_deg, alt_m = network.depot
@@ -133,7 +129,7 @@ def _describe_network(understood: missions.NetworkImport, ground: SiteModel | No
             {
                 "id": one.id, "name": (name := asked.segment_name(one.id)), "a": places[one.a], "b": places[one.b],
                 "line": understood.lines.get(one.label, ""), "length_m": round(lengths_m[one.id], 1),
-                "left_out": name not in flown, "unreachable": why.get(name),
+                "left_out": one.id in left_out, "unreachable": why.get(name),
             }
             for one in asked.segments
         ],

@@ -25,11 +25,11 @@ from executor.core.interface.codes import ChannelCode, CheckCode, Ending, Reason
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
+from executor.site.site_schema import SITE, find_unit, read_docstrings
 from scripts.pages.asyncapi import PLACE as ASYNCAPI
 from scripts.pages.asyncapi import asyncapi_document
 from scripts.pages.library import PAGE as LIBRARY
 from scripts.pages.library import library_page
-from executor.site.site_schema import SITE, find_unit, read_docstrings
 from scripts.pages.page_types import TYPES, page_types
 from scripts.pages.plan_api import PAGE as PLAN_API
 from scripts.pages.plan_api import plan_api_page

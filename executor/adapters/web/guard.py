@@ -82,7 +82,7 @@ class Guard:
         host = headers.get("host", "")
         if not self._is_own_name(host):
             return self.refuse(f"this server does not answer to the name {host[:80]!r}", 421)
-        if not _is_same_origin(headers, host):
+        if not (_is_same_origin(headers, host) or _is_link_of_this_computer(scope, headers)):
             return self.refuse("requests of other pages are not taken", 403)
         most_bytes = self.most_bytes(scope["path"])
         if not _is_small(headers, most_bytes):
@@ -146,6 +146,16 @@ def _is_same_origin(headers: Headers, host: str) -> bool:
     if origin is not None and origin not in {f"http://{host}", f"https://{host}"}:
         return False
     return site in {None, "same-origin", "none"}
+
+
+def _is_link_of_this_computer(scope: Scope, headers: Headers) -> bool:
+    """Return whether a browser opens the page itself from a page of the same computer, as the plan page leads to it.
+
+    Nothing but the page is given, and to nobody but who looks at it: no other page may read or frame it.
+    """
+    kind = tuple(headers.get(f"sec-fetch-{key}") for key in ("site", "mode", "dest"))
+    is_page = scope["method"] == "GET" and scope["path"] == "/"
+    return is_page and kind == ("same-site", "navigate", "document") and "origin" not in headers
 
 
 def _is_small(headers: Headers, most_bytes: int) -> bool:

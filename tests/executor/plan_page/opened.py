@@ -89,10 +89,10 @@ class Opened:
 
 
 @contextmanager
-def opened(root: Path, site: Path | None, token: str | None = None) -> Iterator[Opened]:
+def opened(root: Path, site: Path | None, token: str | None = None, port: int = 0) -> Iterator[Opened]:
     mistakes: list[str] = []
     server = PlanServer(
-        WebTable(), token, root, None if site is None else SiteStore(site),
+        WebTable(port=port), token, root, None if site is None else SiteStore(site),
         lambda what, error: mistakes.append(f"{what}: {type(error).__name__}: {error}"),
     )  # fmt: skip
     with server, httpx.Client(base_url=server.address, timeout=PATIENCE_S) as client:

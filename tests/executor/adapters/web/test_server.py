@@ -259,6 +259,28 @@ def test_our_own_pages_request_is_taken(open_one: Beside) -> None:
         assert answer.status_code == 409
 
 
+LINK = {"sec-fetch-site": "same-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+
+
+@pytest.mark.parametrize(
+    ("path", "changes", "status"),
+    [
+        ("/", {}, 200),
+        ("/state", {}, 403),
+        ("/files/page.js", {}, 403),
+        ("/", {"sec-fetch-dest": "iframe"}, 403),
+        ("/", {"sec-fetch-mode": "no-cors"}, 403),
+        ("/", {"sec-fetch-site": "cross-site"}, 403),
+        ("/", {"origin": "http://127.0.0.1:1"}, 403),
+    ],
+)
+def test_a_link_of_this_computer_opens_the_page_and_nothing_else(
+    open_one: Beside, path: str, changes: Mapping[str, str], status: int
+) -> None:
+    with open_one.client() as client:
+        assert client.get(path, headers={**LINK, **changes}).status_code == status
+
+
 def test_nobody_sends_much(open_one: Beside) -> None:
     with open_one.client() as client:
         kind = {"content-type": "application/json"}
