@@ -273,13 +273,19 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     plan, ground = _read_flight(path), read_site_model(text, folder)
     dropped = frozenset(one.segment for one in changes if one.vehicle == "")
     task = _build_site_task(text, folder, path, dropped)
+    known = set(task.segment_ids)
     routes = {
-        name: list(task.from_network(one for one in visits if segment_of(one) not in dropped))
+        name: list(task.from_network(one for one in visits if segment_of(one) in known))
         for name, visits in plan.network_routes.items()
     }
     for change in changes:
         if change.segment not in dropped:
             _apply_change(change, plan, task, routes)
+            _check_camera(change, ground)
+    violations = list(_find_broken_locks(ground, {name: task.to_network(visits) for name, visits in routes.items()}))
+    if violations:  # priced as if nothing were locked; such a plan does not fit its site, so it is not flown
+        ground = replace(ground, locked={}, directions={})
+        task = site_model.build_first_task(ground, task.segment_ids)
     flown = {segment_of(one) for visits in routes.values() for one in visits}
     left = tuple(one for one in range(len(task.segment_ids)) if one not in flown)
     made = Plan(tuple(Route(number, tuple(routes[name])) for number, name in enumerate(plan.names)), left)
@@ -290,7 +296,7 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     window = to_plan_window(planner.replan_window(task.instance, made, fly_again=again), task.instance)
     solved = SolverRecord("by hand", plan.seed, 0.0)
     content = site_planning.build_site_plan_file(ground, task, made, window, solved)
-    violations = list(found.violations)
+    violations += found.violations
     try:
         shown = describe_plan(content, ground)
     except (ExecutorError, missions.MissionsError) as error:
@@ -301,6 +307,23 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
         "made": kept, "plan": shown, "violations": violations,
         "window_was": None if plan.window is None else plan.window.window_pct, "window_is": window.window_pct,
     }  # fmt: skip
+
+
+def _find_broken_locks(ground: SiteModel, routes: Mapping[str, Sequence[int]]) -> Iterator[str]:
+    """Yield which locks of a site are broken by visits of its network, by the vehicle's name."""
+    for name, visits in routes.items():
+        for visit in visits:
+            segment, keeper = segment_of(visit), ground.locked.get(segment_of(visit))
+            if keeper not in {None, name}:
+                yield f"{ground.network.segment_name(segment)} is locked to {keeper}, got {name}"
+            if ground.directions.get(segment, is_reversed(visit)) is not is_reversed(visit):
+                yield f"{ground.network.segment_name(segment)} is locked in the other direction"
+
+
+def _check_camera(change: Change, ground: SiteModel) -> None:
+    if change.vehicle and change.segment in ground.setup.looks.find_barred_segments(change.vehicle):
+        name = ground.network.segment_name(change.segment)
+        raise SiteError(f"changes: vehicle: expected one with the camera that {name} asks for, got '{change.vehicle}'")
 
 
 @lru_cache(maxsize=2)

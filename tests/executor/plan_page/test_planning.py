@@ -158,6 +158,28 @@ def test_a_change_beyond_a_budget_is_named(planned: Opened) -> None:
     planned.post("/api/undo", revision=lower["revision"])
 
 
+def test_a_lock_that_a_change_breaks_is_named_and_the_plan_priced_all_the_same(planned: Opened) -> None:
+    segment, pylon = planned.get("/api/network")["segments"][2], planned.get("/api/network")["pylons"][2]
+    assert pylon["place"] == segment["a"]
+    lock = {"segments": [segment["name"]], "vehicle": "uav1", "from": pylon["name"]}
+    locked = planned.edit({"op": "add", "path": ["lock"], "value": lock})
+    assert planned.checked()["problems"] == []
+    chosen = plan(planned)["chosen"]
+    shown = planned.get(f"/api/plans/{chosen}")
+    [visit] = [
+        visit for one in shown["vehicles"] for route in one["routes"] for visit in route["visits"]
+        if one["name"] == "uav1" and visit["segment"] == 2
+    ]  # fmt: skip
+    assert visit["reversed"] is False
+    changes = [{"segment": 2, "vehicle": "uav2", "reversed": True}]
+    answer = planned.post(f"/api/plans/{chosen}/change", changes=changes)
+    name = segment["name"]
+    assert answer["violations"] == [f"{name} is locked to uav1, got uav2", f"{name} is locked in the other direction"]
+    assert all(pct < 100 for pct in answer["plan"]["summary"]["energy_pct"].values())
+    planned.post("/api/undo", revision=locked["revision"])
+    plan(planned)
+
+
 def test_a_plan_of_another_site_is_stale_and_one_of_other_connections_is_not(planned: Opened) -> None:
     def stale() -> bool:
         workspace = planned.get("/api/workspace")
