@@ -57,6 +57,18 @@ def test_what_the_page_saves_is_planned_alike_by_the_command_line(planned: Opene
     assert summary["longest_s"] == max(made.durations_s)
 
 
+def test_so_many_iterations_give_the_same_plan_however_long_they_take(planned: Opened, tmp_path: Path) -> None:
+    chosen = plan(planned, cost="minsum", iterations=3000, seed=7)["chosen"]
+    made = missions.read_plan(planned.root / "plan.json")
+    words = ["--cost", "minsum", "--iterations", "3000", "--seed", "7", "--seconds", str(MOST_S)]
+    with pytest.raises(SystemExit):
+        main(["plan", str(planned.root / "site.toml"), *words, "-o", str(tmp_path / "cli.json")])
+    again = missions.read_plan(tmp_path / "cli.json")
+    assert (made.network_routes, made.cost) == (again.network_routes, again.cost)
+    assert chosen
+    plan(planned)
+
+
 def test_a_plan_of_the_command_line_is_taken_up(planned: Opened) -> None:
     before = planned.get("/api/workspace")["chosen"]
     with pytest.raises(SystemExit):
