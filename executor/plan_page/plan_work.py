@@ -17,7 +17,7 @@ from executor.errors import ExecutorError, SiteError
 from executor.flight.next_flight import read_segments_left
 from executor.plan_page.plan_view import Sortie, describe_plan, describe_vehicles, list_uncovered, summarise
 from executor.plan_page.worker import report_progress
-from executor.plan_page.worker_site import read_site_model
+from executor.plan_page.worker_site import SiteKey, find_site_key, read_site_model
 from executor.site import site_model, site_planning
 from executor.site.day_plans import build_day_problem, build_first_sorties_plan, list_spares, solve_day
 from executor.site.plan_summary import compute_planned_heights
@@ -272,7 +272,7 @@ def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Cha
     """
     plan, ground = _read_flight(path), read_site_model(text, folder)
     dropped = frozenset(one.segment for one in changes if one.vehicle == "")
-    task = _build_site_task(text, folder, path, dropped)
+    task = _build_site_task(find_site_key(text, folder), path, dropped)
     known = set(task.segment_ids)
     routes = {
         name: list(task.from_network(one for one in visits if segment_of(one) in known))
@@ -327,9 +327,9 @@ def _check_camera(change: Change, ground: SiteModel) -> None:
 
 
 @lru_cache(maxsize=2)
-def _build_site_task(text: str, folder: Path, path: Path, dropped: frozenset[int]) -> missions.Task:
+def _build_site_task(site: SiteKey, path: Path, dropped: frozenset[int]) -> missions.Task:
     """Return the problem of a plan, as the site is now, without what nobody shall fly: that is not left over."""
-    plan, ground = _read_flight(path), read_site_model(text, folder)
+    plan, ground = _read_flight(path), read_site_model(site[0], site[1])
     site_planning.check_plan_belongs(plan, ground, "the plan")
     kept = [segment.id for segment in plan.segments if segment.id not in dropped]
     if not kept or not dropped <= set(plan.positions):

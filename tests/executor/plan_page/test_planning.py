@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,9 @@ import pytest
 
 import missions
 from executor.cli.main import main
-from tests.executor.plan_page.opened import Opened, make_demo_site, opened
+from executor.plan_page.plan_work import PlanSettings, answer_loss, make_plans
+from executor.plan_page.worker_site import read_site_model
+from tests.executor.plan_page.opened import DEMO_RADIUS, Opened, make_demo_site, opened
 
 MOST_S = 60.0
 """Of searches that end once they are settled."""
@@ -131,6 +135,34 @@ def test_a_loss_is_answered_while_the_slider_is_dragged(planned: Opened) -> None
     )
     assert not next(one for one in answer["routes"] if one["name"] == "uav2")["routes"]
     assert planned.post(f"/api/plans/{chosen}/loss", 422, vehicle="uav9", at_s=0)["error"].endswith("got uav9")
+
+
+def test_a_loss_of_eighty_segments_takes_less_than_half_a_second(tmp_path: Path) -> None:
+    fourth = '[[vehicle]]\nname = "uav4"\nconnection = "udpin://0.0.0.0:14554"\nsysid = 4\nautopilot = "px4"'
+    text = make_demo_site(tmp_path, fourth).read_text().replace(DEMO_RADIUS, "radius_m = 2200")
+    settings = PlanSettings(seconds=MOST_S, iterations=2000, cost="minmax")
+    [made] = make_plans(text, tmp_path, settings, tmp_path, 1)
+    path = tmp_path / f"{made.id}.json"
+    answer_loss(text, tmp_path, path, "uav2", 0.0)
+    for at_s in (0.0, 400.0, 900.0):
+        began_s = time.process_time()  # a busy computer takes longer, and that is not meant
+        answer = answer_loss(text, tmp_path, path, "uav2", at_s)
+        assert time.process_time() - began_s < 0.5
+    assert len(missions.read_plan(path).segments) >= 80
+    assert answer["recovered"] > 0
+
+
+def test_a_network_that_is_another_one_is_planned_for_as_it_is(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    network = tmp_path / "line.geojson"
+    shutil.copy(missions.default_network_path(), network)
+    text = site.read_text().replace('file = "default"', 'file = "line.geojson"')
+    before = read_site_model(text, tmp_path)
+    assert read_site_model(text, tmp_path) is before
+    document = json.loads(network.read_text())
+    document["features"] = [one for one in document["features"] if "V102" not in json.dumps(one)]
+    network.write_text(json.dumps(document))
+    assert len(read_site_model(text, tmp_path).network.segments) < len(before.network.segments)
 
 
 def test_changes_by_hand_are_checked_and_priced(planned: Opened) -> None:
