@@ -189,6 +189,13 @@ def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
     return describe_plan(read_kept_plan(path), read_site_model(text, folder))
 
 
+def prepare_answers(text: str, folder: Path, path: Path) -> None:
+    """Price a plan, and the site for changes of it, before somebody asks what a loss or a change would mean."""
+    if isinstance(read_kept_plan(path), PlanFile):
+        _build_task(path)
+        _build_site_task(find_site_key(text, folder), path, frozenset())
+
+
 def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
     """Return what the others would fly if a vehicle of a plan were lost at a time.
 

@@ -241,6 +241,8 @@ class Workspace:
                 await self._look()
             with suppress(*OURS):
                 await self.planning.look()
+                if self.store is not None:
+                    await self.planning.prepare(self.now)
 
     async def close(self) -> None:
         """Save what is not saved, and end the processes."""
