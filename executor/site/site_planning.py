@@ -119,8 +119,8 @@ class PlanRequest:
         """Check that the solver can do it.
 
         Raises:
-            PlanFileError: the window, or so many iterations, are asked of a solver that does not know them, or the paper's
-            solver is to be tuned.
+            PlanFileError: the window, or so many iterations, are asked of a solver that does not know them, or the
+                paper's solver is to be tuned.
         """
         if self.cost is None and not self.usual and self.solver is not PlanSolver.SEARCH:
             raise PlanFileError(f"--solver: expected search for --cost window, got {self.solver.value}")
