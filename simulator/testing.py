@@ -104,7 +104,7 @@ class FleetVehicle:
 
     @property
     def events(self) -> list[str]:
-        """What really happened to it, as `Truth.what` says it: ``armed``, ``took_off``, ``failsafe link``, ``landed``."""
+        """What really happened to it: ``armed``, ``took_off``, ``failsafe link``, ``landed``, as in `Truth.what`."""
         return [truth.what for truth in tuple(self._fleet.truths) if truth.vehicle == self.name]
 
     def inject(self, fault: str) -> None:
