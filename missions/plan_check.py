@@ -23,7 +23,7 @@ def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -
     """Return in words every figure of a plan file that its own content does not bear out; empty if all is well.
 
     Recomputed are the segments' places and lengths, every route's duration and energy, the cost, coverage, budgets and
-    the re-plan window; of days packs, hours and take-offs too, but no window after losses.
+    the re-plan window; of days packs, hours and take-offs too, but no window after losses. Areas and locks are kept.
 
     Args:
         content: The file.
@@ -33,7 +33,7 @@ def check_plan(content: PlanFile | DayPlanFile, *, search_window: bool = True) -
     Raises:
         PlanFileError: its vehicles or coordinates make no planning problem at all.
     """
-    findings = [*_check_places(content), *_check_areas(content)]
+    findings = [*_check_places(content), *_check_areas(content), *_check_locks(content)]
     if isinstance(content, DayPlanFile):
         return [*findings, *_check_days(content)]
     findings += _check_flight(content)
@@ -137,6 +137,21 @@ def _check_areas(content: PlanFile | DayPlanFile) -> Iterator[str]:
         for name, pad in pads:
             if name in one.vehicles and graph.is_inside(np.array([pad.place_m[:2]]))[0]:
                 yield f"the pad of {name} lies in area {one.area.name!r}"
+
+
+def _check_locks(content: PlanContent) -> Iterator[str]:
+    """Yield what is flown by another vehicle, or the other way round, than the plan's locks have it."""
+    if (pricing := content.pricing) is None:
+        return
+    for route in content.routes:
+        for visit in route.visits:
+            number = content.positions[visit.segment]
+            segment, keeper = content.segments[number], pricing.locked.get(number, route.vehicle)
+            if keeper != route.vehicle:
+                yield f"{segment.display_name} is flown by {route.vehicle}, and locked to {keeper}"
+            if pricing.directions.get(number, visit.reversed) != visit.reversed:
+                begins, other = segment.pylons[visit.reversed], segment.pylons[not visit.reversed]
+                yield f"{segment.display_name} is flown from {begins}, and locked to begin at {other}"
 
 
 def _describe_wrong_figures(figures: Iterable[tuple[str, float, float]]) -> Iterator[str]:

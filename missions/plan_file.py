@@ -361,7 +361,8 @@ class DayPlanFile(PlanContent):
             PlanFileError: its content does not make one.
         """
         base, bases, segments = self.base_names.index, len(self.bases), len(self.segments)
-        flown, profiles = price_fleet(self.pricing, self.names)
+        # Who alone may inspect a segment is no matter of prices here: it ends with the vehicle.
+        flown, profiles = price_fleet(replace(self.pricing, locked={}), self.names)
         out = np.zeros((2, len(profiles), bases, 2 * segments))
         home = np.zeros((2, len(profiles), 2 * segments, bases))
         able = np.ones((len(profiles), segments), dtype=np.bool_)
@@ -390,6 +391,9 @@ class DayPlanFile(PlanContent):
                 able=able,
                 wanted=np.ones(segments, dtype=np.bool_),
                 stagger_s=self.stagger_s,
+                locked={
+                    segment: self.names.index(keeper) for segment, keeper in self.pricing.locked.items()
+                },
             )  # fmt: skip
         except InstanceError as error:
             raise PlanFileError(f"{self.source}: {error}") from error

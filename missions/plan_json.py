@@ -7,7 +7,7 @@ are read as well (``plan_json_v1``).
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from missions.files import find_object, read_text, write_document
 from missions.plan_file import DayPlanFile, PlanFile
 from missions.plan_json_v1 import upgrade_plan
 from missions.plan_parts import WINDOW_COST
+from missions.pricing import Pricing
 from missions.validation import format_first_error
 from planner import InstanceError, PlanError
 
@@ -83,6 +84,8 @@ def _find_errors(content: PlanFile | DayPlanFile) -> Iterator[str]:
     model, names, count = content.pricing, content.names, len(content.segments)
     if model is not None and len(model.tracks_m) != count:
         yield f"model.tracks_m: expected {count}, got {len(model.tracks_m)}"
+    if model is not None:
+        yield from _find_wrong_locks(model, names, count)
     if model is not None and not set(model.bases) == set(model.models) == set(names):
         yield f"model: expected bases and models of {', '.join(names)}"
     if isinstance(content, DayPlanFile):
@@ -92,6 +95,16 @@ def _find_errors(content: PlanFile | DayPlanFile) -> Iterator[str]:
         yield f"routes: expected one each for {', '.join(names)}, in that order"
     if content.cost.name == WINDOW_COST and content.window is None:
         yield "window: expected the window that the plan was chosen by"
+
+
+def _find_wrong_locks(model: Pricing, names: Sequence[str], count: int) -> Iterator[str]:
+    for key, segments in (("locked", model.locked), ("directions", model.directions)):
+        for segment in segments:
+            if not 0 <= segment < count:
+                yield f"model.{key}: expected positions below {count}, got {segment}"
+    for segment, keeper in model.locked.items():
+        if keeper not in names:
+            yield f"model.locked.{segment}: expected one of {', '.join(names)}, got {keeper}"
 
 
 def _find_wrong_names(content: PlanFile | DayPlanFile) -> Iterator[str]:

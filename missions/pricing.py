@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import not_
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -25,7 +25,7 @@ from missions.geo import BoolArray, FloatArray, IntArray
 from missions.no_fly_areas import AreaRestriction, Unreachable
 from missions.shortest_ways import Obstacle, build_obstacle
 from missions.surface import FEW_PIECES, Relief
-from missions.validation import Figure, From0, IdSet, NameSet, Pair, Place, array_of
+from missions.validation import Figure, Flag, From0, IdSet, NameSet, Pair, Place, array_of
 from planner import (
     Instance,
     Moves,
@@ -35,13 +35,12 @@ from planner import (
     Vehicle,
     Visits,
 )
-from planner.model import TABLES_UP_TO, renumber_visits
+from planner.model import BARRED_PCT, TABLES_UP_TO, renumber_visits, visit_of
 
+T = TypeVar("T")
 TimesAndEnergies = tuple[FloatArray, FloatArray]
 AROUND_UP_TO = 1000
 """Segments times vehicles up to which ways lead around others' pads: each vehicle then has moves of its own."""
-BARRED_PCT = 1e5
-"""Of a full battery: a visit that takes so much fits into no budget."""
 DEPOT_M = (0.0, 0.0)
 """The depot in its own frame; pads are a few steps away."""
 
@@ -55,6 +54,8 @@ class VehicleMoves:
     relief: Relief | None
     barred: frozenset[int]
     """Segments that it cannot be given."""
+    locked: frozenset[int]
+    """Segments that another one alone is given."""
     step_m: float
     """How far it comes down from its layer to a line; 0 where it inspects in its layer."""
     layered: frozenset[int]
@@ -158,6 +159,10 @@ class Pricing:
     """The lowest layer's heights, where a raster knows the ground; without it ways rise evenly."""
     barred: Mapping[str, IdSet] = field(default_factory=dict)
     """By the vehicle's name: segments that it cannot be given, for it lacks what they ask for."""
+    locked: Annotated[Mapping[int, str], Field(exclude_if=not_)] = field(default_factory=dict)
+    """Segments that one vehicle alone is given, and its name: as long as it is in the fleet."""
+    directions: Annotated[Mapping[int, Flag], Field(exclude_if=not_)] = field(default_factory=dict)
+    """Segments that are flown in one direction alone, and whether that is reversed."""
     besides_s: Mapping[int, Figure] = field(default_factory=dict)
     """Segments that take longer than their tracks, and by how much: pylons with viewpoints."""
     in_layer_s: Mapping[int, Figure] = field(default_factory=dict)
@@ -182,6 +187,7 @@ class Pricing:
             self._build_obstacles(vehicle, around=around),
             self.relief,
             self.barred.get(vehicle, frozenset()),
+            frozenset(segment for segment, keeper in self.locked.items() if keeper != vehicle),
             self.steps_m.get(vehicle, 0.0),
             self.layered.get(vehicle, frozenset()),
         )
@@ -189,14 +195,16 @@ class Pricing:
     def price_visit_extras(self, flier: VehicleMoves) -> FloatArray:
         """Return (2, 2n) float64: seconds and energy that visits take a vehicle besides.
 
-        That is more than any battery holds where the vehicle is barred from a visit.
+        That is more than any battery holds where the vehicle is barred from a visit, or a lock forbids it.
         """
         more = np.zeros((2, 2 * len(self.tracks_m)))
         from_layer = {segment: self.in_layer_s[segment] for segment in flier.layered & self.in_layer_s.keys()}
         for segment, seconds in {**self.besides_s, **from_layer}.items():
             more[:, 2 * segment : 2 * segment + 2] = [[seconds], [seconds * flier.model.hover_pct_per_s]]
-        for segment in flier.barred:
+        for segment in (*flier.barred, *flier.locked):
             more[1, 2 * segment : 2 * segment + 2] += BARRED_PCT
+        for segment, is_turned in self.directions.items():
+            more[1, visit_of(segment, not is_turned)] += BARRED_PCT
         return more
 
     def _build_obstacles(self, vehicle: str, *, around: bool) -> DetourObstacles:
@@ -213,7 +221,7 @@ class Pricing:
         names = tuple(vehicles)
         numbers = {segment: number for number, segment in enumerate(segments)}
 
-        def renumber(figures: Mapping[int, float]) -> dict[int, float]:
+        def renumber(figures: Mapping[int, T]) -> dict[int, T]:
             return {numbers[segment]: figure for segment, figure in figures.items() if segment in numbers}
 
         def select(sets: Mapping[str, frozenset[int]]) -> dict[str, frozenset[int]]:
@@ -230,6 +238,8 @@ class Pricing:
             in_layer_s=renumber(self.in_layer_s),
             deep_m=renumber(self.deep_m),
             barred=select(self.barred),
+            locked=renumber({segment: keeper for segment, keeper in self.locked.items() if keeper in names}),
+            directions=renumber(self.directions),
             layered=select(self.layered),
             steps_m={name: self.steps_m[name] for name in names if name in self.steps_m},
             bases={name: self.bases[name] for name in names},
@@ -269,6 +279,10 @@ class PricedMoves(Moves):
         which = list(visits)
         first_m, last_m, besides = self.first_m[which], self.last_m[which], self.besides[..., which]
         return replace(self, first_m=first_m, last_m=last_m, besides=besides).tabulate()
+
+    def add_pct(self, more_pct: FloatArray) -> PricedMoves:
+        """Return moves that take more energy."""
+        return replace(self, besides=np.stack((self.besides[0], self.besides[1] + more_pct)))
 
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""
@@ -325,8 +339,8 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
         planner.InstanceError: there is no vehicle, or a start is not a number.
     """
     flown, profiles = price_fleet(pricing, (vehicle.name for vehicle in vehicles))
-    # Who comes down from a layer of its own has moves of its own.
-    tables = flown.profiles if pricing.steps_m else 1
+    # Who comes down from a layer of its own has moves of its own, and so has who alone is given something.
+    tables = flown.profiles if pricing.steps_m or pricing.locked else 1
     small = flown.profiles and tables * len(pricing.tracks_m) ** 2 <= TABLES_UP_TO**2
     moves: Moves = flown.tabulate() if small else flown
     start, again, home = (np.zeros((2, len(vehicles), flown.visits)) for _ in range(3))
@@ -355,6 +369,11 @@ def build_priced_instance(pricing: Pricing, vehicles: Sequence[Vehicle]) -> Inst
         end_m=flown.last_m,
         landing_m=DEPOT_M,
         answer_s=pricing.answer_s,
+        locked={
+            segment: number
+            for number, vehicle in enumerate(vehicles)
+            for segment, keeper in pricing.locked.items() if keeper == vehicle.name
+        },
     )  # fmt: skip
 
 

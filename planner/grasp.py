@@ -36,7 +36,7 @@ import numpy as np
 from planner.bounds import explain_infeasibility
 from planner.errors import InstanceError
 from planner.evaluate import Cost, Evaluation, Result, evaluate
-from planner.model import Instance, Plan
+from planner.model import BARRED_PCT, Instance, Plan
 from planner.search import Search
 from planner.solve import solve
 from planner.stop_rules import Progress, StopRule, StopVerdict, Stopwatch, add_progress_report
@@ -64,8 +64,9 @@ def solve_grasp(
 ) -> Result:
     """Return the best plan of a number of runs of the paper's solver.
 
-    Every segment is inspected, if need be beyond a budget: c-MinSum and MinComb charge K_C for that, MinMax does not
-    look at budgets at all. ``Result.feasible`` and the violations of the evaluation say whether it happened.
+    Every segment that a vehicle may be given is inspected, if need be beyond a budget: c-MinSum and MinComb charge K_C
+    for that, MinMax does not look at budgets at all. ``Result.feasible`` and the violations of the evaluation say
+    whether it happened.
 
     Args:
         instance: the problem.
@@ -122,7 +123,7 @@ class _GraspRuns(Search):
         from planner.plan_search import build_empty_state, copy_state
 
         current = build_empty_state(self._problem)
-        self._kernels.construct(self._problem, self._weights, current, self._rng)
+        self._kernels.construct(self._problem, self._weights, current, BARRED_PCT / 2, self._rng)
         walk = self._kernels.GraspWalk(
             current=current,
             trial=copy_state(current),
@@ -137,6 +138,9 @@ class _GraspRuns(Search):
 
     def _advance(self, iterations: int, threads: Executor | None = None) -> None:  # noqa: ARG002 - runs take turns
         """Run up to ``iterations`` rounds of a run; where it ends before, the next one is begun."""
+        if not self._walk.current.lengths.any():  # nobody may be given anything
+            self._done, self._iterations = self._done + 1, self._iterations + 1
+            return
         done = self._kernels.improve(self._problem, self._weights, self._walk, iterations, PATIENCE, self._rng)
         self._iterations += done
         self._keep_better()
@@ -162,4 +166,5 @@ class _GraspRuns(Search):
             self._improved_at = self._iterations
 
     def _rate_best(self) -> tuple[float, int, bool]:
-        return self._evaluation.value, 0, not self._evaluation.violations
+        left = len(self._plan.uncovered)
+        return self._evaluation.value, left, not left and not self._evaluation.violations

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from planner.bounds import explain_infeasibility
 from planner.evaluate import BUDGET_TOLERANCE_PCT, Cost, Result, cost_of, evaluate, route_energy_pct
-from planner.model import Instance, Plan, Route, build_part_instance, renumber_visits, segment_of
+from planner.model import BARRED_PCT, Instance, Plan, Route, build_part_instance, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.params import DEFAULT_PARAMS, SearchParams
 from planner.plan_search import PlanSearch
@@ -173,8 +173,10 @@ class LargeSearch(Search):
         """Return the free routes and the open segments nearest to a segment."""
         away = np.hypot(*(self._middle_m - self._middle_m[seed]).T)
         near = np.argsort(away, kind="stable")
-        vehicles: list[int] = []
-        segments: list[int] = []
+        # Who alone is given the middle has its route elsewhere, as a rule.
+        keeper = self._instance.locked.get(seed, -1)
+        vehicles = [keeper] if keeper >= 0 and not taken[keeper] else []
+        segments = [segment_of(visit) for vehicle in vehicles for visit in self._routes[vehicle]]
         for segment in near.tolist():
             full = len(segments) >= self._params.region
             if (full and len(vehicles) > 1) or len(vehicles) >= self._params.region_routes:
@@ -230,9 +232,10 @@ def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, every
     """Return routes for all vehicles: the order cut into pieces.
 
     Vehicles fly as far as their budgets go, or, if ``everybody`` is to share, to the least common share of them that
-    does. What even the whole budgets do not carry is left out at the end of the order.
+    does. What even the whole budgets do not carry is left out at the end of the order, and what one vehicle alone is
+    given.
     """
-    tour = _direct_visits(instance, order)
+    tour = _direct_visits(instance, order[~np.isin(order, list(instance.locked))])
     low, high = 0.0, 1.0
     routes = _fill_routes(instance, tour, high)
     if not everybody or sum(map(len, routes)) < len(tour):
@@ -248,7 +251,11 @@ def split_into_routes(instance: Instance, order: npt.NDArray[np.int64], *, every
 
 
 def _direct_visits(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended."""
+    """Return (n,) int64, the visits in an order, each begun at the end that is nearer to where the last one ended.
+
+    What nobody must fly from there is flown from the other end.
+    """
+    never = instance.start_pct.min(axis=0) >= BARRED_PCT
     tour = np.empty(len(order), dtype=np.int64)
     here = np.array([*instance.landing_m, 0.0])
     for place, segment in enumerate(order.tolist()):
@@ -256,6 +263,7 @@ def _direct_visits(instance: Instance, order: npt.NDArray[np.int64]) -> npt.NDAr
         # Visit v begins where visit v ^ 1 ends.
         away = np.abs(last - here).sum(axis=1)
         visit = 2 * segment + int(away[0] < away[1])
+        visit ^= int(never[visit])
         tour[place] = visit
         here = instance.end_m[visit]
     return tour

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from planner.kernels.repair import (
     set_clock,
     try_loss,
 )
-from planner.model import Instance, Plan, Route, renumber_visits, segment_of
+from planner.model import BARRED_PCT, Instance, Plan, Route, renumber_visits, segment_of
 from planner.plan_search import build_kernel_problem, build_random_state, build_state
 from planner.replan import RemainingProblem, build_remaining_problem
 
@@ -53,7 +53,7 @@ class LossScan:
         self._timing = timing_of(instance)
         self._base = build_state(self._problem, [route.visits for route in plan.routes])
         self._clock = clock_of(self._problem, self._timing, self._base)
-        self._loss = loss_of(self._problem)
+        self._loss = loss_of(self._problem, instance.locked)
         self._repairs = build_empty_repairs(self._problem, len(plan.routes))
         self._desk = allocate(RepairWorkspace, k=len(plan.routes), n=instance.segments)
         self._ends_s = [completion_times_s(instance, route) for route in plan.routes]
@@ -146,22 +146,26 @@ class LossScan:
             kept = route.visits[: done if route.vehicle == lost else done + 1]
             accounted.extend(segment_of(visit) for visit in kept)
             if route.vehicle != lost and routes[route.vehicle]:
-                used = self._survivor_energy_pct(route, kept, done, routes[route.vehicle])
+                used = self._survivor_energy_pct(lost, route, kept, done, routes[route.vehicle])
                 if used > self._instance.vehicles[route.vehicle].budget_pct + BUDGET_TOLERANCE_PCT:
                     return False
         return not routes[lost] and sorted(accounted) == list(range(self._instance.segments))
 
-    def _survivor_energy_pct(self, route: Route, kept: tuple[int, ...], done: int, visits: list[int]) -> float:
+    def _survivor_energy_pct(
+        self, lost: int, route: Route, kept: tuple[int, ...], done: int, visits: list[int]
+    ) -> float:
         """Return what a survivor uses in all: on one route if it has visits left, else on two."""
         vehicle, instance = route.vehicle, self._instance
+        lifted = sum(instance.locked.get(segment_of(visit)) == lost for visit in visits)
+        visits_pct = -BARRED_PCT * lifted * instance.vehicles[vehicle].consumption
         if done < len(route.visits) or not (route.visits or instance.vehicles[vehicle].airborne):
-            return route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
+            return visits_pct + route_energy_pct(instance, Route(vehicle, (*kept, *visits)))
         if not self._fly_again:
             return math.inf
         first = instance.vehicles[vehicle].consumption * float(instance.depot_pct[vehicle, visits[0]])
         own_first = float(instance.start_pct[vehicle, visits[0]])
         flown = first - own_first + route_energy_pct(instance, Route(vehicle, tuple(visits)))
-        return self._energies_pct[vehicle] + flown
+        return self._energies_pct[vehicle] + visits_pct + flown
 
 
 def timing_of(instance: Instance) -> LossTiming:
@@ -186,15 +190,20 @@ def clock_of(problem: Problem, timing: LossTiming, base: State) -> LossClock:
     return clock
 
 
-def loss_of(problem: Problem) -> Loss:
-    """Return room for what a loss leaves."""
+def loss_of(problem: Problem, locked: Mapping[int, int]) -> Loss:
+    """Return room for what a loss leaves; ``locked`` is that of the instance."""
+    keeper = np.full(len(problem.value) if locked else 0, -1, dtype=np.int64)
+    keeper[list(locked)] = list(locked.values())
     own = problem._replace(
         start=problem.start.copy(),
         idle=problem.idle.copy(),
         budget=problem.budget.copy(),
+        move=problem.move.copy() if locked else problem.move,
+        move_into=problem.move_into.copy() if locked else problem.move_into,
         twin=np.full(len(problem.budget), -1, dtype=np.int64),  # equal on the ground, but elsewhere after the loss
     )
-    return Loss(own, np.zeros(len(problem.value), dtype=np.int64), np.zeros(len(problem.budget), dtype=np.int64))
+    is_open, done = (np.zeros(len(figures), dtype=np.int64) for figures in (problem.value, problem.budget))
+    return Loss(own, is_open, done, keeper, np.full(1, -1, dtype=np.int64), BARRED_PCT)
 
 
 def build_empty_repairs(problem: Problem, losses: int) -> Repairs:

@@ -7,8 +7,8 @@ segment are ``v`` and ``v ^ 1``: the 'set' of the Set TSP of which a plan takes 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ from planner.moves import FloatArray, MoveGeometry, Moves, Travel, compute_moves
 
 TABLES_UP_TO = 1000
 """Segments up to which all moves are kept in tables: 2000 x 2000 times and energies are 64 MB."""
+BARRED_PCT = 1e5
+"""Of a full battery: what a visit costs more that a vehicle must not make; it fits into no budget."""
 BY_VISIT = ("start_s", "home_s", "depot_s", "start_pct", "home_pct", "depot_pct")
 """Tables of an instance with a row for each vehicle and a column for each visit."""
 
@@ -94,6 +96,8 @@ class Instance:
     """Where every route ends, local east and north in metres."""
     answer_s: float = 0.0
     """How long after a loss everybody flies on as planned: until it is known, a re-plan is found and is on board."""
+    locked: Mapping[int, int] = field(default_factory=dict)
+    """Segments that one vehicle alone is given, and its number: they cost every other one BARRED_PCT more."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -271,5 +275,29 @@ def build_part_instance(instance: Instance, vehicles: Sequence[int], segments: S
         idle_pct=instance.idle_pct[fleet],
         value=instance.value[list(segments)],
         end_m=instance.end_m[visits],
+        locked={
+            number: fleet.index(instance.locked[segment])
+            for number, segment in enumerate(segments)
+            if instance.locked.get(segment) in fleet
+        },
         **{name: getattr(instance, name)[rows] for name in BY_VISIT},
     )
+
+
+def lift_locks(instance: Instance, lost: Collection[int]) -> Instance:
+    """Return an instance in which everybody may be given what some vehicles alone were."""
+    lifted = {segment: vehicle for segment, vehicle in instance.locked.items() if vehicle in lost}
+    if not lifted:
+        return instance
+    more_pct = np.zeros((instance.moves.profiles, 2 * instance.segments))
+    start_pct, depot_pct = instance.start_pct.copy(), instance.depot_pct.copy()
+    for segment, keeper in lifted.items():
+        own = slice(2 * segment, 2 * segment + 2)
+        more_pct[[one for one in range(len(more_pct)) if one != instance.profile[keeper]], own] = -BARRED_PCT
+        for number, vehicle in enumerate(instance.vehicles):
+            if number != keeper:
+                start_pct[number, own] -= BARRED_PCT * vehicle.consumption
+                depot_pct[number, own] -= BARRED_PCT
+    locked = {segment: vehicle for segment, vehicle in instance.locked.items() if segment not in lifted}
+    moves = instance.moves.add_pct(more_pct)
+    return replace(instance, moves=moves, locked=locked, start_pct=start_pct, depot_pct=depot_pct)

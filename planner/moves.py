@@ -189,6 +189,10 @@ class Moves(ABC):
         seconds, pct = (np.array([block[of] for block in blocks]).reshape(shape) for of in (0, 1))
         return MoveTables(seconds, pct)
 
+    def add_pct(self, more_pct: FloatArray) -> Moves:
+        """Return moves that take (p, 2n) more energy, by the visit at their end."""
+        return self.tabulate().add_pct(more_pct)
+
     @abstractmethod
     def select_visits(self, visits: Sequence[int]) -> MoveTables:
         """Return the moves between some of the visits as tables, numbered anew in the order given."""
@@ -229,6 +233,10 @@ class MoveTables(Moves):
     def tabulate(self) -> MoveTables:
         """Return these tables."""
         return self
+
+    def add_pct(self, more_pct: FloatArray) -> MoveTables:
+        """Return moves that take more energy."""
+        return MoveTables(self.table_s, self.table_pct + more_pct[:, np.newaxis])
 
     def compute(self, profile: int, before: Visits, after: Visits) -> tuple[FloatArray, FloatArray]:
         """Return the seconds and the energy of moves."""

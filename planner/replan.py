@@ -3,7 +3,8 @@
 Every visit that the lost vehicle has not finished is open again, the one under way included. Each survivor finishes
 the visit that it is on or flying to when it is given the re-plan, ``Instance.answer_s`` after the loss, then starts
 from there with its budget less what it will have spent. A survivor that has landed, or is on its way home, may fly
-again from the landing place with what it then has left.
+again from the landing place with what it then has left. What the lost vehicle alone was given, anybody may be given
+then; what others alone are stays theirs.
 
 What everybody carries is a plan to compare a re-plan with: an answer that is worse is none. More covered first, by
 number and by value, then the longest route. What the first plan left out counts after all else.
@@ -36,6 +37,7 @@ from planner.model import (
     Vehicle,
     build_part_instance,
     is_reversed,
+    lift_locks,
     renumber_visits,
     segment_of,
     visit_of,
@@ -117,6 +119,7 @@ def build_remaining_problem(
         raise PlanError(f"{instance.vehicles[lost].name} is the only vehicle: nobody is left")
     if not (math.isfinite(at_s) and at_s >= 0):
         raise PlanError(f"the time of the loss is {at_s} s, expected zero or more")
+    instance = lift_locks(instance, [lost])
     completed, survivors, open_segments = find_survivors(instance, plan, lost, at_s, fly_again=fly_again)
     starts = [build_survivor_start(instance, survivor) for survivor in survivors]
     reduced = reduce_instance(instance, [survivor.vehicle for survivor in survivors], open_segments, starts)

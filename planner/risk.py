@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from planner.errors import InstanceError, PlanError
 from planner.evaluate import Cost, CriticalLoss, LossRow, completion_times_s, compute_legs_pct, compute_legs_s, evaluate
-from planner.model import Instance, Plan, Route, renumber_visits, segment_of
+from planner.model import Instance, Plan, Route, lift_locks, renumber_visits, segment_of
 from planner.moves import FloatArray
 from planner.replan import (
     SAME_TIME_S,
@@ -527,9 +527,10 @@ def _rebuild_state(
     """Return the state of some vehicles on new routes; those in ``again`` take off for theirs."""
     segments = sorted({segment_of(visit) for visits in routes for visit in visits})
     number = {segment: place for place, segment in enumerate(segments)}
-    starts = [_build_route_start(state.instance, vehicle, again.get(vehicle)) for vehicle in kept]
+    instance = lift_locks(state.instance, set(range(len(state.fleet))) - set(kept))
+    starts = [_build_route_start(instance, vehicle, again.get(vehicle)) for vehicle in kept]
     return FleetAfterLosses(
-        reduce_instance(state.instance, kept, segments, starts),
+        reduce_instance(instance, kept, segments, starts),
         Plan(tuple(Route(place, renumber_visits(route, number)) for place, route in enumerate(routes))),
         tuple(state.fleet[vehicle] for vehicle in kept),
         tuple(again[vehicle].free_s if vehicle in again else state.launched_s[vehicle] for vehicle in kept),

@@ -261,7 +261,8 @@ class RobustSearch(Search):
         base = build_state(self._problem, [()] * fleet)
         desk, own = (allocate(RepairWorkspace, k=fleet, n=self._instance.segments) for _ in range(2))
         return Walker(
-            here=self._build_walk(base), there=self._build_walk(copy_state(base)), loss=loss_of(self._problem),
+            here=self._build_walk(base), there=self._build_walk(copy_state(base)),
+            loss=loss_of(self._problem, self._instance.locked),
             desk=desk, own=own, full=build_empty_repairs(self._problem, fleet),
             rng=build_random_state(seed), best=best, start=best, step=self._params.first_step,
             probes_s=np.full(self._params.probes, -1.0), length=self._params.cycle,

@@ -100,23 +100,13 @@ class _Line:
     """One of a vehicle's links: what is sent over it is numbered anew, and it may be bad by itself."""
 
     def __init__(self, vehicle: SimVehicle, number: int, components: frozenset[int], radio: Radio | None) -> None:
-        self.radio, self.codec = radio, _make_codec(vehicle, components)
-        self.components = {
-            one: Codec(vehicle.sysid, component=one, signing=vehicle.signing) for one in (*components, GIMBAL)
-        }
+        self.radio, signing, ardupilot = radio, vehicle.signing, vehicle.autopilot is AutopilotKind.ARDUPILOT
+        self.codec = Codec(vehicle.sysid, every_component=ardupilot, signing=signing, others=components)
+        self.components = {one: Codec(vehicle.sysid, component=one, signing=signing) for one in (*components, GIMBAL)}
         """Of cameras and the gimbal, which number their frames for themselves."""
         self.condition = LinkCondition()
         rng = random.Random(f"{vehicle.seed}:{vehicle.name}" + (f":{number}" if number else ""))
         self.up, self.down = Channel(self.condition, rng), Channel(self.condition, rng)
-
-
-def _make_codec(vehicle: SimVehicle, components: frozenset[int]) -> Codec:
-    return Codec(
-        vehicle.sysid,
-        every_component=vehicle.autopilot is AutopilotKind.ARDUPILOT,
-        signing=vehicle.signing,
-        others=components,
-    )
 
 
 class SimulatedVehicle:

@@ -126,7 +126,11 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/executor/adapters/logs/test_odd_dataflash.py": ("executor/adapters/logs/ardupilot_boot.py",),
     "tests/executor/adapters/mavlink/test_tlog_reader.py": ("executor/adapters/chunks.py",),
     "tests/executor/adapters/mqtt/test_publisher.py": ("executor/adapters/mqtt/topics.py",),
-    "tests/executor/adapters/web/test_server.py": ("executor/adapters/web/snapshot.py",),
+    "tests/executor/adapters/web/test_server.py": (
+        "executor/adapters/web/page_server.py",
+        "executor/adapters/web/snapshot.py",
+    ),
+    "tests/executor/cli/test_network_init.py": ("executor/site/new_site.py",),
     "tests/executor/analysis/pictures/test_pictures.py": (
         "executor/analysis/pictures/battery_figure.py",
         "executor/analysis/pictures/chart_figures.py",
@@ -159,6 +163,20 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
         "executor/cli/images.py",
         "executor/images/index_files.py",
     ),
+    "tests/executor/plan_page/test_planning.py": (
+        "executor/plan_page/plan_store.py",
+        "executor/plan_page/plan_view.py",
+        "executor/plan_page/plan_work.py",
+        "executor/plan_page/worker_site.py",
+    ),
+    "tests/executor/plan_page/test_server.py": (
+        "executor/plan_page/api.py",
+        "executor/plan_page/site_files.py",
+        "executor/plan_page/site_problems.py",
+        "executor/plan_page/site_view.py",
+        "executor/plan_page/workspace.py",
+    ),
+    "tests/executor/plan_page/test_site_document.py": ("executor/plan_page/site_history.py",),
     "tests/executor/replay/test_log_replay.py": (
         "executor/cli/replay.py",
         "executor/replay/timeline.py",
@@ -169,6 +187,7 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     ),
     "tests/executor/runtime/test_two_links.py": ("executor/runtime/link_changes.py",),
     "tests/executor/site/test_plan_summary_heights.py": ("executor/site/site_model.py",),
+    "tests/executor/site/test_terrain.py": ("executor/analysis/height_profile.py",),
     "tests/executor/site/test_site_file.py": (
         "executor/site/flight_keys.py",
         "executor/site/mqtt_and_web_keys.py",
@@ -228,7 +247,10 @@ SHOWN_ELSEWHERE: dict[str, tuple[str, ...]] = {
     "tests/simulator/test_px4.py": ("simulator/mission_px4.py",),
     "tests/stories/test_pictures.py": ("simulator/camera.py",),
     "tests/test_docs.py": (
+        "scripts/pages/library.py",
+        "executor/site/site_schema.py",
         "scripts/pages/page_types.py",
+        "scripts/pages/plan_api.py",
         "scripts/pages/reference.py",
         "scripts/pages/states.py",
     ),

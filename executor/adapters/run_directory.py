@@ -26,7 +26,6 @@ class _File:
         self._name = name
 
     def __get__(self, run: RunDirectory, kind: type[RunDirectory]) -> Path:
-        """Return where it lies in this run directory."""
         return run.path / self._name
 
 
@@ -128,19 +127,35 @@ def lock_run_directory(path: Path) -> Iterator[None]:
         LogError: another process holds it, or the system has no such locks: nothing is flown there.
     """
     try:
-        import fcntl
+        with hold_lock(RunDirectory(path).lock, f"{path}: another faultline flies this directory already"):
+            yield
     except ImportError:
         raise LogError(
             f"{path}: expected Linux or macOS to fly, resume or restore, got {sys.platform} (on Windows: WSL 2); "
             "planning, checking and replays go without"
         ) from None
-    with RunDirectory(path).lock.open("a+") as file:
+
+
+@contextmanager
+def hold_lock(path: Path, taken: str) -> Iterator[None]:
+    """Hold a file that one process holds at a time.
+
+    Args:
+        path: The file; it is made where it is missing.
+        taken: What to say where another process holds it; which one is added.
+
+    Raises:
+        LogError: another process holds it.
+        ImportError: the system has no such locks.
+    """
+    import fcntl
+
+    with path.open("a+") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             file.seek(0)
-            holder = file.read().strip()
-            raise LogError(f"{path}: another faultline flies this directory already (process {holder})") from error
+            raise LogError(f"{taken} (process {file.read().strip()})") from error
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()

@@ -155,7 +155,7 @@ def build_replan_task(pricing: Pricing, problem: Solve) -> tuple[Task, list[tupl
 
 
 def apply_pace(pricing: Pricing, problem: Solve) -> Pricing:
-    """Return what flights take with what the survivors have shown of their pace."""
+    """Return what flights take with what the survivors have shown of their pace, and cannot be given."""
     shown = {offer.vehicle: offer.pace for offer in problem.survivors}
     models = {
         name: replace(model, pace=model.pace.combine(shown[name])) if name in shown else model
@@ -164,7 +164,7 @@ def apply_pace(pricing: Pricing, problem: Solve) -> Pricing:
     barred = {offer.vehicle: frozenset(offer.barred) for offer in problem.survivors if offer.barred}
     closed = {offer.vehicle: offer.closed for offer in problem.survivors if offer.closed}
     low = frozenset(offer.vehicle for offer in problem.survivors if offer.low)
-    return replace(pricing, models=models, barred=barred, closed=closed, low_starts=low)
+    return replace(pricing, models=models, barred=barred, locked={}, closed=closed, low_starts=low)
 
 
 def _compute_gain(

@@ -77,16 +77,18 @@ class _Screen:
 class TerminalConsole:
     """Draws with rich on a terminal; plain lines where the output is a file or a pipe."""
 
-    def __init__(self, *, quiet: bool, yes: bool) -> None:
+    def __init__(self, *, quiet: bool, yes: bool, on_page: bool = False) -> None:
         """Choose how much is shown and whether questions are asked.
 
         Args:
             quiet: show nothing but questions; `--json` wants the output for itself.
             yes: take every question as answered.
+            on_page: leave every question to the page; nobody sits at a terminal.
         """
         self._terminal = Terminal(file=cast("IO[str]", _Screen()), highlight=False, soft_wrap=True)
         self._quiet = quiet
         self._yes = yes
+        self._on_page = on_page
         self._live: Live | None = None
         self._view: tuple[Context, FleetState, float] | None = None
         self._asked: Text | None = None
@@ -141,6 +143,8 @@ class TerminalConsole:
         """
         if self._yes:
             return True
+        if self._on_page:
+            await asyncio.get_running_loop().create_future()  # until it was answered there
         if not sys.stdin.isatty():
             return False
         loop = asyncio.get_running_loop()
@@ -156,7 +160,7 @@ class TerminalConsole:
         with self._show_question(question):
             loop.add_reader(sys.stdin.fileno(), typed)
             try:
-                return _is_yes(await line)
+                return (await line).strip().lower() in {"y", "yes"}
             except asyncio.CancelledError:
                 self._terminal.print()
                 raise
@@ -165,7 +169,6 @@ class TerminalConsole:
 
     @contextmanager
     def _show_question(self, question: str) -> Iterator[None]:
-        """Show a question for as long as it waits for its answer."""
         _drop_typed_input()
         self._asked = Text(f"{formatting.escape_controls(question)} [y/N] ")
         self._terminal.print(self._asked, end="")
@@ -285,7 +288,6 @@ def _describe_last_place(at: PositionView) -> str:
 
 
 def _describe_other_control(hands: TakenView) -> str:
-    """Return what holds of a vehicle that is in other hands."""
     if hands.returned:
         return "its pilot has put it back on its mission; include it to go on"
     if hands.kept_s > 0.0:
@@ -300,7 +302,3 @@ def _drop_typed_input() -> None:
 
         with suppress(termios.error):
             termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-
-
-def _is_yes(line: str) -> bool:
-    return line.strip().lower() in {"y", "yes"}

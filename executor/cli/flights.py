@@ -147,6 +147,9 @@ def fly(
     planning: options.PlanOptions,
     run: options.RunOption = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the take-off.")] = False,
+    on_page: Annotated[
+        bool, typer.Option("--on-page", help="Ask on the page alone: nobody sits at this terminal, if there is one.")
+    ] = False,
     quiet: options.QuietOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
@@ -158,8 +161,10 @@ def fly(
     """
     site, plan = _select_site_and_plan(site, of, plan)
     wanted = planning.build_request()
-    console = TerminalConsole(quiet=as_json or quiet, yes=yes)
+    console = TerminalConsole(quiet=as_json or quiet, yes=yes, on_page=on_page)
     made = _PreparedSite(site, learned, after, console)
+    if on_page and not made.is_on_page:
+        raise SiteError(f"--on-page: expected [web] enabled in {site}, where the page is switched off")
     day, routes = plan_inputs.select_flown_plan(made.ground, console, asked, wanted, plan=plan, after=after)
     _fly_and_finish(made.build_flight_request(routes, run, day), console, as_json=as_json)
 
@@ -207,8 +212,12 @@ class _PreparedSite:
         self._below = view_for(self.ground, self._base)
         self._after = after
 
+    @property
+    def is_on_page(self) -> bool:
+        """Whether its flight has a page."""
+        return self._content.web.enabled
+
     def build_flight_request(self, routes: PlanFile, run: Path | None, day: DayPlanFile | None) -> FlightRequest:
-        """Return the order to fly a plan."""
         return FlightRequest(
             self._content, self._base, self.ground, routes, create_run_directory(run), lambda _: (), self._mqtt,
             self._below, day, () if self._after is None else read_earlier_flights(self._after),

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
-import tomli_w
 import typer
 from pydantic import ValidationError
 from rich.console import Console
@@ -17,16 +16,17 @@ from rich.table import Table
 from rich.text import Text
 
 import missions
-from executor.adapters.templates import render_template
 from executor.cli.options import FIRST_AUTOPILOT, AutopilotName, JsonOption, flatten_options, number_option
-from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, write_named_file
+from executor.cli.plan_inputs import check_can_draw, check_can_write, draw_named_file, is_option_given, write_named_file
 from executor.core import formatting
 from executor.core.formatting import command_line
 from executor.errors import SiteError
 from executor.site import site_model
-from executor.site.site_keys import DepotTable, EnergyTable, InspectionTable, VehicleTable
+from executor.site.new_site import render_site_template
+from executor.site.plan_summary import describe_site_choices
+from executor.site.site_file import read_site
+from executor.site.site_keys import DepotTable
 from missions.files import json_text, write_whole
-from planner import PRESETS
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,15 @@ class LineRow:
 
 @flatten_options
 def network(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="The network's file; 'default' is faultline's own.")],
+    asked: typer.Context,
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE",
+            help="The network's file; 'default' is faultline's own. Of a site file its network, with what the site "
+            "leaves out and locks.",
+        ),
+    ],
     *,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="GEOJSON", help="Write what was understood as GeoJSON.")
@@ -159,17 +167,48 @@ def network(
     """Show how a network file is read, what was repaired and what to check; needs no depot."""
     check_can_write(output)
     check_can_draw("--picture", picture)
-    path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
-    place, radius_m = options.place, options.radius
-    understood = missions.import_network(path, options.build_selection(), depot=place, radius_m=radius_m, anywhere=True)
-    document = missions.build_network_document(understood)
+    ground = _load_site(Path(file), asked) if Path(file).suffix == ".toml" else None
+    if ground is None:
+        path = missions.default_network_path() if file == site_model.DEFAULT_NETWORK else Path(file)
+        understood = missions.import_network(
+            path, options.build_selection(), depot=options.place, radius_m=options.radius, anywhere=True
+        )
+    else:
+        understood = site_model.import_site_network(ground.site.network, ground.site.depot, Path(file).parent)
+    document = missions.build_network_document(understood, None if ground is None else _collect_choices(ground))
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False)
     write_named_file(output, lambda path: write_whole(path, f"{text}\n".encode()))
     draw_named_file(picture, lambda pictures: pictures.draw_network_figure(understood))
     if as_json:
-        print(json_text(_build_document(understood)))
+        print(json_text(_build_document(understood) | ({} if ground is None else _build_choices(ground))))
     else:
         _show(understood)
+        for line in () if ground is None else describe_site_choices(ground):
+            print(formatting.escape_controls(line))
+
+
+def _load_site(file: Path, asked: typer.Context) -> site_model.SiteModel:
+    for one in fields(NetworkOptions):
+        if is_option_given(asked, one.name):
+            raise SiteError(f"--{one.name.replace('_', '-')}: expected none beside {file}, which says how it is read")
+    return site_model.load_site_model(read_site(file), file.parent)
+
+
+def _collect_choices(ground: site_model.SiteModel) -> dict[int, dict[str, object]]:
+    """Return what a site says of segments, by their numbers."""
+    found = dict[int, dict[str, object]]()
+    for segment in ground.left_out:
+        found[segment] = {"left_out": True}
+    for segment, keeper in ground.locked.items():
+        found.setdefault(segment, {})["locked"] = keeper
+    for segment, is_turned in ground.directions.items():
+        found.setdefault(segment, {})["reversed"] = is_turned
+    return found
+
+
+def _build_choices(ground: site_model.SiteModel) -> dict[str, object]:
+    chosen = _collect_choices(ground)
+    return {"chosen": [{"name": ground.network.segment_name(one), **chosen[one]} for one in sorted(chosen)]}
 
 
 def build_line_rows(understood: missions.NetworkImport) -> list[LineRow]:
@@ -255,53 +294,6 @@ def _describe_findings(found: Sequence[missions.Remark]) -> Iterator[str]:
         yield from (f"  {finding.words}" for finding in own[:SHOWN])
         if len(own) > SHOWN:
             yield f"  {len(own) - SHOWN} more; --json has all"
-
-
-COMMENT_AT = 40
-FIRST_PORT = 14551
-
-
-def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
-    """Return the text of a site file.
-
-    Args:
-        vehicles: How many.
-        autopilot: Of all of them.
-        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
-            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
-            and `choice`, what else is said of the network's file, by its keys, None for what is not.
-    """
-    fleet = [
-        VehicleTable(
-            name=f"uav{number}",
-            connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
-            sysid=number,
-            autopilot=autopilot,
-        )
-        for number in range(1, vehicles + 1)
-    ]
-    return render_template(
-        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=fleet, drones=PRESETS,
-        autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
-    )  # fmt: skip
-
-
-def _render_row(key: str, value: object, comment: str = "") -> str:
-    text = tomli_w.dumps({key: value}).strip()
-    if isinstance(value, float | tuple):
-        text = f"{key} = {_shorten_figures(value)}"
-    return _append_comment(text, comment) if comment else text
-
-
-def _shorten_figures(value: float | tuple[float, ...]) -> object:
-    """Return figures without a fraction that is 0."""
-    if isinstance(value, tuple):
-        return [_shorten_figures(one) for one in value]
-    return int(value) if value.is_integer() else value
-
-
-def _append_comment(text: str, comment: str) -> str:
-    return f"{text:{COMMENT_AT - 1}} # {comment}"
 
 
 @flatten_options

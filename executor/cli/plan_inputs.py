@@ -309,7 +309,7 @@ def plan_day(
     heights = plan_summary.compute_planned_heights(ground, name_sortie_rounds(content))
     write_named_file(output, lambda path: missions.write_plan(path, content))
     draw_named_file(picture, lambda pictures: pictures.draw_gantt_figure(content))
-    lines = [*plan_summary.describe_day(content), *heights.lines]
+    lines = [*plan_summary.describe_day(content), *heights.lines, *plan_summary.describe_site_choices(ground)]
     if spares:
         lines.append(f"one failure in {mtbf_h:g} flight hours, re-planned; a lower bound of what can be reached:")
         lines += plan_summary.describe_spares(content, spares, shares)

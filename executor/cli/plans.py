@@ -124,7 +124,7 @@ def plan(
     plan_inputs.draw_named_file(
         profile, lambda pictures: pictures.draw_profile_figure(ground.setup, content.network_routes)
     )
-    _print_plan(content, as_json=as_json, heights=heights)
+    _print_plan(content, as_json=as_json, heights=heights, chosen=plan_summary.describe_site_choices(ground))
     if output is not None and not as_json:
         known = () if learned is None else ("--learned", learned)
         print(f"flown as it is by: {command_line('fly', site, '--plan', output, *known)}")
@@ -159,7 +159,9 @@ def _plan_front(
     plans = site_planning.plan_front(
         ground,
         wanted,
-        plan_inputs.announce_planning(console, wanted, (len(ground.network.segments), len(ground.names))),
+        plan_inputs.announce_planning(
+            console, wanted, (len(site_model.select_reachable(ground)[0]), len(ground.names))
+        ),
     )
     console.show_progress("")
     heights = [plan_summary.compute_planned_heights(ground, [content.network_routes]) for content in plans]
@@ -293,7 +295,11 @@ def _describe_found_window(content: missions.PlanFile, found: planner.ReplanWind
 
 
 def _print_plan(
-    content: missions.PlanFile, *, as_json: bool, heights: plan_summary.PlannedHeights | None = None
+    content: missions.PlanFile,
+    *,
+    as_json: bool,
+    heights: plan_summary.PlannedHeights | None = None,
+    chosen: Sequence[str] = (),
 ) -> None:
     def document() -> dict[str, object]:
         left = {"left_over": [asdict(one) for one in plan_summary.find_left_over(content)]}
@@ -303,7 +309,7 @@ def _print_plan(
         *plan_summary.describe_routes(content), plan_summary.summarise_plan(content),
         f"{content.cost.name} {content.cost.value:.3f}, found in {content.seconds:.1f} s",
         *plan_summary.describe_window(content), *plan_summary.describe_distances(content),
-        *(() if heights is None else heights.lines), *plan_summary.describe_left_over(content),
+        *(() if heights is None else heights.lines), *chosen, *plan_summary.describe_left_over(content),
     )  # fmt: skip
     plan_inputs.print_result(document, lines, as_json=as_json)
 

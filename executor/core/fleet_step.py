@@ -354,14 +354,13 @@ def _apply_landing(context: Context, state: FleetState, vehicle: VehicleState, n
     """Take a vehicle that has disarmed to be on the ground as soon as it is seen to rest there."""
     if not vehicle_position.is_resting_place_known(vehicle, now_s):
         return state, ()
-    spare = survivors.build_pad_survivor(context, vehicle).budget_pct > 0.0
+    spare = survivors.build_pad_survivor(context, state, vehicle).budget_pct > 0.0
     state, commands = touchdown.apply_touchdown(context, state, vehicle, now_s, spare=spare)
     waits = turnaround.describe_awaited_sortie(context, state, state.vehicles[vehicle.name], now_s)
     return state, (*commands, takeoff.AWAITS_SORTIE.say(vehicle=vehicle.name, waits=waits)) if waits else commands
 
 
 def _check_grounded_vehicle(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that should not move."""
     if state.progress.launched_s is None:
         return state, ()
     if vehicle.stage is Stage.DOWN:
@@ -393,7 +392,6 @@ def _bring_home_flying_vehicle(
 
 
 def _report_down_vehicle(context: Context, state: FleetState, vehicle: VehicleState, why: str, now_s: float) -> Stepped:
-    """Say where a vehicle is down that is armed still."""
     if vehicle.fault is None:
         return declare_fault(context, state, vehicle, Fault(FaultKind.DOWN, why, now_s, FaultCode.DOWN))
     lies = change_stage(vehicle, Stage.DOWN).with_orders(errand=None).with_sortie(place_told=True)

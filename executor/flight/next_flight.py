@@ -27,8 +27,9 @@ def read_segments_left(run: Path, ground: SiteModel) -> tuple[int, ...]:
         MissionsError: the flight's network is not the site's.
     """
     report = read_report(run)
-    if not report.segments_uncovered:
-        raise LogError(f"{RunDirectory(run).report}: segments_uncovered: nothing is left over")
+    if not set(report.segments_uncovered) - ground.left_out:
+        but = " but what the site leaves out" if report.segments_uncovered else ""
+        raise LogError(f"{RunDirectory(run).report}: segments_uncovered: nothing is left over{but}")
     plan = RunDirectory(run).plan_path(0)
     site_planning.check_same_segments(read_plan(plan), ground, str(plan))
     return report.segments_uncovered
@@ -75,7 +76,7 @@ def plan_next_flight(ground: SiteModel, report: FlightReport, seed: int) -> Plan
         seed: Of the solver.
     """
     lost = {fault.vehicle for fault in report.faults}
-    never = {one.segment for one in ground.setup.unreachable}
+    never = {one.segment for one in ground.setup.unreachable} | ground.left_out
     if not set(report.segments_uncovered) - never or lost >= set(ground.names):
         return None
     wanted = replace(site_planning.DEFAULT, seconds=PLAN_S, seed=seed)

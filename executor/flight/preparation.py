@@ -44,7 +44,7 @@ from executor.flight.run_start import Console, FlightRequest, build_context_and_
 from executor.runtime import vehicle_preflight as asking
 from executor.runtime.channel import channel_of
 from executor.site import day_plans
-from executor.site.plan_summary import build_plan_checks
+from executor.site.plan_summary import build_plan_checks, describe_site_choices
 from executor.site.site_file import Site
 from executor.site.site_keys import VehicleTable
 from executor.site.site_model import radio_share_of
@@ -151,8 +151,14 @@ def build_context_and_checklist(
         found.append(vehicle_checks.check_energy(context, name, path, fact.remaining_pct))
     # Last, beside the question that follows: what is said yes to is what is seen.
     later = frozenset[int]() if request.day is None else day_plans.find_later_segments(request.day)
-    found += build_plan_checks(request.plan, len(context.setup.network.segments), later)
+    found += _check_plan(request, later)
     return context, boards, found
+
+
+def _check_plan(request: FlightRequest, later: frozenset[int] = frozenset()) -> list[Check]:
+    ground = request.ground
+    asked = len(ground.network.segments) - len(ground.left_out)
+    return build_plan_checks(request.plan, asked, later, describe_site_choices(ground))
 
 
 async def upload_first_missions(
@@ -232,7 +238,7 @@ async def run_checklist_only(request: FlightRequest, console: Console) -> list[C
                     context, boards, found = build_context_and_checklist(request, facts)
                     found += check_fences_on_board(context, facts, boards, await read_fences(context, links, clock))
                     return [*found, *(await read_changes(context, links, clock)).checks]
-    found += build_plan_checks(request.plan, len(request.ground.network.segments))
+    found += _check_plan(request)
     # Without everybody's place there are no pads, and no paths to look at.
     frame = request.ground.network.frame
     for table in site.vehicle:

@@ -26,6 +26,7 @@ from executor.site.site_model import (
 )
 from executor.site.site_parts import AT_DEPOT_M, base_place, base_tables
 from executor.site.site_planning import PlanRequest, build_site_plan_file, check_plan_fits, check_same_segments
+from executor.site.span_names import SpanNames
 from missions import (
     Base,
     BasePlace,
@@ -225,17 +226,16 @@ def _compute_transfers_s(
 
 def _bar_segments(ground: SiteModel, table: DayTable, pricing: Pricing) -> Pricing:
     """Return a pricing in which vehicles are given no other segments than [[day.vehicle]] names for them."""
-    names = [ground.network.segment_name(number) for number in range(len(ground.network.segments))]
-    barred = dict(pricing.barred)
+    names, barred, spares = SpanNames(ground.network), dict(pricing.barred), list_spares(ground)
+    for index, lock in enumerate(ground.site.lock):
+        if lock.vehicle in spares:
+            raise SiteError(
+                f"lock[{index}].vehicle: expected one that is planned for, got '{lock.vehicle}', a spare of [day]"
+            )
     for index, other in enumerate(table.vehicle):
-        for name in other.segments:
-            if name not in names:
-                raise SiteError(
-                    f"day.vehicle[{index}].segments: expected names of the network's segments, such as '{names[0]}', "
-                    f"got '{name}'"
-                )
         if other.segments:
-            others = frozenset(number for number, name in enumerate(names) if name not in other.segments)
+            own = names.find(other.segments, f"day.vehicle[{index}].segments")
+            others = frozenset(range(len(ground.network.segments))) - own
             barred[other.name] = barred.get(other.name, frozenset()) | others
     return replace(pricing, barred=barred)
 
@@ -499,7 +499,6 @@ def _price_first_landings(content: DayPlanFile) -> Pricing:
 
 
 def _select_first_day(content: DayPlanFile) -> dict[str, tuple[PlanRoute, ...]]:
-    """Return each vehicle's sorties of the first day."""
     until_s = content.days[0][1]
     return {name: tuple(one for one in content.routes_of(name) if one.start_s < until_s) for name in content.names}
 

@@ -252,7 +252,7 @@ class OtherTable(SiteTable):
     transit_speed_m_s: Speed | None = None
     """Speed between segments and bases, instead of that of [inspection]; such a day is planned and not flown."""
     segments: tuple[str, ...] = ()
-    """Names of the only segments that its camera is good for; without it all."""
+    """The only segments that its camera is good for, named as `only` of `[network]` has it; without it all."""
     spare: bool = False
     """Nothing is planned for it: it stands at its base, and the crew sends it out with `swap` when it is needed."""
 

@@ -16,15 +16,19 @@ from executor.site.site_model import SiteModel
 from missions import BasePlace, DayPlanFile, PlanFile, check_ceiling
 from missions.area_rules import check_areas, describe_crossing, find_return_crossings
 from missions.geo import FloatArray
+from planner.model import BARRED_PCT
 from planner.sorties import SparesEstimate
 
 NAMED = 50
 """Segments that a line names; of more it says how many, and `--json` names all."""
 NAMED_IN_CHECKLIST = 12
 OUT_OF_REACH = "out of range of every vehicle's budget"
+OUT_OF_ITS_RANGE = "out of range of its budget"
 USED_UP = "reachable, but no battery left after the other segments"
 OUT_OF_REACH_BY_DAY = "out of reach of every base on one pack"
 OUT_OF_TIME = "within reach, but no time is left"
+LOCKED = "locked to {vehicle}: {why}"
+NO_CAMERA = "it has no camera for it"
 FULL = 1e-9
 
 
@@ -49,13 +53,19 @@ def find_left_over(plan: PlanFile | DayPlanFile, later: Collection[int] = ()) ->
         return ()
     is_day = isinstance(plan, DayPlanFile)
     out_of_reach, used_up = (OUT_OF_REACH_BY_DAY, OUT_OF_TIME) if is_day else (OUT_OF_REACH, USED_UP)
-    budgets = np.array([vehicle.budget_pct for vehicle in plan.vehicles])
+    budgets, names = np.array([vehicle.budget_pct for vehicle in plan.vehicles]), list(plan.names)
     alone_pct = _list_alone_pct(plan).reshape(len(budgets), -1, 2).min(axis=2)
     nearest = np.argmin(alone_pct - budgets[:, np.newaxis], axis=0)
+    locked = {} if plan.pricing is None else plan.pricing.locked
+    for number, keeper in locked.items():
+        nearest[number] = names.index(keeper)
     found = []
     for number in left:
         needed, budget = float(alone_pct[nearest[number], number]), float(budgets[nearest[number]])
         segment, why = plan.segments[number], out_of_reach if needed > budget + FULL else used_up
+        if number in locked:
+            own = NO_CAMERA if needed >= BARRED_PCT else OUT_OF_ITS_RANGE if why == OUT_OF_REACH else why
+            why = LOCKED.format(vehicle=locked[number], why=own)
         found.append(LeftOver(segment.id, segment.display_name, needed, budget, why))
     return tuple(found)
 
@@ -135,22 +145,40 @@ def describe_left_over(plan: PlanFile | DayPlanFile, most: int = NAMED, later: C
     """
     reasons: dict[str, list[str]] = {}
     for one in find_left_over(plan, later):
-        figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if one.alone_pct > one.budget_pct + FULL else ""
+        is_far = one.budget_pct + FULL < one.alone_pct < BARRED_PCT
+        figure = f" ({one.alone_pct:.2f} % of {one.budget_pct:g} %)" if is_far else ""
         reasons.setdefault(one.why, []).append(one.name + figure)
     never = ((one.name, one.why) for one in plan.unreachable)
     lines = [f"left over, {why}: {join_first_names(names, most)}" for why, names in reasons.items()]
     return [*lines, *describe_unreachable(never, most)]
 
 
-def build_plan_checks(plan: PlanFile, segments: int, later: Collection[int] = ()) -> list[Check]:
+def describe_site_choices(ground: SiteModel) -> list[str]:
+    """Return which segments a site leaves out, and which it locks to whom and in which direction, in a line each."""
+    network, chosen = ground.network, dict[str, list[str]]()
+    for segment in sorted(ground.left_out):
+        chosen.setdefault("left out by the site", []).append(network.segment_name(segment))
+    for segment, keeper in sorted(ground.locked.items()):
+        chosen.setdefault(f"locked to {keeper}", []).append(network.segment_name(segment))
+    for segment, is_turned in sorted(ground.directions.items()):
+        end = network.segments[segment].b if is_turned else network.segments[segment].a
+        begins = f"{network.segment_name(segment)} from {network.pylons[end].id}"
+        chosen.setdefault("locked in direction", []).append(begins)
+    return [f"{what}: {join_first_names(names, NAMED_IN_CHECKLIST)}" for what, names in chosen.items()]
+
+
+def build_plan_checks(
+    plan: PlanFile, segments: int, later: Collection[int] = (), chosen: Sequence[str] = ()
+) -> list[Check]:
     """Return a plan as lines of the checklist, so that it is looked at before the question.
 
     Args:
         plan: What is to be flown.
-        segments: Of the whole site.
+        segments: Of the whole site, without what it leaves out.
         later: Ids of the segments that later sorties of a day have.
+        chosen: As `describe_site_choices` has it.
     """
-    lines = (*describe_routes(plan), summarise_plan(plan), *describe_window(plan))
+    lines = (*describe_routes(plan), summarise_plan(plan), *describe_window(plan), *chosen)
     found = [Check(Severity.OK, "plan", line, CheckCode.PLAN) for line in lines]
     found += [
         Check(Severity.WARNING, "plan", line, CheckCode.LEFT_OVER)

@@ -31,6 +31,7 @@ class Site(site_keys.SiteTable):
 
     depot: site_keys.DepotTable | None = None
     network: site_keys.NetworkTable
+    lock: tuple[site_keys.LockTable, ...] = ()
     terrain: site_keys.TerrainTable | None = None
     inspection: site_keys.InspectionTable = site_keys.InspectionTable()
     energy: site_keys.EnergyTable = site_keys.EnergyTable()
@@ -63,7 +64,7 @@ class Site(site_keys.SiteTable):
     def _check_together(self) -> Site:
         checks = (
             self._check_terrain(), self._check_vehicles(), self._check_places(), self._check_cameras(),
-            self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
+            self._check_locks(), self._check_bases(), self._check_day(), self._check_signing(), self._check_radios(),
             self._check_connections(), self._check_forward(),
         )  # fmt: skip
         for text in chain.from_iterable(checks):
@@ -117,6 +118,11 @@ class Site(site_keys.SiteTable):
         for index, look in enumerate(self.look):
             if look.camera not in cameras:
                 yield f"look[{index}].camera: expected the name of a [[camera]], got '{look.camera}'"
+
+    def _check_locks(self) -> Iterator[str]:
+        vehicles = {one.name for one in self.vehicle}
+        for index, lock in enumerate(self.lock):
+            yield from _check_known(f"lock[{index}].vehicle", [] if lock.vehicle is None else [lock.vehicle], vehicles)
 
     def _check_bases(self) -> Iterator[str]:
         vehicles, stands = {one.name for one in self.vehicle}, dict[str, str]()

@@ -26,6 +26,7 @@ HostName = Annotated[
     str, Field(max_length=253, pattern=r"^([0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*|[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*)$")
 ]
 """A name, or an address of version 4 or 6."""
+SpanName = Annotated[str, Field(min_length=1, max_length=200)]
 LayerName = Annotated[str, Field(min_length=1, max_length=200)]
 FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]+$")]
 EnvironmentName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,63}$")]
@@ -84,6 +85,34 @@ class NetworkTable(SiteTable):
     """Height of the tallest structure. Confirms that heights which look too large for pylons are metres over ground."""
     pylon_height_m: Annotated[float, Field(ge=2, le=400, allow_inf_nan=False)] | None = None
     """Height over their ground of all pylons that have none in the file."""
+    only: tuple[SpanName, ...] = ()
+    """The spans that are inspected, such as `V101.3`; a range `V101.3..V101.7`, a line `V101` or a pattern `V10*` names
+    several. Without it all."""
+    leave_out: tuple[SpanName, ...] = ()
+    """The spans that are not inspected, named the same way. The line is still there: flights keep clear of it, and
+    spans keep their numbers."""
+
+
+class LockTable(SiteTable):
+    """Spans that one vehicle alone flies, or that are flown in one direction alone; one of both is needed.
+
+    When a vehicle is lost, others may fly what was locked to it.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    segments: Annotated[tuple[SpanName, ...], Field(min_length=1)]
+    """The spans, named as `only` of `[network]` has it. Those that are left out are not flown all the same."""
+    vehicle: str | None = None
+    """The vehicle that alone flies them."""
+    begin: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(default=None, alias="from")
+    """The pylon, such as `V101-03`, from which they are flown, one after the other; an end of one of them."""
+
+    @model_validator(mode="after")
+    def _check_lock(self) -> LockTable:
+        if self.vehicle is None and self.begin is None:
+            raise ValueError("vehicle: expected one of vehicle and from, got neither")
+        return self
 
 
 _INSPECTION = Inspection()

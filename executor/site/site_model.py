@@ -23,7 +23,7 @@ from executor.core.vehicle_learning import UNKNOWN, KnownVehicle
 from executor.errors import SiteError
 from executor.site.learned_files import SitePacks, load_site_packs
 from executor.site.site_file import Site
-from executor.site.site_keys import VehicleTable
+from executor.site.site_keys import DepotTable, NetworkTable, VehicleTable
 from executor.site.site_parts import (
     base_places_m,
     build_looks,
@@ -33,6 +33,7 @@ from executor.site.site_parts import (
     load_areas,
     place_day_pads,
 )
+from executor.site.span_names import find_left_out, find_locks
 from missions.area_rules import apply_areas
 from missions.flight_model import AS_MODELLED
 from missions.inspection_height import build_first_paths, find_low_segments
@@ -78,6 +79,12 @@ class SiteModel:
     """What earlier flights said of packs."""
     day_pads: Mapping[str, Mapping[str, missions.Pad]] = field(default_factory=dict)
     """By the vehicle's name and the base's: where it lands on a day at bases that are not its own."""
+    left_out: frozenset[int] = frozenset()
+    """Segments that are not to be inspected; the network has them all the same."""
+    locked: Mapping[int, str] = field(default_factory=dict)
+    """Segments that one vehicle alone flies, and its name."""
+    directions: Mapping[int, bool] = field(default_factory=dict)
+    """Segments that are flown in one direction alone, and whether that is reversed."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -85,20 +92,24 @@ class SiteModel:
         return tuple(vehicle.name for vehicle in self.site.vehicle)
 
 
-def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] = MappingProxyType({})) -> SiteModel:
+def load_site_model(
+    site: Site,
+    base: Path,
+    learned: Mapping[str, KnownVehicle] = MappingProxyType({}),
+    understood: missions.NetworkImport | None = None,
+) -> SiteModel:
     """Read the network and prepare the models.
 
     Args:
         site: The site file's tables.
         base: Its folder, which its paths are relative to.
         learned: What is known of vehicles from flights before, by their name.
+        understood: What `import_site_network` returned, where the network is read already.
 
     Raises:
         MissionsError: the network cannot be used, or its heights cannot be flown by; or the ground is not known.
     """
-    file = missions.default_network_path() if site.network.file == DEFAULT_NETWORK else base / site.network.file
-    depot = None if site.depot is None else (site.depot.lat_deg, site.depot.lon_deg, site.depot.alt_m)
-    understood = missions.import_network(file, build_selection(site), depot=depot, radius_m=site.network.radius_m)
+    understood = understood or import_site_network(site.network, site.depot, base)
     network = add_structure_heights(understood.network, site.network.pylon_height_m)
     found: tuple[str, ...] = ()
     terrain = load_terrain(site, base, network)
@@ -115,6 +126,26 @@ def load_site_model(site: Site, base: Path, learned: Mapping[str, KnownVehicle] 
     )
     ground = build_site_model(site, network, worth_a_look, base, terrain)
     return replace(ground, learned=dict(learned), packs=load_site_packs(site, base))
+
+
+def import_site_network(
+    table: NetworkTable, depot: DepotTable | None, base: Path, *, anywhere: bool = False
+) -> missions.NetworkImport:
+    """Read the network of a site.
+
+    Args:
+        table: What the site says of it.
+        depot: What it says of its depot.
+        base: The folder of the site file.
+        anywhere: Whether a depot may be missing.
+
+    Raises:
+        NetworkError: the network cannot be used.
+    """
+    file = missions.default_network_path() if table.file == DEFAULT_NETWORK else base / table.file
+    place = None if depot is None else (depot.lat_deg, depot.lon_deg, depot.alt_m)
+    chosen = build_selection(table)
+    return missions.import_network(file, chosen, depot=place, radius_m=table.radius_m, anywhere=anywhere)
 
 
 def load_terrain(site: Site, base: Path, network: missions.Network) -> Terrain | None:
@@ -149,9 +180,8 @@ def list_cameras(site: Site) -> tuple[str, ...]:
     return tuple(dict.fromkeys(look.camera for look in site.look))
 
 
-def build_selection(site: Site) -> missions.Selection:
+def build_selection(table: NetworkTable) -> missions.Selection:
     """Return what a site wants of its network's file."""
-    table = site.network
     layers = (table.layer,) if isinstance(table.layer, str) else table.layer
     where = () if table.where is None else missions.parse_where(table.where)
     return missions.Selection(
@@ -186,8 +216,10 @@ def build_site_model(
     said = table.model_dump(include={one.name for one in fields(missions.Inspection)})
     inspection = missions.Inspection(**said, flat=network.flat)
     network, wished = add_viewpoints(network, build_viewpoint_requests(site, network), table.standoff_m)
+    left_out = find_left_out(site, network, {asset: wish.pylon for asset, wish in wished.items()})
+    locked, directions = find_locks(site, network, left_out)
     names = tuple(vehicle.name for vehicle in site.vehicle)
-    (areas, left_out), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
+    (areas, unused), (stated, alternates) = load_areas(site, base, network), build_places(site, network.frame)
     setup = missions.plan_flight_setup(
         network, names, inspection, stated=stated, areas=areas, terrain=terrain,
         bases=find_base_pads(site, network),
@@ -198,9 +230,12 @@ def build_site_model(
         setup = apply_areas(setup, areas, alternates)
     # One line for all viewpoints that are flown higher than asked.
     raised = [f"{higher[0]}; so are {len(higher) - 1} more" if len(higher) > 1 else higher[0]] if higher else []
-    remarks = (*worth_a_look, *left_out, *raised)
+    remarks = (*worth_a_look, *unused, *raised)
     day_pads = place_day_pads(site, setup, areas)
-    return SiteModel(site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads)
+    return SiteModel(
+        site, network, inspection, drone, travel, setup, terrain, remarks, day_pads=day_pads, left_out=left_out,
+        locked=locked, directions=directions,
+    )  # fmt: skip
 
 
 def _check_speeds(site: Site, drone: Drone) -> None:
@@ -241,7 +276,6 @@ def find_empty_pct(known: PackHistory | None, drone: Drone, vehicle: VehicleTabl
 
 
 def _with_pack(setup: VehicleSetup, known: PackHistory | None, drone: Drone, table: VehicleTable) -> VehicleSetup:
-    """Return a vehicle's setup with a pack of which this is known."""
     if known is None:
         return setup
     empty_pct = find_empty_pct(known, drone, table)
@@ -289,10 +323,12 @@ def select_reachable(
 ) -> tuple[tuple[int, ...], tuple[Unreachable, ...]]:
     """Return which of some segments can be reached, ascending, and the others; of all segments if not given.
 
+    What the site leaves out is in neither.
+
     Raises:
         SiteError: none can.
     """
-    wanted = set(range(len(ground.network.segments)) if segments is None else segments)
+    wanted = set(range(len(ground.network.segments)) if segments is None else segments) - ground.left_out
     never = tuple(one for one in ground.setup.unreachable if one.segment in wanted)
     if never and len(never) == len(wanted):
         name = ground.network.segment_name(never[0].segment)
@@ -356,6 +392,8 @@ def build_pricing(
         in_layer_s=from_layer,
         deep_m={segment: setup.looks.pylons[segment].deepest_m for segment in from_layer},
         steps_m=setup.steps_m,
+        locked=ground.locked,
+        directions=ground.directions,
     )
 
 

@@ -68,6 +68,7 @@ SAME_PLACE_M = 1.0
 SAME = 1e-9
 """Figures that differ by less, absolutely or relatively, are the same: computers round differently."""
 CHANGES_NAMED = 3
+LEFT_OUT = "is left out by the site"
 WINDOW_UP_TO = 150
 """Segments up to which the window is searched for where nobody asked for a cost: more take longer than a plan may."""
 WINDOW_SETTLED = 30_000
@@ -354,7 +355,7 @@ def describe_site_changes(plan: PlanFile, ground: SiteModel) -> list[str]:
         plan: One that belongs to the site.
         ground: The site.
     """
-    never = {one.segment: one.why for one in ground.setup.unreachable}
+    never = {one.segment: one.why for one in ground.setup.unreachable} | dict.fromkeys(ground.left_out, LEFT_OUT)
     if barred := [segment for segment in plan.segments if segment.id in never]:
         return [f"{segment.display_name} {never[segment.id]}" for segment in barred]
     task = site_model.build_first_task(ground, [segment.id for segment in plan.segments])
@@ -390,7 +391,13 @@ def _collect_site_facts(plan: PlanFile) -> dict[str, object]:
             for vehicle in plan.vehicles
         },
         "segments": {
-            segment.id: {"elevation_m": segment.elevation_m, "height_m": segment.height_m} for segment in plan.segments
+            segment.id: {
+                "elevation_m": segment.elevation_m,
+                "height_m": segment.height_m,
+                "locked": None if plan.pricing is None else plan.pricing.locked.get(number),
+                "reversed": None if plan.pricing is None else plan.pricing.directions.get(number),
+            }
+            for number, segment in enumerate(plan.segments)
         },
     }
 
@@ -466,9 +473,20 @@ def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source:
 
 
 def preview_loss(
-    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int
+    plan: PlanFile,
+    lost: str,
+    at_s: float,
+    *,
+    cost: Cost,
+    seconds: float,
+    seed: int,
+    settled: int = SETTLED,
+    task: Task | None = None,
 ) -> tuple[PlanFile, bool]:
     """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
+
+    It ends after so many `seconds`, or `settled` iterations without an improvement. `task` is the plan's own problem,
+    where it is built already.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
@@ -476,9 +494,9 @@ def preview_loss(
     """
     if lost not in plan.names:
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
-    task = plan.build_task()
+    task = task or plan.build_task()
     left = build_remaining_problem(task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again)
-    stop = combine_stop_rules(Seconds(seconds), NoImprovement(SETTLED))
+    stop = combine_stop_rules(Seconds(seconds), NoImprovement(settled))
     result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
     pricing = plan.pricing and plan.pricing.select_segments(
         left.open_segments, (one.name for one in left.instance.vehicles)

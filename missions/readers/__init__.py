@@ -251,7 +251,6 @@ def read_station_points(path: Path | str) -> dict[str, tuple[float, float, float
 
 
 def _read_raw_network(path: Path, choice: ReadOptions) -> RawNetwork:
-    """Return what a file shows."""
     drawing = _read_by_content(path, choice)
     if choice.encoding is not None and drawing.format not in {table.CSV, layer_files.SHAPEFILE}:
         kind = drawing.format
@@ -433,17 +432,24 @@ def _frame_of(depot: tuple[float, float, float | None] | None) -> LocalFrame | N
         return LocalFrame(depot[0], depot[1], depot[2] or 0.0)
 
 
-def build_network_document(understood: NetworkImport) -> dict[str, object]:
+def build_network_document(
+    understood: NetworkImport, said: Mapping[int, Mapping[str, object]] | None = None
+) -> dict[str, object]:
     """Return a FeatureCollection of the depot, where there is one, all pylons and all segments.
 
     A segment is a LineString with the ids of its pylons, so that it stays one whatever it passes.
+
+    Args:
+        understood: The network.
+        said: What else is known of segments, by their numbers.
     """
-    document: dict[str, object] = {"type": "FeatureCollection", "features": list(_build_features(understood))}
+    features = list(_build_features(understood, said or {}))
+    document: dict[str, object] = {"type": "FeatureCollection", "features": features}
     # The site may claim so as well; what is known by the file's format would be lost.
     return {**document, geojson.FLAT: True} if understood.network.flat else document
 
 
-def _build_features(understood: NetworkImport) -> Iterator[dict[str, object]]:
+def _build_features(understood: NetworkImport, said: Mapping[int, Mapping[str, object]]) -> Iterator[dict[str, object]]:
     network = understood.network
     if understood.has_depot:
         lat_deg, lon_deg, alt_m = network.depot
@@ -457,7 +463,8 @@ def _build_features(understood: NetworkImport) -> Iterator[dict[str, object]]:
     for segment in network.segments:
         a, b = network.pylons[segment.a], network.pylons[segment.b]
         line = understood.lines.get(segment.label, "")
-        named = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
+        named: dict[str, object] = {"name": segment.label, "a": a.id, "b": b.id, **({"line": line} if line else {})}
+        named |= said.get(segment.id, {})
         yield _build_feature("LineString", [_to_coordinates(a), _to_coordinates(b)], named)
 
 

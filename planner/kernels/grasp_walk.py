@@ -209,10 +209,11 @@ def turn_at_random(problem: Problem, state: State, rng: RandomState) -> tuple[in
 
 
 @kernel(counted=True)
-def construct(problem: Problem, weights: Weights, state: State, rng: RandomState) -> None:
+def construct(problem: Problem, weights: Weights, state: State, never: float, rng: RandomState) -> None:
     """Insert all segments into the empty routes of ``state``, each time at random from a restricted candidate list.
 
-    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards.
+    The list holds the quarter of all insertions whose route, budget soft, is the cheapest afterwards. What adds
+    ``never`` or more is none.
     """
     segments = len(state.route_of)
     routes = len(state.lengths)
@@ -227,12 +228,17 @@ def construct(problem: Problem, weights: Weights, state: State, rng: RandomState
             for route in range(routes):
                 for place in range(state.lengths[route] + 1):
                     for visit in range(2 * segment, 2 * segment + 2):
-                        load = state.loads[route] + added_energy(problem, state, route, place, visit)
+                        added = added_energy(problem, state, route, place, visit)
+                        if added >= never:
+                            continue
+                        load = state.loads[route] + added
                         costs[count] = penalised_cost(problem, weights, route, load)
                         choices[count, 0] = route
                         choices[count, 1] = place
                         choices[count, 2] = visit
                         count += 1
+        if count == 0:
+            return
         rank = draw_integer(rng, count // 4 + 1)
         chosen = np.argpartition(costs[:count], rank)[rank]
         insert(problem, state, choices[chosen, 0], choices[chosen, 1], choices[chosen, 2])

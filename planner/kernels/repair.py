@@ -86,6 +86,12 @@ class Loss(NamedTuple):
     """1 for segments to be visited."""
     done: Annotated[Ints, "k"]
     """How many visits of the plan have ended."""
+    keeper: Ints
+    """(n,): the vehicle that alone is given a segment, -1 for none; (0,) where no segment has one."""
+    lifted: Ints
+    """(1,): the vehicle of which ``problem`` is without locks, -1 for none; with locks its moves are its own."""
+    barred_pct: float
+    """What a visit costs more that a vehicle must not make."""
 
 
 @kernel()
@@ -110,6 +116,26 @@ def set_clock(problem: Problem, timing: LossTiming, base: State, clock: LossCloc
 
 
 @inner()
+def switch_lifted_locks(problem: Problem, loss: Loss, lost: int) -> None:
+    """Have everybody be given what a vehicle alone was, and no longer what the one lost before alone was."""
+    before, own = loss.lifted[0], loss.problem
+    if before == lost:
+        return
+    for segment in range(len(loss.keeper)):
+        keeper = loss.keeper[segment]
+        more = loss.barred_pct * (int(keeper == before) - int(keeper == lost))
+        if keeper < 0 or more == 0.0:
+            continue
+        for profile in range(len(own.move)):
+            if profile != problem.profile[keeper]:
+                for visit in range(2 * segment, 2 * segment + 2):
+                    for other in range(len(own.move[profile])):
+                        own.move[profile, other, visit] += more
+                        own.move_into[profile, visit, other] += more
+    loss.lifted[0] = lost
+
+
+@inner()
 def begin_loss(
     problem: Problem,
     timing: LossTiming,
@@ -121,6 +147,7 @@ def begin_loss(
     loss: Loss,
 ) -> None:
     """Set ``loss`` to what the loss of a vehicle at a time leaves of the plan ``base``."""
+    switch_lifted_locks(problem, loss, lost)
     for segment in range(len(base.route_of)):
         loss.is_open[segment] = int(base.route_of[segment] < 0)
     for route in range(len(base.lengths)):
@@ -137,7 +164,7 @@ def begin_loss(
         elif done < length:
             visit = base.visits[route, done]
             loss.problem.budget[route] = max(0.0, problem.budget[route] - clock.spent[route, done])
-            move = problem.move[problem.profile[route], visit]
+            move = loss.problem.move[problem.profile[route], visit]
             for other in range(len(move)):
                 loss.problem.start[route, other] = problem.consumption[route] * move[other]
             loss.problem.idle[route] = problem.home[route, visit]
@@ -148,6 +175,10 @@ def begin_loss(
             start = problem.start if length == 0 and timing.airborne[route] == 0 else timing.depot
             for other in range(start.shape[1]):
                 loss.problem.start[route, other] = start[route, other]
+            for segment in range(len(loss.keeper)):
+                if loss.keeper[segment] == lost:
+                    loss.problem.start[route, 2 * segment] -= loss.barred_pct * problem.consumption[route]
+                    loss.problem.start[route, 2 * segment + 1] -= loss.barred_pct * problem.consumption[route]
         for position in range(first_open, length):
             loss.is_open[base.visits[route, position] >> 1] = 1
 

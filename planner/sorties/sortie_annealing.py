@@ -249,7 +249,7 @@ def build_sortie_problem(instance: SortieInstance, table: MoveTable, objective: 
 
 def _build_ability_table(instance: SortieInstance, lands: IntArray) -> IntArray:
     """Return whether a vehicle can inspect a segment at all, by a sortie of its own that fits into its hours."""
-    able = np.zeros(instance.able.shape, dtype=np.int64)
+    able, allowed = np.zeros(instance.able.shape, dtype=np.int64), instance.allowed
     for row, own in enumerate(instance.vehicles):
         may = lands[row] > 0
         if not may.any() or not own.windows:
@@ -260,7 +260,7 @@ def _build_ability_table(instance: SortieInstance, lands: IntArray) -> IntArray:
             axis=(0, 2)
         )
         fits = (pct <= own.budget_pct + 1e-9) & (seconds <= max(end - begin for begin, end in own.windows))
-        able[row] = instance.able[row] & instance.wanted & fits.reshape(-1, 2).any(axis=1)
+        able[row] = allowed[row] & instance.wanted & fits.reshape(-1, 2).any(axis=1)
     return able
 
 

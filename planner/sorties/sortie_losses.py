@@ -154,6 +154,7 @@ def build_sorties_after_loss(
         ),
         days=instance.days[day:],
         wanted=wanted,
+        locked={segment: keeper for segment, keeper in instance.locked.items() if keeper not in lost},
         bases=_build_bases(instance, opens_s, [one for one in flown if one[0].start_s >= opens_s - SAME_TIME_S], day),
     )
     return SortiesAfterLoss(tuple(kept), rest, tuple(tails), tuple(broken))

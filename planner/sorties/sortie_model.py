@@ -6,8 +6,8 @@ Times are seconds from the first midnight, energies percent of a full pack.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 from itertools import pairwise
 
@@ -103,6 +103,8 @@ class SortieInstance:
     """(n,): segments that are to be inspected."""
     stagger_s: float = 0.0
     """The least time between two take-offs from a base."""
+    locked: Mapping[int, int] = field(default_factory=dict)
+    """Segments that one vehicle alone may inspect, and its number."""
 
     def __post_init__(self) -> None:
         """Check shapes and numbers.
@@ -125,6 +127,14 @@ class SortieInstance:
     def segments(self) -> int:
         """How many there are."""
         return len(self.wanted)
+
+    @property
+    def allowed(self) -> npt.NDArray[np.bool_]:
+        """(k, n): whether a vehicle is able to inspect a segment, and no other one alone may."""
+        allowed = self.able.copy()
+        for segment, keeper in self.locked.items():
+            allowed[np.arange(len(allowed)) != keeper, segment] = False
+        return allowed
 
 
 def _check_tables(instance: SortieInstance) -> None:
@@ -294,7 +304,7 @@ def _check_coverage(instance: SortieInstance, plan: Plan) -> Iterator[str]:
 def _check_vehicles(
     instance: SortieInstance, plan: Plan, lasts: Sequence[float], energies: Sequence[float]
 ) -> Iterator[str]:
-    stands = {number: (own.base, own.ready_s) for number, own in enumerate(instance.vehicles)}
+    stands, allowed = {row: (own.base, own.ready_s) for row, own in enumerate(instance.vehicles)}, instance.allowed
     for one, long, pct in zip(plan.routes, lasts, energies, strict=True):
         own, (place, ready_s) = instance.vehicles[one.vehicle], stands[one.vehicle]
         name = f"{own.name} at {one.start_s:.1f} s"
@@ -309,7 +319,7 @@ def _check_vehicles(
         ):
             yield f"{name}: flies outside of its hours"
         for visit in one.visits:
-            if not instance.able[one.vehicle, visit >> 1]:
+            if not allowed[one.vehicle, visit >> 1]:
                 yield f"{name}: may not inspect segment {visit >> 1}"
         stands[one.vehicle] = one.lands, one.start_s + long + instance.bases[one.lands].turnaround_s
 

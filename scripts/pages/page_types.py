@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Union, get_args, get_origin, get_type_hin
 from executor.adapters.web.snapshot import BesideFleet, BesideVehicle, PageAssets, PageChart
 from executor.core.fleet_view import FleetView
 from executor.site.ground_view import GroundDocument
-from scripts.pages.schemas import docstrings
+from executor.site.site_schema import read_docstrings
 
 TYPES = "../executor/adapters/web/documents.d.ts"
 """Beside what makes the documents."""
@@ -44,7 +44,7 @@ def page_types() -> str:
 def _interface(kind: type, wanted: dict[type, None]) -> Iterator[str]:
     """Yield the lines of an interface; what its keys need is added to what is wanted."""
     names = {base.__name__ for base in kind.__mro__}
-    words = {key: text for name, key, text in docstrings(sys.modules[kind.__module__]) if name in names}
+    words = {key: text for name, key, text in read_docstrings(sys.modules[kind.__module__]) if name in names}
     yield f"/** {' '.join(inspect.cleandoc(kind.__doc__ or '').split())} */"
     yield f"export interface {kind.__name__} {{"
     for key, held in get_type_hints(kind).items():

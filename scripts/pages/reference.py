@@ -25,8 +25,15 @@ from executor.core.interface.codes import ChannelCode, CheckCode, Ending, Reason
 from executor.core.interface.intents import IntentReason
 from executor.core.state.vehicle_state import FaultCode
 from executor.site import site_file
+from executor.site.site_schema import SITE, find_unit, read_docstrings
+from scripts.pages.asyncapi import PLACE as ASYNCAPI
+from scripts.pages.asyncapi import asyncapi_document
+from scripts.pages.library import PAGE as LIBRARY
+from scripts.pages.library import library_page
 from scripts.pages.page_types import TYPES, page_types
-from scripts.pages.schemas import SITE, docstrings, schemas
+from scripts.pages.plan_api import PAGE as PLAN_API
+from scripts.pages.plan_api import plan_api_page
+from scripts.pages.schemas import schemas
 from scripts.pages.states import PAGE, PICTURE, states_page, states_picture
 
 COMMANDS = "reference/command-line.md"
@@ -42,11 +49,6 @@ DOMAINS: tuple[tuple[str, type[ReasonCode]], ...] = (
 )
 """Each domain of codes, by its heading."""
 MADE = "<!-- Made by ./scripts/reference: change the program's {what} instead. -->"
-UNITS = (
-    ("bytes_s", "B/s"), ("_m_s", "m/s"), ("_deg", "°"), ("_pct", "%"), ("_hz", "1/s"), ("_kg", "kg"), ("_ah", "Ah"),
-    ("_m2", "m²"), ("_m", "m"), ("_s", "s"),
-)  # fmt: skip
-"""What the end of a key's name says of its unit; the longest first."""
 
 
 def pages() -> dict[str, str]:
@@ -57,8 +59,11 @@ def pages() -> dict[str, str]:
         SITE_FILE: site_page(),
         REASONS: reasons_page(),
         PAGE: states,
+        PLAN_API: plan_api_page(MADE.format(what="models (executor/plan_page/api.py and api_answers.py)")),
         PICTURE: states_picture(),
+        LIBRARY: library_page(MADE.format(what="docstrings (faultline/__init__.py)")),
         TYPES: page_types(),
+        ASYNCAPI: asyncapi_document(),
         **schemas(),
     }
 
@@ -136,7 +141,7 @@ def _ranged(meaning: str) -> str:
 
 def site_page() -> str:
     """Return the page of the site file: each table, and each key with its unit, default, values and meaning."""
-    words = {(name, key): text for module in SITE for name, key, text in docstrings(module)}
+    words = {(name, key): text for module in SITE for name, key, text in read_docstrings(module)}
     shown: set[type[BaseModel]] = set()
     lines = [
         MADE.format(
@@ -213,7 +218,7 @@ def _tables(model: type[BaseModel], above: str) -> Iterator[tuple[str, type[Base
 def _plain(model: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
     for name, field in model.model_fields.items():
         if model is not site_file.Site:  # whose keys are the tables themselves
-            yield name, field
+            yield field.alias or name, field
 
 
 def _model_of(kind: object) -> type[BaseModel] | None:
@@ -228,9 +233,8 @@ def _kinds(kind: object) -> set[object]:
 
 
 def _key(name: str, field: FieldInfo, meaning: str) -> str:
-    unit = next((unit for end, unit in UNITS if name.endswith(end)), "")
     default = "**required**" if field.default is PydanticUndefined else _value(field.default)
-    return f"| `{name}` | {unit} | {default} | {_cell(_values(field))} | {_cell(meaning)} |"
+    return f"| `{name}` | {find_unit(name)} | {default} | {_cell(_values(field))} | {_cell(meaning)} |"
 
 
 def _value(value: object) -> str:

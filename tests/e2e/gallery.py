@@ -1,6 +1,7 @@
 """Moments of a flight as the page shows them, made up so that each can be looked at: no vehicle flies.
 
-`python -m tests.e2e.gallery DIR [SCENE...]` writes a picture of each at the widths of a desk and of a phone.
+`python -m tests.e2e.gallery DIR [SCENE...]` writes a picture of each at the widths of a desk and of a phone; scenes
+of the plan page, `plan-...`, stand in `plan_scenes.py`.
 """
 
 from __future__ import annotations
@@ -546,7 +547,12 @@ async def _open_list(page: Page) -> None:
 
 
 async def _draw(folder: Path, wanted: Sequence[str] = ()) -> None:
-    for name in wanted or SCENES:
+    from tests.e2e.plan_scenes import PLAN_SCENES, draw_plan_scene
+
+    for name in wanted or (*SCENES, *PLAN_SCENES):
+        if name in PLAN_SCENES:
+            await draw_plan_scene(folder, name)
+            continue
         with Shown(scene_of(name)).serving() as address:
             for layout, size in LAYOUTS.items():
                 async with browsing(address, size) as page:

@@ -15,7 +15,7 @@ import ipaddress
 import secrets
 import socket
 import struct
-from collections.abc import AsyncIterator, Iterable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -30,6 +30,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_BODY = 4096
 """Bytes of a request: an intent has about 100."""
+Refuse = Callable[..., Response]
+"""Returns an answer of a text, a status and headers."""
 HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -51,6 +53,10 @@ class Guard:
     """Host names that we answer to, beside numeric addresses where a token is asked for."""
     token: str | None
     """What has to be shown; None where only this computer can connect."""
+    most_bytes: Callable[[str], int] = lambda _: MOST_BODY
+    """How long the body of a request may be, by its path."""
+    refuse: Refuse = PlainTextResponse
+    """Makes the answer to what is not let through."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or hand it on."""
@@ -60,7 +66,8 @@ class Guard:
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                headers.update(HEADERS)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
                 headers.setdefault("cache-control", "no-store")
             await send(message)
 
@@ -74,11 +81,12 @@ class Guard:
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if not self._is_own_name(host):
-            return PlainTextResponse(f"this server does not answer to the name {host[:80]!r}", 421)
-        if not _is_same_origin(headers, host):
-            return PlainTextResponse("requests of other pages are not taken", 403)
-        if not _is_small(headers):
-            return PlainTextResponse(f"expected at most {MOST_BODY} bytes of a known length", 413)
+            return self.refuse(f"this server does not answer to the name {host[:80]!r}", 421)
+        if not (_is_same_origin(headers, host) or _is_link_of_this_computer(scope, headers)):
+            return self.refuse("requests of other pages are not taken", 403)
+        most_bytes = self.most_bytes(scope["path"])
+        if not _is_small(headers, most_bytes):
+            return self.refuse(f"expected at most {most_bytes} bytes of a known length", 413)
         if self.token is None or self._has_token(headers):
             return None
         return self._admit_by_token(scope)
@@ -114,7 +122,7 @@ class Guard:
             answer.set_cookie(cookie_name_for(value), value, httponly=True, samesite="strict", path="/")
             return answer
         text = "a token is needed: open the address that ends in /?token=..., or send 'Authorization: Bearer ...'"
-        return PlainTextResponse(text, 401, {"www-authenticate": "Bearer"})
+        return self.refuse(text, 401, {"www-authenticate": "Bearer"})
 
 
 def cookie_name_for(token: str) -> str:
@@ -140,12 +148,22 @@ def _is_same_origin(headers: Headers, host: str) -> bool:
     return site in {None, "same-origin", "none"}
 
 
-def _is_small(headers: Headers) -> bool:
+def _is_link_of_this_computer(scope: Scope, headers: Headers) -> bool:
+    """Return whether a browser opens the page itself from a page of the same computer, as the plan page leads to it.
+
+    Nothing but the page is given, and to nobody but who looks at it: no other page may read or frame it.
+    """
+    kind = tuple(headers.get(f"sec-fetch-{key}") for key in ("site", "mode", "dest"))
+    is_page = scope["method"] == "GET" and scope["path"] == "/"
+    return is_page and kind == ("same-site", "navigate", "document") and "origin" not in headers
+
+
+def _is_small(headers: Headers, most_bytes: int) -> bool:
     """Return whether a body has a length, and a small one; a request without a body says nothing of it."""
     if "transfer-encoding" in headers:
         return False
     length = headers.get("content-length", "0")
-    return length.isascii() and length.isdigit() and int(length) <= MOST_BODY
+    return length.isascii() and length.isdigit() and int(length) <= most_bytes
 
 
 HERE = "this computer"
@@ -157,6 +175,8 @@ FULL = (
 )
 AT_ONCE = struct.pack("ii", 1, 0)
 """Lingers for no time."""
+SLOWEST_BYTES_S = 50_000.0
+"""Who sends so much is not silent, however long its request lasts."""
 WAITING = frozenset({h11.IDLE, h11.SEND_BODY})
 """States of one whose request is not whole."""
 
@@ -282,8 +302,12 @@ class WebConnection(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Take a part of a request."""
-        if self.silent_s is not None and not self._begun:
-            self._begun, self.silent_s = True, self.loop.time()
+        if self.silent_s is not None:
+            now_s, begun = self.loop.time(), self._begun
+            self._begun, self.silent_s = (
+                True,
+                min(now_s, self.silent_s + len(data) / SLOWEST_BYTES_S) if begun else now_s,
+            )
         try:
             super().data_received(data)
         except h11.LocalProtocolError:

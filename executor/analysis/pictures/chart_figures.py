@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,17 +15,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 
+from executor.analysis.height_profile import HeightProfile, build_profiles
 from executor.analysis.pictures import style
 from executor.analysis.pictures.battery_figure import LineEnd, label_lines
 from executor.analysis.pictures.map_sheet import LabelPlacer
 from executor.site.campaigns import describe_policy
 from executor.site.plan_summary import format_day_time
 from executor.site.site_model import build_paths
-from missions import DayPlanFile, FlightPath, FlightSetup, Phase, PlanFile
-from missions.geo import FloatArray
-from missions.geometry import sample_leg
-from missions.terrain import Terrain
-from missions.waypoints import legs_m
+from missions import DayPlanFile, FlightSetup, PlanFile
 from planner import RiskEstimate
 
 FRONT_HEIGHT_IN = 7.2
@@ -220,74 +216,6 @@ def _draw_day(axes: Axes, content: DayPlanFile, day: int) -> None:
 
 def _colour_of(base: int) -> str:
     return style.COLOURS[base % len(style.COLOURS)]
-
-
-STEP_M = 5.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class HeightProfile:
-    """Heights above mean sea level over the way flown."""
-
-    vehicle: str
-    along_m: FloatArray
-    """(m,) float64: how far was flown over the ground, ascending."""
-    flown_m: FloatArray
-    """(m,) float64."""
-    inspecting: FloatArray
-    """(m,) float64: 1 on inspections, 0 elsewhere."""
-    ground_m: FloatArray
-    """(m,) float64: of the raster; not a number where nobody knows."""
-    most_m: FloatArray
-    """(m,) float64: of the highest cells around, and the raster's uncertainty."""
-    least_m: FloatArray
-    """(m,) float64: what every leg must be above: the margin over that."""
-    return_m: float
-    """The height at which it comes home by itself."""
-    waypoints_m: FloatArray
-    """(w, 2) float64: how far along, and how high."""
-
-    @property
-    def lowest_point(self) -> tuple[float, float, float]:
-        """How far along, how high, and how far over the ground it is the lowest, between take-off and landing."""
-        level = np.flatnonzero((self.along_m > 0) & (self.along_m < self.along_m[-1]))
-        over_m = (self.flown_m - self.ground_m)[level]
-        if not len(level) or np.isnan(over_m).all():
-            return 0.0, float(self.flown_m[0]), math.nan
-        index = int(level[np.nanargmin(over_m)])
-        return float(self.along_m[index]), float(self.flown_m[index]), float(self.flown_m[index] - self.ground_m[index])
-
-
-def build_profiles(setup: FlightSetup, paths: Iterable[FlightPath]) -> list[HeightProfile]:
-    """Return the profile of each flight over ground that a raster knows; none where there is no raster."""
-    if setup.terrain is None:
-        return []
-    return [_build_profile(setup, setup.terrain, path) for path in paths if path.waypoints]
-
-
-def _build_profile(setup: FlightSetup, terrain: Terrain, path: FlightPath) -> HeightProfile:
-    pad = setup.pad_of(path.vehicle)
-    pieces, phases, along, stops = [], [], [np.zeros(1)], []
-    legs = legs_m(path, setup.frame, setup.frame.up_m(pad.alt_m))
-    for leg, point in zip(legs, path.waypoints, strict=True):
-        piece = sample_leg(leg, STEP_M)
-        pieces.append(piece)
-        phases.append(np.full(len(piece), float(point.phase is Phase.INSPECT)))
-        along.append(along[-1][-1] + np.hypot(*(piece - piece[0]).T[:2]))
-        stops.append((along[-1][-1], float(leg[1, 2]) + setup.frame.alt_m))
-    places = np.concatenate(pieces)
-    known = terrain.elevation
-    return HeightProfile(
-        vehicle=path.vehicle,
-        along_m=np.concatenate(along[1:]),
-        flown_m=places[:, 2] + setup.frame.alt_m,
-        inspecting=np.concatenate(phases),
-        ground_m=known.interpolate_m(places[:, :2]),
-        most_m=known.highest_m(places[:, :2]) + known.uncertainty_m,
-        least_m=known.highest_m(places[:, :2]) + terrain.kept_m,
-        return_m=setup.return_height_m(path.vehicle) + pad.alt_m,
-        waypoints_m=np.array(stops),
-    )
 
 
 PANEL_IN = 2.6

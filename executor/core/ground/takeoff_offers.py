@@ -47,9 +47,12 @@ def find_open_segments(context: Context, state: FleetState) -> frozenset[int]:
     return left - set(state.coverage.inspected) - hopeless
 
 
-def find_reachable_segments(context: Context, vehicle: VehicleState, segments: frozenset[int]) -> frozenset[int]:
+def find_reachable_segments(
+    context: Context, fleet: FleetState, vehicle: VehicleState, segments: frozenset[int]
+) -> frozenset[int]:
     """Return the segments that a vehicle could inspect alone, one at a time, from its pad and back."""
-    offer = survivors.build_pad_survivor(context, vehicle)
+    offer = survivors.build_pad_survivor(context, fleet, vehicle)
+    segments -= survivors.find_locked_segments(context, fleet, vehicle)
     alone = Vehicle(offer.vehicle, offer.start_m, offer.budget_pct, offer.consumption)
     task = build_open_task(context.pricing, segments, (alone,))
     alone_pct = (task.instance.start_pct[0] + task.instance.home_pct[0]).reshape(-1, 2).min(axis=1)
@@ -71,7 +74,9 @@ def update_offers(context: Context, state: FleetState, now_s: float) -> Stepped:
     ]
     wanted = find_open_segments(context, state)
     again = not wanted and lower_to_inspection_height.is_fleet_down(state)
-    able = {one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, one, wanted))}
+    able = {
+        one.name: reach for one in ready if wanted and (reach := find_reachable_segments(context, state, one, wanted))
+    }
     if again:
         able = _find_reinspections(context, state, ready, now_s)
     if not able or (not again and _has_other_candidate(context, state, now_s)):
@@ -101,7 +106,7 @@ def _find_reinspections(
         if one.fault is not None or one.assignment.board is None:
             continue
         plan = lower_to_inspection_height.plan_reinspection(
-            context, state, survivors.build_pad_survivor(context, one), now_s
+            context, state, survivors.build_pad_survivor(context, state, one), now_s
         )
         if plan is not None:
             found[one.name] = frozenset(map(segment_of, plan.solve.given))
@@ -140,7 +145,6 @@ def _has_other_candidate(context: Context, state: FleetState, now_s: float) -> b
 
 
 def _is_landing_expected(state: FleetState) -> bool:
-    """Return whether somebody who may be offered is on its way home."""
 
     def comes_home(vehicle: VehicleState) -> bool:
         leg = vehicle.leg if vehicle.stage is Stage.FLYING else None

@@ -80,7 +80,7 @@ def apply_examination(context: Context, state: FleetState, event: Examined, now_
     if held_pct < setup.reserve_pct + LEAST_SPARE_PCT:
         why = sorties.PACK_POOR.format(pack=pack, reserve_pct=setup.reserve_pct)
         return end_turnaround(state, vehicle, IntentReason.PACK_POOR, why, now_s)
-    line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, vehicle).budget_pct, ""
+    line, budget_pct, more = sorties.CHECKS_PASSED, survivors.build_pad_survivor(context, state, vehicle).budget_pct, ""
     if known := vehicle_checks.describe_pack_history(setup, context.drone.capacity_ah):
         more = f"; {sorties.NAMED_PACK.format(label=vehicle.turn.label)}{known}"
     if budget_pct < setup.budget_pct - survivors.QUANTUM_PCT:
@@ -129,7 +129,7 @@ def apply_sortie_solution(context: Context, state: FleetState, event: SolveEnded
     if good and turn.ahead:
         turn = replace(turn, ahead=turn.ahead[1:])
     why = sorties.NOT_IN_BUDGET
-    if in_time_pct < survivors.build_pad_survivor(context, vehicle).budget_pct:
+    if in_time_pct < survivors.build_pad_survivor(context, state, vehicle).budget_pct:
         why = sorties.NOT_IN_HOURS
     why = why.format(budget_pct=offer.budget_pct, left="" if math.isinf(left_s) else format_duration(left_s))
     state, more = end_turnaround(state, replace(vehicle, turn=turn), IntentReason.NOTHING_TO_PLAN, why, now_s)
@@ -187,7 +187,6 @@ def find_awaited_vehicles(context: Context, state: FleetState, now_s: float) -> 
 
 
 def _is_done_for_day(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> bool:
-    """Return whether no time is left for any sortie of a vehicle."""
     left_s, later_s = find_remaining_hours(context, state, vehicle.name, now_s, ahead_s=CLEARED_S)
     return later_s is None and min_draw_pct(context, left_s) < LEAST_SPARE_PCT
 
@@ -333,7 +332,6 @@ def _open_later_sorties(
 
 
 def _advance_turnaround(context: Context, state: FleetState, vehicle: VehicleState, now_s: float) -> Stepped:
-    """Look at a vehicle that is being turned around."""
     turn, plan = vehicle.turn, state.replanning.replan
     if plan is not None and vehicle.name in plan.pending:
         return state, ()
@@ -370,7 +368,6 @@ def _find_end_reason(context: Context, state: FleetState, vehicle: VehicleState,
 
 
 def _last_position_s(vehicle: VehicleState) -> float:
-    """Return when a vehicle last said where it is."""
     return -math.inf if vehicle.motion.fix is None else vehicle.motion.fix.at_s
 
 
@@ -393,7 +390,7 @@ def _assign_next_sortie(
     context: Context, state: FleetState, vehicle: VehicleState, ready_s: float, now_s: float
 ) -> Stepped:
     """Give a vehicle its next sortie: as it was planned, or made anew from what is open within its budget."""
-    offer, pool = survivors.build_pad_survivor(context, vehicle), find_unplanned_segments(context, state)
+    offer, pool = survivors.build_pad_survivor(context, state, vehicle), find_unplanned_segments(context, state)
     visits, said = find_next_sortie(state, vehicle), list[Command]()
     pool -= set(offer.barred) | vehicle.turn.beyond
     if not visits and not pool and (found := find_sortie_to_take_over(context, state, vehicle)):
@@ -451,7 +448,7 @@ def find_sortie_to_take_over(
     The next sortie of a vehicle that waits on its base stays its own.
     """
     givers = [(_list_open_sorties(state, one), one) for one in state.vehicles.values() if one.name != vehicle.name]
-    offer, setup = survivors.build_pad_survivor(context, vehicle), current_setup_of(context, vehicle)
+    offer, setup = survivors.build_pad_survivor(context, state, vehicle), current_setup_of(context, vehicle)
     full_pct = max(offer.budget_pct, setup.budget_pct)
     for ahead, giver in sorted(givers, key=lambda row: (-len(row[0]), row[1].name)):
         if len(ahead) <= is_in_service(giver):

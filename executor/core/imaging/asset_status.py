@@ -116,7 +116,6 @@ def _classify_asset(coverage: Coverage, segment: int, gone: frozenset[int], left
 
 
 def _count_asked_pictures(context: Context, segment: int) -> dict[str, int]:
-    """Return how many pictures a segment asks of each camera."""
     looks = context.setup.looks
     pylon = looks.pylons.get(segment)
     if pylon is not None:
@@ -142,7 +141,7 @@ def select_segments_to_reinspect(
 ) -> frozenset[int] | Reason:
     """Return the segments that are looked at again, or why one of the assets cannot be: nothing is done by halves."""
     # What no vehicle has a camera for that works.
-    barred = [find_barred_segments(context, vehicle) for vehicle in state.vehicles.values()]
+    barred = [find_barred_segments(context, state, vehicle) for vehicle in state.vehicles.values()]
     blind = frozenset.intersection(*barred) if barred else frozenset[int]()
     again, coverage = set[int](), state.coverage
     for asset in assets:

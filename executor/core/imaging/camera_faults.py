@@ -162,7 +162,7 @@ def _report_broken_camera(
     if context.camera_home:
         return declare_fault(context, state.put(vehicle), vehicle, Fault(FaultKind.PAYLOAD, why, now_s, code))
     state = state.put(vehicle)
-    blind = {segment_of(visit) for visit in vehicle.remaining_visits()} & find_barred_segments(context, vehicle)
+    blind = {segment_of(visit) for visit in vehicle.remaining_visits()} & find_barred_segments(context, state, vehicle)
     left = blind - set(state.coverage.inspected)
     what = pictures.TO_REASSIGN.format(segments=format_count(len(left), "segment")) if left else ""
     state, more = withdraw_vehicle(state, vehicle.name, f"{vehicle.name}: {why}", now_s)

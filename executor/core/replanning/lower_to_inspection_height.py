@@ -207,7 +207,7 @@ def find_distant_segments(context: Context, state: FleetState, vehicle: VehicleS
     for other in state.mission_vehicles():
         found -= {segment_of(visit) for visit in other.remaining_visits()}
     return frozenset(
-        found - _find_tried_segments(context, state, vehicle) - survivors.find_barred_segments(context, vehicle)
+        found - _find_tried_segments(context, state, vehicle) - survivors.find_barred_segments(context, state, vehicle)
     )
 
 
@@ -226,7 +226,11 @@ def _find_tried_segments(context: Context, state: FleetState, vehicle: VehicleSt
 
 
 def build_nearest_visits(context: Context, begin_m: tuple[float, float], segments: Iterable[int]) -> tuple[int, ...]:
-    """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest."""
+    """Return visits of the nearest segments: each time the one, and the end of it, to which it is nearest.
+
+    What is flown in one direction alone is visited in that one.
+    """
+    ways = context.pricing.directions
     left, here_m = set(segments), begin_m
     visits: list[int] = []
     while left and len(visits) < AT_ONCE:
@@ -234,6 +238,7 @@ def build_nearest_visits(context: Context, begin_m: tuple[float, float], segment
             (math.dist(here_m, end), segment, backwards)
             for segment in left
             for backwards, end in enumerate(context.setup.tracks_m[segment].tolist())
+            if ways.get(segment, bool(backwards)) == bool(backwards)
         )
         visits.append(visit_of(segment, bool(backwards)))
         here_m = tuple(context.setup.tracks_m[segment][1 - backwards].tolist())

@@ -45,7 +45,7 @@ def find_orphan_segments(context: Context, state: FleetState) -> frozenset[int]:
     wanted -= state.later_segments()
     for vehicle in state.mission_vehicles():
         wanted -= {segment_of(visit) for visit in vehicle.remaining_visits()} - survivors.find_barred_segments(
-            context, vehicle
+            context, state, vehicle
         )
     return frozenset(wanted)
 

@@ -21,6 +21,7 @@ from executor.core.state.vehicle_state import Stage, VehicleState, current_setup
 from missions import Phase
 from missions.autopilots.dialect import is_mission_mode
 from missions.geometry import locate_on_leg
+from planner import segment_of
 
 ON_GROUND = frozenset({Stage.GROUND, Stage.LANDED})
 QUANTUM_PCT = 1.0
@@ -29,10 +30,31 @@ BESIDE_M = 5.0
 """Corners are cut by less, and positions are off by less."""
 
 
-def find_barred_segments(context: Context, vehicle: VehicleState) -> frozenset[int]:
-    """Return the segments that a vehicle cannot see: it has no camera that does what they, or a day, ask for."""
+def find_barred_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that a vehicle cannot be given.
+
+    It has no camera that does what they, or a day, ask for, or another one alone flies them.
+    """
     by_day = frozenset[int]() if context.day is None else context.day.barred.get(vehicle.name, frozenset())
-    return context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
+    blind = context.setup.looks.find_barred_segments(vehicle.name, vehicle.payload.broken) | by_day
+    return blind | find_locked_segments(context, fleet, vehicle)
+
+
+def find_locked_segments(context: Context, fleet: FleetState, vehicle: VehicleState) -> frozenset[int]:
+    """Return the segments that another vehicle alone flies, and still may; what one carries all the same it may fly."""
+    if not context.pricing.locked:
+        return frozenset()
+    others = [other for other in fleet.vehicles.values() if other.name != vehicle.name]
+    keepers = {other.name for other in others if not is_gone(context, other)}
+    locked = frozenset(segment for segment, keeper in context.pricing.locked.items() if keeper in keepers)
+    return locked - {segment_of(visit) for visit in vehicle.remaining_visits()}
+
+
+def is_gone(context: Context, vehicle: VehicleState) -> bool:
+    """Return whether a vehicle is lost or out of the plan: others are given what it alone was."""
+    taken, stays = vehicle.custody.taken, vehicle.stage is Stage.LANDED and context.fly_again is RelaunchPolicy.NEVER
+    left = vehicle.stage in {Stage.RETURNING, Stage.DOWN, Stage.LOST} or (taken is not None and taken.given_away)
+    return vehicle.fault is not None or vehicle.orders.excluded or left or stays
 
 
 def find_takeoff_obstacles(context: Context, fleet: FleetState, vehicle: VehicleState) -> dict[IntentReason, Reason]:
@@ -79,7 +101,7 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
         stays = find_takeoff_obstacles(context, fleet, state).keys() & {IntentReason.TILTED, IntentReason.BASE_CLOSED}
         if stays or not may_take_off(context, state, now_s, PLANNED_WITHIN_S):
             return None
-        return build_pad_survivor(context, state)
+        return build_pad_survivor(context, fleet, state)
     board, fix, setup = state.assignment.board, state.motion.fix, context.setup
     if state.stage not in {Stage.FLYING, Stage.STARTING} or board is None or fix is None:
         return None
@@ -92,7 +114,7 @@ def build_survivor(context: Context, fleet: FleetState, state: VehicleState, now
     else:
         place_m, alt_rel_m, spent_pct = fix.place_m, fix.alt_rel_m, _turn_energy_pct(context, state, kept)
     spent_pct *= account.consumption_factor(state.power.battery)
-    offer = _build_offer(context, state, place_m, spent_pct, airborne=True, kept=kept)
+    offer = _build_offer(context, fleet, state, place_m, spent_pct, airborne=True, kept=kept)
     facing_m = (0.0, 0.0)
     if kept > 1:  # along the last leg that stays, or the one before that which is replaced while it is flown
         (east_m, north_m), before_m = board.places_m[kept - 1], board.places_m[kept - 2]
@@ -109,9 +131,9 @@ def _turn_energy_pct(context: Context, state: VehicleState, waypoint: int) -> fl
     return 2.0 * min(1.0, shares) * legs.energy_to_reach_pct(state, waypoint)
 
 
-def build_pad_survivor(context: Context, state: VehicleState) -> Survivor:
+def build_pad_survivor(context: Context, fleet: FleetState, state: VehicleState) -> Survivor:
     """Return what a vehicle on the ground can offer, once it may take off."""
-    return _build_offer(context, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
+    return _build_offer(context, fleet, state, (0.0, 0.0), 0.0, airborne=False, kept=0)
 
 
 def is_offer_valid(vehicle: VehicleState, offer: Survivor) -> bool:
@@ -188,7 +210,14 @@ def _is_beside_leg(state: VehicleState) -> bool:
 
 
 def _build_offer(
-    context: Context, state: VehicleState, start_m: tuple[float, float], spent_pct: float, *, airborne: bool, kept: int
+    context: Context,
+    fleet: FleetState,
+    state: VehicleState,
+    start_m: tuple[float, float],
+    spent_pct: float,
+    *,
+    airborne: bool,
+    kept: int,
 ) -> Survivor:
     setup = current_setup_of(context, state)
     remaining = state.power.battery.remaining_pct or 0.0
@@ -202,11 +231,11 @@ def _build_offer(
     if board is not None and airborne:
         ahead = {waypoint.visit for waypoint in board.path.waypoints[kept:]}
         tail = tuple(visit for index, visit in enumerate(board.visits) if index in ahead)
-    blind = find_barred_segments(context, state)
+    barred = find_barred_segments(context, fleet, state)
     most = remaining - setup.reserve_pct - spent_pct
     return Survivor(
         state.name, start_m, max(0.0, budget), account.consumption_factor(state.power.battery), airborne, tail, kept,
-        max(0.0, most), pace=state.assignment.pace, barred=tuple(sorted(blind)),
+        max(0.0, most), pace=state.assignment.pace, barred=tuple(sorted(barred)),
     )  # fmt: skip
 
 

@@ -332,6 +332,22 @@ def test_what_a_site_says_of_its_network_is_checked(place: Place, row: str, reas
     assert reason in place.refused("plan", place.path("site.toml"), "--seconds", "0.1")
 
 
+def test_a_site_shows_its_network_with_what_it_leaves_out_and_locks(place: Place) -> None:
+    names = [segment.label for segment in import_network(place.folder / "line.geojson", anywhere=True).network.segments]
+    lock = f'[[lock]]\nsegments = ["{names[1]}"]\nvehicle = "uav2"\n'
+    place.site(extra=f'leave_out = ["{names[0]}"]\n{lock}')
+    code, out, err = place.run("network", place.path("site.toml"), "-o", place.path("seen.geojson"))
+    assert (code, err) == (0, "")
+    assert out.splitlines()[-2:] == [f"left out by the site: {names[0]}", f"locked to uav2: {names[1]}"]
+    seen = json.loads(Path(place.path("seen.geojson")).read_text(encoding="utf-8"))["features"]
+    said = {one["properties"].get("name"): one["properties"] for one in seen}
+    assert (said[names[0]]["left_out"], said[names[1]]["locked"]) == (True, "uav2")
+    document = json.loads(place.run("network", place.path("site.toml"), "--json")[1])
+    assert document["chosen"] == [{"name": names[0], "left_out": True}, {"name": names[1], "locked": "uav2"}]
+    reason = place.refused("network", place.path("site.toml"), "--snap", "3")
+    assert reason == f"--snap: expected none beside {place.path('site.toml')}, which says how it is read"
+
+
 def test_what_was_mended_is_said_where_it_is_planned(place: Place) -> None:
     source, site = same.gpx(place.folder), Path(place.path("new.toml"))
     source.write_text(source.read_text().replace("<name>A2</name>", "<name>A1</name>"))

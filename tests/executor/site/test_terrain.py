@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
+from executor.analysis.height_profile import build_profiles
 from executor.analysis.pictures import draw_profile_figure, save_figure
-from executor.analysis.pictures.chart_figures import build_profiles
 from executor.core.interface.codes import Severity
 from executor.core.preflight import mission_checks
 from executor.errors import SiteError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from executor.adapters.run_directory import RunDirectory
-from executor.analysis.pictures.chart_figures import build_profiles
+from executor.analysis.height_profile import build_profiles
 from executor.flight.run_start import FlightRequest, write_run_start
 from executor.site import site_model
 from executor.site.site_model import SiteModel

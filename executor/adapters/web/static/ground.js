@@ -1,8 +1,7 @@
 // What lies below the map: a picture of the ground or its relief, contour lines, and what is known of a place.
-import { style } from "./elements.js";
 
 /** @import { Contour, GroundDocument, Place } from "../documents.js" */
-/** @import { Chart } from "./map.js" */
+/** @import { Painter } from "./map-painter.js" */
 
 /** @type {Record<string, string>} */
 const SHOWN = { photo: "Photo", relief: "Relief", plain: "Plain" };
@@ -13,9 +12,13 @@ const LABEL_PX = 170;
 const APART_PX = 90;
 
 export class Ground {
-  /** @param {() => void} changed */
-  constructor(changed) {
+  /**
+   * @param {() => void} changed
+   * @param {(place: Place) => Place} metres of a place as the map has it
+   */
+  constructor(changed, metres) {
     this.changed = changed;
+    this.metres = metres;
     /** @type {GroundDocument | null} */
     this.document = null;
     /** @type {Record<string, HTMLImageElement>} */
@@ -26,35 +29,38 @@ export class Ground {
     this.lines = [];
   }
 
-  async load() {
-    const answer = await fetch("/ground/ground.json");
-    if (!answer.ok) return;
-    /** @type {GroundDocument} */
-    const content = await answer.json();
+  /** @param {string} path of the document; its pictures are beside it */
+  async load(path = "/ground/ground.json") {
+    const answer = await fetch(path);
+    /** @type {GroundDocument | null} */
+    const content = answer.ok ? await answer.json() : null;
+    const isFirst = this.document === null;
     this.document = content;
-    const { photo, relief } = content;
+    const { photo, relief } = content ?? { photo: null, relief: null };
     this.layers = [...(photo ? ["photo"] : []), ...(relief ? ["relief"] : []), "plain"];
-    this.layer = this.layers[0];
-    if (photo) this.fetch("photo", photo);
-    if (relief) {
-      this.fetch("relief", relief.file);
-      this.lines = relief.contours.map((line) => contour(line));
-    }
+    if (isFirst || !this.layers.includes(this.layer)) this.layer = this.layers[0];
+    this.images = {};
+    this.lines = (relief?.contours ?? []).map((line) => contour(line));
+    if (photo) this.fetch("photo", path, photo);
+    if (relief) this.fetch("relief", path, relief.file);
     this.changed();
   }
 
   /**
    * @param {string} layer
+   * @param {string} path
    * @param {string} name
    */
-  fetch(layer, name) {
+  fetch(layer, path, name) {
     const image = new Image();
+    const content = this.document;
     image.fetchPriority = "low";
     image.addEventListener("load", () => {
+      if (this.document !== content) return;
       this.images[layer] = image;
       this.changed();
     });
-    image.src = `/ground/${name}`;
+    image.src = new URL(name, new URL(path, location.href)).href;
   }
 
   // The next layer; returns its name.
@@ -68,6 +74,11 @@ export class Ground {
     return SHOWN[this.layer];
   }
 
+  /** The layer whose picture is there. */
+  get shown() {
+    return this.images[this.layer] ? this.layer : "plain";
+  }
+
   attribution() {
     if (this.document === null || this.layer === "plain") return "";
     const { relief } = this.document;
@@ -75,65 +86,63 @@ export class Ground {
     return [lines, this.layer === "photo" ? this.document.attribution : ""].filter(Boolean).join(" · ");
   }
 
-  /** @param {Chart} chart */
-  draw(chart) {
-    const image = this.images[this.layer];
-    chart.canvas.dataset.ground = image ? this.layer : "plain";
+  /** @param {Painter} painter */
+  draw(painter) {
     if (this.layer === "plain" || this.document === null) return;
-    const context = chart.context;
+    const { context, view } = painter;
+    const image = this.images[this.layer];
     if (image) {
-      const [west, south] = chart.pixels(this.document.low_m);
-      const [east, north] = chart.pixels(this.document.high_m);
+      const [west, south] = view.pixels(this.document.low_m);
+      const [east, north] = view.pixels(this.document.high_m);
       context.save();
       context.globalAlpha = this.layer === "photo" ? 1 : SHADE;
       context.drawImage(image, west, north, east - west, south - north);
       if (this.layer === "photo") {
         context.globalAlpha = VEIL;
-        context.fillStyle = style("--map");
+        context.fillStyle = painter.colours("map");
         context.fillRect(west, north, east - west, south - north);
       }
       context.restore();
     }
-    this.drawLines(chart);
+    this.drawLines(painter);
   }
 
-  /** @param {Chart} chart */
-  drawLines(chart) {
-    const context = chart.context;
-    const ratio = devicePixelRatio || 1;
-    const [x, y] = chart.pixels([0, 0]);
+  /** @param {Painter} painter */
+  drawLines(painter) {
+    const { context, view } = painter;
     context.save();
-    context.strokeStyle = style("--contour");
+    context.strokeStyle = painter.colours("contour");
     context.globalAlpha = 0.7;
     // In metres: the lines were made once, and are only moved and scaled.
-    context.setTransform(ratio * chart.scale, 0, 0, -ratio * chart.scale, ratio * x, ratio * y);
+    context.translate(...view.pixels([0, 0]));
+    context.scale(view.scale, -view.scale);
     for (const line of this.lines) {
-      context.lineWidth = (line.bold ? 1.3 : 0.6) / chart.scale;
+      context.lineWidth = (line.bold ? 1.3 : 0.6) / view.scale;
       context.stroke(line.path);
     }
     context.restore();
-    this.writeHeights(chart);
+    this.writeHeights(painter);
   }
 
-  /** @param {Chart} chart */
-  writeHeights(chart) {
-    const context = chart.context;
+  /** @param {Painter} painter */
+  writeHeights(painter) {
+    const { context, view } = painter;
     /** @type {Place[]} */
     const taken = [];
     context.save();
     context.font = "600 11px system-ui, sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
+    context.strokeStyle = painter.colours("map");
+    context.fillStyle = painter.colours("contour");
+    context.lineWidth = 3;
     for (const line of this.lines) {
-      if (!line.bold || line.length * chart.scale < LABEL_PX) continue;
-      const [x, y] = chart.pixels(line.middle);
-      if (x < 30 || y < 30 || x > chart.width - 30 || y > chart.height - 30) continue;
+      if (!line.bold || line.length * view.scale < LABEL_PX) continue;
+      const [x, y] = view.pixels(line.middle);
+      if (x < 30 || y < 30 || x > view.width - 30 || y > view.height - 30) continue;
       if (taken.some(([ox, oy]) => Math.hypot(ox - x, oy - y) < APART_PX)) continue;
       taken.push([x, y]);
-      context.strokeStyle = style("--map");
-      context.lineWidth = 3;
       context.strokeText(`${line.height}`, x, y);
-      context.fillStyle = style("--contour");
       context.fillText(`${line.height}`, x, y);
     }
     context.restore();
@@ -141,10 +150,11 @@ export class Ground {
 
   /**
    * Where a place is, and how high the ground there, in words; nothing where that is not known.
-   * @param {Place} place
+   * @param {Place} shown as the map has it
    */
-  describe(place) {
+  describe(shown) {
     if (this.document === null) return "";
+    const place = this.metres(shown);
     const { degrees, relief } = this.document;
     const lat = between(this.document, place, degrees, degrees.lat_deg, true);
     const lon = between(this.document, place, degrees, degrees.lon_deg, true);

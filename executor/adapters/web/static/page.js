@@ -1,10 +1,11 @@
 // The page to fly by: takes the newest state from the server, shows it, and hands the operator's wishes back.
 import { Assets } from "./assets.js";
 import { Briefing } from "./briefing.js";
+import { Chart } from "./chart.js";
 import { all, byId, element, write } from "./elements.js";
 import { Freshness } from "./freshness.js";
 import { Intents } from "./intents.js";
-import { Chart } from "./map.js";
+import { MOVES } from "./map-gestures.js";
 import { Offers } from "./offers.js";
 import { Strips } from "./strips.js";
 import { flightTime, since } from "./words.js";
@@ -14,13 +15,14 @@ import { flightTime, since } from "./words.js";
 /** @type {Record<string, string>} */
 const MARKS = { info: "·", warning: "▲", fault: "■" };
 
-const chart = new Chart(byId("map", HTMLCanvasElement), choose, pointed, (segment) => assets.choose(segment));
+const chart = new Chart(choose, pointed, (segment) => assets.choose(segment));
+const { map } = chart;
 const intents = new Intents(() => state);
 const ask = (/** @type {string} */ action, /** @type {string | null} */ vehicle) => intents.ask(action, vehicle);
 const strips = new Strips(byId("vehicles"), choose, ask, (action, base) => intents.askBase(action, base));
 const briefing = new Briefing(intents);
 const offers = new Offers(ask);
-const assets = new Assets((segment) => chart.pointTo(segment), intents);
+const assets = new Assets((segment) => map.showSegment(segment), intents);
 const freshness = new Freshness();
 const openedAt = performance.now();
 /** @type {State | null} */
@@ -119,19 +121,19 @@ function showRadios(next) {
 
 /** @param {Place | null} place */
 function pointed(place) {
-  write(byId("pointed"), place === null ? "" : chart.ground.describe(place));
+  write(byId("pointed"), place === null ? "" : map.ground.describe(place));
 }
 
 function showLayer() {
   const button = byId("layer");
-  button.hidden = chart.ground.layers.length < 2;
-  write(button, chart.ground.word());
-  write(byId("attribution"), chart.ground.attribution());
+  button.hidden = map.ground.layers.length < 2;
+  write(button, map.ground.word());
+  write(byId("attribution"), map.ground.attribution());
 }
 
 async function loadGround() {
   try {
-    await chart.ground.load();
+    await map.ground.load();
   } catch {
     setTimeout(loadGround, 3000);
   }
@@ -198,11 +200,10 @@ function watch() {
 
 /** @type {Record<string, string>} */
 const KEYS = { h: "hold", r: "resume", b: "return", l: "land", x: "exclude", i: "include", s: "swap", d: "disarm" };
-/** @type {Record<string, [number, number]>} */
-const MOVES = { ArrowLeft: [60, 0], ArrowRight: [-60, 0], ArrowUp: [0, 60], ArrowDown: [0, -60] };
+const STEP_PX = 60;
 
 document.addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || !state) return;
+  if (event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]") || !state) return;
   if (event.target instanceof Element && event.target.closest("input")) return;
   const key = event.key;
   const vehicle = state.vehicles[Number(key) - 1];
@@ -215,10 +216,10 @@ document.addEventListener("keydown", (event) => {
   else if (KEYS[key] && chosen) ask(KEYS[key], chosen);
   else if (KEYS[key]) intents.tell("Choose a vehicle first, with its number", "refused");
   else if (key === "/" && !byId("assets").hidden) assets.find();
-  else if (MOVES[key] && !document.activeElement?.closest("#vehicles, #assets")) chart.move(...MOVES[key]);
-  else if (key === "+" || key === "=") chart.zoom(1.4);
-  else if (key === "-") chart.zoom(1 / 1.4);
-  else if (key === "0") chart.fit();
+  else if (MOVES[key] && !document.activeElement?.closest("#vehicles, #assets")) map.move(STEP_PX * MOVES[key][0], STEP_PX * MOVES[key][1]);
+  else if (key === "+" || key === "=") map.zoom(1.4);
+  else if (key === "-") map.zoom(1 / 1.4);
+  else if (key === "0") map.fit();
   else if (key === "m") nextLayer();
   else return;
   event.preventDefault();
@@ -230,14 +231,14 @@ byId("fleet").addEventListener("click", (event) => {
 byId("keys").addEventListener("click", () => byId("help", HTMLDialogElement).showModal());
 byId("zoom").addEventListener("click", (event) => {
   const way = event.target instanceof HTMLElement ? event.target.dataset.zoom : "";
-  if (way === "fit") chart.fit();
-  else if (way) chart.zoom(way === "in" ? 1.5 : 1 / 1.5);
+  if (way === "fit") map.fit();
+  else if (way) map.zoom(way === "in" ? 1.5 : 1 / 1.5);
 });
 
 byId("layer").addEventListener("click", nextLayer);
 
 function nextLayer() {
-  chart.ground.next();
+  map.ground.next();
   showLayer();
 }
 

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from executor.adapters.web import WebServer, WebSettings
 from executor.adapters.web.guard import ConnectionLimits, EventStream, LatestValue, cookie_name_for
-from executor.adapters.web.server import STATIC, TYPES
+from executor.adapters.web.page_server import STATIC, TYPES
 from executor.adapters.web.snapshot import Describe
 from executor.core.fleet_view import FleetView, build_fleet_view
 from executor.core.interface.events import IntentReceived
@@ -257,6 +257,28 @@ def test_our_own_pages_request_is_taken(open_one: Beside) -> None:
         with open_one.client(**own) as client:
             answer = client.post("/intents", json={"id": f"own-{name}", "action": "resume", "vehicle": "uav1"})
         assert answer.status_code == 409
+
+
+LINK = {"sec-fetch-site": "same-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+
+
+@pytest.mark.parametrize(
+    ("path", "changes", "status"),
+    [
+        ("/", {}, 200),
+        ("/state", {}, 403),
+        ("/files/page.js", {}, 403),
+        ("/", {"sec-fetch-dest": "iframe"}, 403),
+        ("/", {"sec-fetch-mode": "no-cors"}, 403),
+        ("/", {"sec-fetch-site": "cross-site"}, 403),
+        ("/", {"origin": "http://127.0.0.1:1"}, 403),
+    ],
+)
+def test_a_link_of_this_computer_opens_the_page_and_nothing_else(
+    open_one: Beside, path: str, changes: Mapping[str, str], status: int
+) -> None:
+    with open_one.client() as client:
+        assert client.get(path, headers={**LINK, **changes}).status_code == status
 
 
 def test_nobody_sends_much(open_one: Beside) -> None:

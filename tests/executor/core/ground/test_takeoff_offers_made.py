@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from executor.core.context import Context, RelaunchPolicy
 from executor.core.ground import takeoff_offers
 from executor.core.interface.commands import Level, Say
 from executor.core.replanning import survivors
-from executor.core.state.fleet_state import TakeoffOffer
+from executor.core.state.fleet_state import FleetState, TakeoffOffer
 from executor.core.state.vehicle_state import Fault, FaultCode, FaultKind, Stage, VehicleState
 from tests.executor.builders import with_facts
 from tests.executor.core.steps import (
@@ -36,6 +37,7 @@ from tests.executor.core.steps import (
 from tests.executor.core.vehicles import FLEET, NOW_S, flying, pack
 
 STANDS = landed(stage=Stage.LANDED)
+NOBODY = FleetState(MappingProxyType({}))
 OPEN: Changes = {"given_up": frozenset({0, 2, 4})}
 TWO = (STANDS, with_facts(STANDS, name="uav2", fix=replace(LOW, place_m=FLEET.context.vehicles["uav2"].pad_m)))
 OFFER = TakeoffOffer(("uav1",), (0, 2, 4), NOW_S - 50.0)
@@ -143,7 +145,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             sorted(
                 takeoff_offers.find_reachable_segments(
-                    CREW, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))
+                    CREW, NOBODY, with_facts(STANDS, battery=pack(percent)), frozenset(range(6))
                 )
             )
             for percent in (17.0, 19.0, 19.5, 20.0, 20.5, 21.0, 22.0)
@@ -155,7 +157,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
         lambda: [
             sorted(
                 takeoff_offers.find_reachable_segments(
-                    CREW, with_facts(STANDS, battery=greedy(factor)), frozenset(range(6))
+                    CREW, NOBODY, with_facts(STANDS, battery=greedy(factor)), frozenset(range(6))
                 )
             )
             for factor in (1.0, 1.1, 1.2)
@@ -165,7 +167,7 @@ ROWS: list[tuple[str, Callable[[], object], object]] = [
     (
         "who has not reported its battery reaches nothing",
         lambda: takeoff_offers.find_reachable_segments(
-            CREW, with_facts(STANDS, battery=BatteryState()), frozenset({0})
+            CREW, NOBODY, with_facts(STANDS, battery=BatteryState()), frozenset({0})
         ),
         frozenset(),
     ),

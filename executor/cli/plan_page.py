@@ -1,0 +1,81 @@
+"""The command that opens the plan page."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import webbrowser
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+
+from executor.cli.plan_inputs import check_can_write
+from executor.errors import SiteError
+from executor.flight.publication import read_token
+from executor.plan_page import site_files
+from executor.plan_page.server import PlanServer
+from executor.plan_page.site_store import SiteStore
+from executor.site.mqtt_and_web_keys import WebTable
+from missions import format_first_error
+
+USUAL_SITE = "site.toml"
+
+
+def open_page(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[SITE|NETWORK|PLAN]",
+            help="A site file; a network, for which a new site is begun; or a plan, whose site lies beside it. By "
+            "default site.toml of this folder, if there is one.",
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to listen on; others than this computer's need --token-env.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for a free one.")] = 0,
+    token_env: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Environment variable with the token that browsers must show."),
+    ] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address only.")] = False,
+) -> None:
+    """Plan on a map in the browser: the page edits the site file and its plans; ends with Ctrl-C."""
+    try:
+        table = WebTable(host=host, port=port, token_env=token_env)
+    except ValidationError as error:
+        raise SiteError(f"--{format_first_error(error)}".replace("_", "-", 1)) from error
+    token = read_token(table)
+    site = None if file is None else _find_site(file)
+    if file is None and Path(USUAL_SITE).is_file():
+        site = Path(USUAL_SITE)
+    root = Path() if site is None or site.absolute().is_relative_to(Path.cwd()) else site.parent
+    with PlanServer(table, token, root, None if site is None else SiteStore(site), _report_error) as server:
+        query = "" if token is None else f"?token={token}"
+        print(f"page: {server.address}" + ("" if token is None else f"?token=${token_env}"), flush=True)
+        if not no_browser:
+            webbrowser.open(server.address + query)
+        with suppress(KeyboardInterrupt):
+            threading.Event().wait()
+
+
+def _find_site(file: Path) -> Path:
+    """Return the site file of what is to be opened; one for a network is made."""
+    if not file.is_file():
+        raise SiteError(f"{file}: no such file; expected a site, a network or a plan")
+    kind = site_files.find_kind(file)
+    if kind == "plan":
+        return site_files.find_site_of_plan(file)
+    if kind == "site":
+        return file
+    check_can_write(file.parent / USUAL_SITE)
+    site = site_files.make_site(file.parent, file)
+    print(f"{site}: a new site for {file}", flush=True)
+    return site
+
+
+def _report_error(what: str, error: BaseException) -> None:
+    print(f"faultline: internal error in {what}: {type(error).__name__}: {error}", file=sys.stderr, flush=True)

@@ -1,0 +1,355 @@
+"""What the plan page asks of its server; FastAPI says in OpenAPI what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from fastapi import FastAPI, Query, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+from starlette.responses import JSONResponse, Response
+
+from executor.adapters.run_directory import RunDirectory
+from executor.adapters.web.page_server import TYPES
+from executor.errors import ExecutorError, SiteError
+from executor.plan_page import api_answers as answers
+from executor.plan_page import flights, site_files
+from executor.plan_page.plan_work import Change, PlanSettings
+from executor.plan_page.planning import Superseded
+from executor.plan_page.site_document import Edit, EditRefused
+from executor.plan_page.try_connection import listen_for_vehicle
+from executor.plan_page.workspace import StaleRevision, Workspace
+from executor.site.ground_view import DOCUMENT
+from executor.site.site_keys import AutopilotKey
+from executor.site.site_schema import build_site_schema
+from missions import MissionsError
+from missions.files import json_text
+from planner import PlannerError
+
+MOST_EDITS = 1000
+Revision = Annotated[int, Field(description="Of the workspace that the change is meant for.")]
+
+
+class Body(BaseModel):
+    """What is sent."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class EditsBody(Body):
+    """Changes of the site file that are one step of undo."""
+
+    revision: Revision
+    edits: Annotated[tuple[Edit, ...], Field(min_length=1, max_length=MOST_EDITS)]
+    label: Annotated[str, Field(max_length=200)] = "edit"
+    """What undo calls it."""
+
+
+class RevisionBody(Body):
+    """Of which workspace."""
+
+    revision: Revision
+
+
+class OpenBody(Body):
+    """A file on this computer, below the folder where the page was started."""
+
+    path: Annotated[str, Field(min_length=1, max_length=1000)]
+    """A site, a network or a plan; `default` for the network that comes with faultline."""
+
+
+class PlanBody(Body):
+    """A plan to be made."""
+
+    revision: Revision
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
+    """Time limit of the search."""
+    cost: Literal["minmax", "minsum", "mincomb", "window"] | None = None
+    """As `faultline plan --cost`; without it the window where there is one to search for."""
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 1
+    iterations: Annotated[int, Field(ge=1)] | None = None
+    """After so many the search ends, within `seconds`: another computer then finds the same plan."""
+    front: bool = False
+    """Several plans, between longest route, energy and window."""
+    day: bool = False
+    """Working days of many sorties."""
+
+
+class JobBody(Body):
+    """Which job."""
+
+    job: Annotated[str, Field(max_length=20)]
+
+
+class LossBody(Body):
+    """A loss to think of."""
+
+    vehicle: Annotated[str, Field(max_length=32)]
+    at_s: Annotated[float, Field(ge=0, le=1e6)]
+    """From the start of the plan."""
+
+
+class ChangesBody(Body):
+    """Changes of a plan by hand."""
+
+    changes: Annotated[tuple[Change, ...], Field(min_length=1, max_length=MOST_EDITS)]
+    keep: bool = False
+    """Whether the new plan becomes the chosen one."""
+
+
+class TryBody(Body):
+    """A connection to listen on."""
+
+    connection: Annotated[str, Field(max_length=300)]
+    sysid: Annotated[int, Field(ge=1, le=254)]
+    autopilot: AutopilotKey
+
+
+class FlyBody(Body):
+    """A plan to fly."""
+
+    plan: Annotated[str, Field(max_length=20)]
+    dry: bool = False
+    """Run the checklist alone."""
+
+
+class LeftBody(Body):
+    """A flight whose rest is planned."""
+
+    run: Annotated[str, Field(max_length=200)]
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)] = 5.0
+
+
+class JsonBytes(Response):
+    """JSON that is made already."""
+
+    media_type = "application/json"
+
+
+def answer_of(kind: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
+    """Return what is documented of a path's answers."""
+    return {
+        200: {"model": kind}, 409: {"model": answers.StaleAnswer}, 422: {"model": answers.ErrorAnswer}
+    }  # fmt: skip
+
+
+def refuse(text: str, status: int, headers: Mapping[str, str] | None = None, **more: object) -> Response:
+    """Return the answer to what is not done: one line, and the key that it is about."""
+    return JSONResponse({"error": text, "path": None, **more}, status, headers)
+
+
+def build_api(workspace: Workspace) -> FastAPI:
+    """Return the application, without its guard."""
+    api = FastAPI(
+        title="faultline plan page", version="1", docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
+        description="What the plan page asks of `faultline open`. Places are [latitude, longitude] in degrees.",
+    )  # fmt: skip
+    _add_error_answers(api, workspace)
+    _add_questions(api, workspace)
+    _add_changes(api, workspace)
+    _add_planning(api, workspace)
+    _add_flights(api, workspace)
+    return api
+
+
+def _add_error_answers(api: FastAPI, workspace: Workspace) -> None:
+    async def answer_ours(_: Request, error: Exception) -> Response:
+        path = list(error.path) if isinstance(error, EditRefused) else None
+        return JSONResponse({"error": str(error), "path": path}, 422)
+
+    async def answer_stale(_: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error), "path": None, "workspace": workspace.describe()}, 409)
+
+    async def answer_superseded(_: Request, error: Exception) -> Response:
+        return JSONResponse({"error": str(error), "path": None}, 409)
+
+    async def answer_wrong_body(_: Request, error: Exception) -> Response:
+        found = error.errors()[0] if isinstance(error, RequestValidationError) else {"loc": (), "msg": "?"}
+        place = [part for part in found["loc"] if part != "body"]
+        reason = str(found["msg"]).removeprefix("Value error, ")
+        return JSONResponse({"error": ": ".join([".".join(map(str, place)) or "body", reason]), "path": None}, 422)
+
+    async def answer_http(_: Request, error: Exception) -> Response:
+        status, text = (error.status_code, error.detail) if isinstance(error, HTTPException) else (400, "cut short")
+        return JSONResponse({"error": text, "path": None}, status)
+
+    for kind in (ExecutorError, MissionsError, PlannerError):
+        api.add_exception_handler(kind, answer_ours)
+    api.add_exception_handler(StaleRevision, answer_stale)
+    api.add_exception_handler(Superseded, answer_superseded)
+    api.add_exception_handler(RequestValidationError, answer_wrong_body)
+    api.add_exception_handler(HTTPException, answer_http)
+    api.add_exception_handler(ClientDisconnect, answer_http)
+
+
+def _add_questions(api: FastAPI, workspace: Workspace) -> None:
+    @api.get("/api/workspace", responses=answer_of(answers.WorkspaceAnswer))
+    async def get_workspace() -> Response:
+        """Return the site, what is wrong with it, its plans and the job under way."""
+        return JsonBytes(json_text(workspace.describe()))
+
+    @api.get("/api/schema")
+    async def get_schema() -> Response:
+        """Return the JSON schema of the site file; keys have `description`, `default` and `unit`."""
+        return JsonBytes(json_text(build_site_schema()))
+
+    @api.get("/api/network", responses=answer_of(answers.NetworkAnswer))
+    async def get_network() -> Response:
+        """Return the network as it was understood: spans, pylons and what was mended."""
+        return _answer_bytes(workspace.view.network, "no network is known")
+
+    @api.get("/api/ground", responses=answer_of(answers.GroundAnswer))
+    async def get_ground() -> Response:
+        """Return depot, pads, bases, places, areas and what cameras see."""
+        return _answer_bytes(workspace.view.ground, "nothing is known of the ground")
+
+    @api.get("/api/background")
+    async def get_background() -> Response:
+        """Return what lies below the line, as `ground.json` of a run directory has it."""
+        return _answer_bytes(workspace.view.background.get(DOCUMENT), "nothing is known of the ground")
+
+    @api.get("/api/background/{name}")
+    async def get_background_file(name: str) -> Response:
+        """Return a picture that the background names."""
+        found = workspace.view.background.get(name)
+        if found is None:
+            raise HTTPException(404, "there is no such picture")
+        return Response(found, media_type=TYPES["." + name.rpartition(".")[2]])
+
+    @api.get("/api/files", responses=answer_of(answers.FilesAnswer))
+    async def get_files() -> Response:
+        """Return what could be opened in the folder where the page was started."""
+        found = site_files.list_files(workspace.root)
+        return JSONResponse({"files": [{"path": path, "kind": kind} for path, kind in found]})
+
+
+def _answer_bytes(content: bytes | None, missing: str) -> Response:
+    if content is None:
+        raise HTTPException(404, missing)
+    return JsonBytes(content)
+
+
+def _add_changes(api: FastAPI, workspace: Workspace) -> None:
+    async def answer(**more: object) -> Response:
+        await workspace.wait_until_checked()
+        return JsonBytes(json_text(workspace.describe() | more))
+
+    @api.post("/api/edits", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_edits(body: EditsBody) -> Response:
+        """Do edits of the site file as one step of undo; 409 where the site is another one by now."""
+        await workspace.edit(body.revision, body.label, body.edits)
+        return await answer()
+
+    @api.post("/api/undo", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_undo(body: RevisionBody) -> Response:
+        """Undo the last step."""
+        await workspace.undo(body.revision)
+        return await answer()
+
+    @api.post("/api/redo", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_redo(body: RevisionBody) -> Response:
+        """Do again what was undone last."""
+        await workspace.redo(body.revision)
+        return await answer()
+
+    @api.post("/api/open", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_open(body: OpenBody) -> Response:
+        """Open a site; a network begins a new one, a plan opens the site beside it."""
+        if body.path == "default":
+            await workspace.open_default()
+        else:
+            await workspace.open_file(site_files.find_inside(workspace.root, body.path))
+        return await answer()
+
+    @api.post("/api/upload", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_upload(
+        request: Request, name: Annotated[str, Query(max_length=200)], use: Literal["network", "file"] = "network"
+    ) -> Response:
+        """Keep the file of the body beside the site. A network begins a new site; other files are named by edits."""
+        kept = await workspace.upload(name, request.stream(), as_network=use == "network")
+        return await answer(uploaded=kept)
+
+
+def _add_planning(api: FastAPI, workspace: Workspace) -> None:
+    planning = workspace.planning
+
+    @api.post("/api/plan", responses=answer_of(answers.JobAnswer))
+    async def post_plan(body: PlanBody) -> Response:
+        """Begin to plan; the stream says how far it is. A plan that is not one of several is chosen at once."""
+        workspace.expect_revision(body.revision)
+        wish = PlanSettings(**body.model_dump(exclude={"revision"}))
+        return JSONResponse({"job": planning.start(workspace.now, wish).describe()})
+
+    @api.post("/api/cancel", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_cancel(body: JobBody) -> Response:
+        """End a job; what it has found is dropped."""
+        await planning.cancel(body.job)
+        return JsonBytes(json_text(workspace.describe()))
+
+    @api.get("/api/plans/{plan}", responses=answer_of(answers.PlanPart))
+    async def get_plan(plan: str) -> Response:
+        """Return a plan: who is where at any time with how much battery, what is left over, and its heights."""
+        return JsonBytes(json_text(await planning.show(workspace.now, plan)))
+
+    @api.post("/api/plans/{plan}/choose", responses=answer_of(answers.WorkspaceAnswer))
+    async def post_choose(plan: str) -> Response:
+        """Write a plan to the file beside the site that is flown."""
+        await planning.choose(plan)
+        return JsonBytes(json_text(workspace.describe()))
+
+    @api.post("/api/plans/{plan}/loss", responses=answer_of(answers.LossAnswer))
+    async def post_loss(plan: str, body: LossBody) -> Response:
+        """Return what the others would fly if a vehicle were lost; 409 where a newer question came meanwhile."""
+        return JsonBytes(json_text(await planning.preview_loss(workspace.now, plan, body.vehicle, body.at_s)))
+
+    @api.post("/api/plans/{plan}/change", responses=answer_of(answers.ChangeAnswer))
+    async def post_change(plan: str, body: ChangesBody) -> Response:
+        """Change a plan by hand: the new one is checked and priced, and kept beside the old one."""
+        return JsonBytes(json_text(await planning.change(workspace.now, plan, body.changes, keep=body.keep)))
+
+
+REPORT = {
+    "content-security-policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+}
+"""A report is one file, without scripts: its style stands in it."""
+
+
+def _add_flights(api: FastAPI, workspace: Workspace) -> None:
+    @api.post("/api/try", responses=answer_of(answers.TryAnswer))
+    async def post_try(body: TryBody) -> Response:
+        """Listen for a vehicle on a connection for some seconds; nothing is sent."""
+        try:
+            return JSONResponse(await listen_for_vehicle(body.connection, body.sysid, body.autopilot))
+        except ValueError as error:
+            raise SiteError(f"connection: {error}") from error
+
+    @api.post("/api/fly", responses=answer_of(answers.FlightAnswer))
+    async def post_fly(body: FlyBody) -> Response:
+        """Start a flight of a plan with a page of its own, which asks before anything takes off; `url` leads there."""
+        site, plan = await workspace.choose_for_flight(body.plan)
+        work = flights.run_checklist if body.dry else flights.start_flight
+        return JSONResponse(await work(workspace.root, site, plan))
+
+    @api.get("/api/flights", responses=answer_of(answers.FlightsAnswer))
+    def get_flights() -> Response:
+        """Return the flights of the folder where the page was started, the newest first."""
+        return JSONResponse({"flights": list(flights.list_flights(workspace.root))})
+
+    @api.get("/api/report")
+    def get_report(run: Annotated[str, Query(max_length=200)]) -> Response:
+        """Return the report of a flight, as a page without scripts."""
+        page = RunDirectory(flights.find_run(workspace.root, run)).page
+        if not page.is_file():
+            raise HTTPException(404, "there is no report yet")
+        return Response(page.read_bytes(), 200, REPORT, "text/html; charset=utf-8")
+
+    @api.post("/api/left", responses=answer_of(answers.JobAnswer))
+    async def post_left(body: LeftBody) -> Response:
+        """Begin to plan what a flight left over."""
+        run = flights.find_run(workspace.root, body.run)
+        wish = PlanSettings(seconds=body.seconds, after=str(run))
+        return JSONResponse({"job": workspace.planning.start(workspace.now, wish).describe()})

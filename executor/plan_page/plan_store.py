@@ -1,0 +1,136 @@
+"""The plans of a site on disk: those that the page made, each in a file named after what is in it, and the chosen one.
+
+The chosen plan is a file beside the site, the one that `faultline fly --plan` is given; another program may write it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from executor.errors import SiteError
+from executor.plan_page.plan_work import MadePlan, name_plan
+from executor.plan_page.site_store import work_folder_of
+from missions.files import write_whole
+
+MOST_PLANS = 24
+"""That are kept; the oldest go first, the chosen one stays."""
+PLANNED_BY = frozenset({
+    "depot", "network", "terrain", "inspection", "energy", "area", "place", "vehicle", "flight", "camera", "look",
+    "day", "base", "fence", "learned", "lock",
+})  # fmt: skip
+"""Tables that a plan depends on."""
+NOT_OF_VEHICLES = frozenset({"connection", "sysid", "backend"})
+
+
+class PlanStore:
+    """The plans of one site."""
+
+    def __init__(self, site: Path) -> None:
+        """Name the site file; `list_new` finds what there is."""
+        self.site = site
+        self.folder = work_folder_of(site) / "plans"
+        self.file = site.with_name("plan.json" if site.stem == "site" else f"{site.stem}-plan.json")
+        """The chosen plan."""
+        self.summaries: dict[str, Mapping[str, Any]] = {}
+        """By the plan's id, the oldest first."""
+        self.facts: dict[str, str] = {}
+        """What the site said when a plan was made, or last found to fit it."""
+        self.chosen: str | None = None
+        self._seen: tuple[int, int] | None = None
+
+    def path_of(self, name: str) -> Path:
+        """Return the file of a plan.
+
+        Raises:
+            SiteError: there is none of this name.
+        """
+        if name not in self.summaries:
+            raise SiteError(f"plan: expected one of {', '.join(self.summaries) or 'none'}, got {name[:20]!r}")
+        return self.folder / f"{name}.json"
+
+    def list_new(self) -> Sequence[Path]:
+        """Return the files of plans that are not known yet, the oldest first; nothing is parsed."""
+        self.take_chosen()
+        with suppress(OSError, ValueError):
+            self.facts = {**json.loads((self.folder / "facts").read_bytes()), **self.facts}
+        with suppress(OSError):
+            found = sorted(self.folder.glob("?" * 12 + ".json"), key=lambda path: path.stat().st_mtime_ns)
+            return [path for path in found if path.stem not in self.summaries]
+        return ()
+
+    def take_chosen(self) -> Path | None:
+        """Keep what another program has written as the chosen plan; returns its file here if it is a new one."""
+        try:
+            stat = self.file.stat()
+            seen = (stat.st_mtime_ns, stat.st_size)
+            if seen == self._seen:
+                return None
+            content = self.file.read_bytes()
+            self._seen, self.chosen = seen, name_plan(content)
+            path = self.folder / f"{self.chosen}.json"
+            if not path.exists():
+                self.folder.mkdir(parents=True, exist_ok=True)
+                write_whole(path, content)
+        except OSError:
+            self.chosen = None
+            return None
+        return path
+
+    def add(self, made: Sequence[MadePlan], facts: str) -> None:
+        """Take up plans that were made while the site said this; the oldest make room."""
+        for one in made:
+            self.summaries.pop(one.id, None)
+            self.summaries[one.id] = one.summary
+            self.facts[one.id] = facts
+        for name in list(self.summaries)[: max(0, len(self.summaries) - MOST_PLANS)]:
+            if name != self.chosen:
+                del self.summaries[name]
+                with suppress(OSError):
+                    (self.folder / f"{name}.json").unlink()
+        self.keep_facts()
+
+    def keep_facts(self) -> None:
+        """Write down of which site each plan is."""
+        with suppress(OSError):  # it is found out again
+            self.facts = {name: facts for name, facts in self.facts.items() if name in self.summaries}
+            write_whole(self.folder / "facts", json.dumps(self.facts).encode())
+
+    def choose(self, name: str) -> None:
+        """Make a plan the one that is flown.
+
+        Raises:
+            SiteError: there is none of this name, or its file cannot be written.
+        """
+        content = self.path_of(name).read_bytes()
+        try:
+            write_whole(self.file, content)
+        except OSError as error:
+            raise SiteError(f"{self.file}: cannot be written: {error.strerror}") from error
+        self.take_chosen()
+
+    def describe(self, facts: str) -> list[dict[str, Any]]:
+        """Return all plans as the page lists them, the newest first; `facts` are those of the site now."""
+        return [
+            {
+                "id": name, "file": self.file.name if name == self.chosen else None,
+                "stale": self.facts.get(name) != facts, **summary,
+            }
+            for name, summary in reversed(self.summaries.items())
+        ]  # fmt: skip
+
+
+def sum_up_facts(values: Mapping[str, Any], stamps: Sequence[object]) -> str:
+    """Return what changes whenever something may that a plan depends on."""
+    told = {key: one for key, one in values.items() if key in PLANNED_BY}
+    fleet = told.get("vehicle")
+    if isinstance(fleet, list):
+        told["vehicle"] = [
+            {key: value for key, value in one.items() if key not in NOT_OF_VEHICLES} if isinstance(one, dict) else one
+            for one in fleet
+        ]
+    return sha256(json.dumps([told, list(stamps)], sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -1,0 +1,180 @@
+"""A plan as the page shows it: its figures, and who is where at any time with how much battery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from executor.analysis.height_profile import build_profiles
+from executor.plan_page.site_view import to_place
+from executor.site import plan_summary, site_model
+from executor.site.day_plans import name_sortie_rounds
+from executor.site.site_model import SiteModel
+from missions import DayPlanFile, FlightModel, FlightPath, FlightSetup, Phase, PlanFile, estimate
+from missions.waypoints import legs_m
+from planner import is_reversed, segment_of
+
+MOST_PROFILE = 400
+"""Points of one vehicle's profile."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sortie:
+    """What one vehicle flies on one pack."""
+
+    vehicle: str
+    visits: tuple[int, ...]
+    """Of the network."""
+    start_s: float = 0.0
+    number: int = 0
+    day: int = 1
+
+
+def summarise(plan: PlanFile | DayPlanFile) -> dict[str, Any]:
+    """Return what a list of plans shows of one."""
+    energy_pct = dict.fromkeys(plan.names, 0.0)
+    for route in plan.routes:
+        energy_pct[route.vehicle] += round(route.energy_pct, 2)
+    window = plan.window if isinstance(plan, PlanFile) else None
+    breaking = None if window is None else window.breaking
+    return {
+        "kind": "day" if isinstance(plan, DayPlanFile) else "flight",
+        "longest_s": max((one.duration_s for one in plan.routes), default=0.0),
+        "energy_pct": energy_pct,
+        "window_pct": None if window is None else window.window_pct,
+        "window_from_s": None if window is None else window.earliest_s,
+        "breaking": None if breaking is None else {
+            "vehicle": breaking.vehicle, "from_s": breaking.from_s, "to_s": breaking.to_s
+        },
+        "uncovered": len(plan.uncovered) + len(plan.unreachable),
+        "cost": plan.cost.name,
+        "value": plan.cost.value,
+        "seconds": plan.seconds,
+        "finish_s": plan.finish_s if isinstance(plan, DayPlanFile) else max(plan.durations_s, default=0.0),
+    }  # fmt: skip
+
+
+def describe_plan(plan: PlanFile | DayPlanFile, ground: SiteModel) -> dict[str, Any]:
+    """Return all that the page shows of a plan of a site.
+
+    Raises:
+        SiteError: its flights come too near to the ground or to a line, or into an area.
+        MissionsError: it is not flown as the site has it.
+    """
+    if isinstance(plan, DayPlanFile):
+        lines = plan_summary.describe_day(plan)
+        rounds, windows = name_sortie_rounds(plan), [
+            {"vehicle": one.vehicle, "from_s": one.from_s, "breaks": one.breaks} for one in plan.windows
+        ]  # fmt: skip
+    else:
+        lines = [*plan_summary.describe_routes(plan), *plan_summary.describe_window(plan)]
+        rounds, windows = [plan.network_routes], []
+    heights = plan_summary.compute_planned_heights(ground, rounds)
+    return {
+        "vehicles": describe_vehicles(list_sorties(plan), plan, ground.setup),
+        "uncovered": list_uncovered(plan),
+        "windows": windows,
+        "lines": [*lines, *plan_summary.describe_left_over(plan), *heights.lines],
+    }
+
+
+def list_uncovered(plan: PlanFile | DayPlanFile) -> list[dict[str, Any]]:
+    """Return what a plan does not inspect, and why."""
+    left = [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan_summary.find_left_over(plan)]
+    return left + [{"segment": one.segment, "name": one.name, "why": one.why} for one in plan.unreachable]
+
+
+def list_sorties(plan: PlanFile | DayPlanFile) -> list[Sortie]:
+    """Return what is flown, in the order of the file."""
+    numbers: dict[str, int] = {}
+    found = []
+    for route in plan.routes:
+        number = numbers[route.vehicle] = numbers.get(route.vehicle, -1) + 1
+        found.append(Sortie(route.vehicle, route.network_visits, route.start_s, number, route.day))
+    return found
+
+
+def describe_vehicles(
+    sorties: Sequence[Sortie], plan: PlanFile | DayPlanFile, setup: FlightSetup
+) -> list[dict[str, Any]]:
+    """Return each vehicle's sorties with their ways through the air, and its first one from the side."""
+    models = {} if plan.pricing is None else plan.pricing.models
+    paths = _build_all_paths(sorties, setup)
+    shown = []
+    for vehicle in plan.vehicles:
+        own = [one for one in sorties if one.vehicle == vehicle.name and one.visits]
+        flown = [
+            _describe_sortie(one, paths[one], setup, models[vehicle.name], vehicle.consumption)
+            for one in own if vehicle.name in models
+        ]  # fmt: skip
+        shown.append({
+            "name": vehicle.name, "budget_pct": vehicle.budget_pct, "routes": flown,
+            "profile": _describe_profile(setup, paths[own[0]]) if own else [],
+        })  # fmt: skip
+    return shown
+
+
+def _build_all_paths(sorties: Sequence[Sortie], setup: FlightSetup) -> Mapping[Sortie, FlightPath]:
+    """Return the way of each sortie; those of the same number are flown side by side."""
+    paths = dict[Sortie, FlightPath]()
+    for number in sorted({one.number for one in sorties}):
+        beside = [one for one in sorties if one.number == number and one.visits]
+        built = site_model.build_paths(setup, {one.vehicle: one.visits for one in beside})
+        paths |= {one: built[one.vehicle] for one in beside}
+    return paths
+
+
+def _describe_sortie(
+    sortie: Sortie, path: FlightPath, setup: FlightSetup, model: FlightModel, consumption: float
+) -> dict[str, Any]:
+    found = estimate(path, model, consumption=consumption)
+    frame, pad = setup.frame, setup.pad_of(sortie.vehicle)
+    home_up_m = frame.up_m(pad.alt_m)
+    ends_s = [sortie.start_s + one for one in accumulate(leg.duration_s for leg in found.legs)]
+    left_pct = [100.0 - one for one in accumulate(leg.energy_pct for leg in found.legs)]
+    track = [[round(sortie.start_s, 1), *to_place(frame, (pad.east_m, pad.north_m)), round(home_up_m, 1), 100.0]]
+    track += [
+        [round(at_s, 1), round(point.lat_deg, 7), round(point.lon_deg, 7), round(home_up_m + point.alt_rel_m, 1),
+         round(pct, 2)]
+        for at_s, pct, point in zip(ends_s, left_pct, path.waypoints, strict=True)
+    ]  # fmt: skip
+    return {
+        "sortie": sortie.number, "day": sortie.day, "start_s": sortie.start_s, "duration_s": found.duration_s,
+        "energy_pct": found.energy_pct, "visits": list(_describe_visits(sortie, path, ends_s)), "track": track,
+    }  # fmt: skip
+
+
+def _describe_visits(sortie: Sortie, path: FlightPath, ends_s: Sequence[float]) -> Iterator[dict[str, Any]]:
+    begins_s = [sortie.start_s, *ends_s[:-1]]
+    for number, visit in enumerate(sortie.visits):
+        legs = [
+            at for at, point in enumerate(path.waypoints) if point.visit == number and point.phase is Phase.INSPECT
+        ]  # fmt: skip
+        if legs:
+            yield {
+                "segment": segment_of(visit), "reversed": is_reversed(visit),
+                "from_s": round(begins_s[legs[0]], 1), "to_s": round(ends_s[legs[-1]], 1),
+            }  # fmt: skip
+
+
+def _describe_profile(setup: FlightSetup, path: FlightPath) -> list[list[float | None]]:
+    """Return rows of metres flown, up from the depot, and the ground below, where a raster knows it."""
+    known = build_profiles(setup, [path])
+    if not known:
+        ends = legs_m(path, setup.frame, setup.frame.up_m(setup.pad_of(path.vehicle).alt_m))
+        lengths_m = np.hypot(*(ends[:, 1] - ends[:, 0]).T[:2])
+        along = np.concatenate((np.zeros(1), np.cumsum(lengths_m)))
+        up = np.concatenate((ends[:1, 0, 2], ends[:, 1, 2]))
+        return [[round(one, 1), round(other, 1), None] for one, other in zip(along.tolist(), up.tolist(), strict=True)]
+    profile = known[0]
+    every = max(1, len(profile.along_m) // MOST_PROFILE)
+    ground = profile.ground_m[::every] - setup.frame.alt_m
+    flown = profile.flown_m[::every] - setup.frame.alt_m
+    return [
+        [round(along, 1), round(up, 1), round(below, 1) if np.isfinite(below) else None]
+        for along, up, below in zip(profile.along_m[::every].tolist(), flown.tolist(), ground.tolist(), strict=True)
+    ]

@@ -1,0 +1,339 @@
+"""The planner's part of the page, in a worker process: plans, what a loss would make of one, changes by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from pydantic import ConfigDict, Field
+
+import missions
+import planner
+from executor.errors import ExecutorError, SiteError
+from executor.flight.next_flight import read_segments_left
+from executor.plan_page.plan_view import Sortie, describe_plan, describe_vehicles, list_uncovered, summarise
+from executor.plan_page.worker import report_progress
+from executor.plan_page.worker_site import read_site_model
+from executor.site import site_model, site_planning
+from executor.site.day_plans import build_day_problem, build_first_sorties_plan, list_spares, solve_day
+from executor.site.plan_summary import compute_planned_heights
+from executor.site.site_model import SiteModel
+from executor.site.site_planning import DEFAULT, PlanRequest, to_plan_window
+from missions import DayPlanFile, PlanFile, SolverRecord
+from planner import Cost, Plan, Route, is_reversed, segment_of, sorties, visit_of
+from planner.replan import FreeVehicle, find_survivors
+
+ANSWER_S = 0.25
+"""Real seconds in which a re-plan is searched for where somebody drags a slider."""
+SETTLED = 4000
+"""Iterations without an improvement that are enough for it, as in flight."""
+MOST_FRONT = 12
+"""Plans of a front that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSettings:
+    """What is asked for."""
+
+    seconds: float = DEFAULT.seconds
+    cost: str | None = None
+    """Of a flight: a cost function, or `window`; without it as the command line chooses."""
+    seed: int = DEFAULT.seed
+    iterations: int | None = None
+    front: bool = False
+    day: bool = False
+    after: str | None = None
+    """A run directory: what its flight left is planned."""
+
+    def build_request(self) -> PlanRequest:
+        """Return the same that the command line makes of these options."""
+        chosen = None if self.cost in {None, "window"} else Cost(self.cost)
+        usual = self.cost is None and not self.front
+        return replace(
+            DEFAULT, cost=chosen, usual=usual, seconds=self.seconds, seed=self.seed, iterations=self.iterations
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class MadePlan:
+    """A plan in its file."""
+
+    id: str
+    summary: Mapping[str, Any]
+
+
+def load_planner() -> None:
+    """Load, or compile, all that plans and re-plans need."""
+    planner.warm_up()
+    line = [[[10.0 * at, 0.0], [10.0 * at + 10.0, 0.0]] for at in range(4)]
+    fleet = tuple(planner.Vehicle(f"warm-up-{number}", (0.0, 0.0), 100.0) for number in range(2))
+    instance = planner.build_instance(line, (0.0, 0.0), fleet, planner.Travel(5.0, 1.0, 1.0, 1.0))
+    found = planner.solve_window(instance, stretch=1.0, stop=planner.Iterations(1), starts=2)
+    planner.replan_window(instance, found.plan)
+    left = planner.build_remaining_problem(instance, found.plan, 0, 0.0)
+    planner.replan(left.instance, warm=left.warm, stop=planner.Iterations(1))
+
+
+def make_plans(text: str, folder: Path, wish: PlanSettings, into: Path, job: int) -> list[MadePlan]:
+    """Plan a site, and write the plans.
+
+    Args:
+        text: The site file.
+        folder: What its paths are relative to.
+        wish: What is asked for.
+        into: Where the plans go.
+        job: Whose progress it is.
+
+    Raises:
+        ExecutorError: the site cannot be planned for, nobody waits any more, or a plan cannot be written.
+        PlannerError: the solver cannot take this problem.
+        MissionsError: a plan cannot be flown.
+    """
+    ground, told = read_site_model(text, folder), report_progress(job)
+    wanted = wish.build_request()
+    left = None if wish.after is None else read_segments_left(Path(wish.after), ground)
+    if wish.day:
+        return [keep_plan(_plan_day(ground, wanted, told, left), into)]
+    if wish.front:
+        found = site_planning.plan_front(ground, wanted, told)
+        if not found:
+            raise SiteError("no plan covers every segment within the budgets, so there is nothing to choose from")
+        plans = found[:: max(1, -(-len(found) // MOST_FRONT))]
+    else:
+        task = site_model.build_first_task(ground, left)
+        plans = (site_planning.plan_site(ground, wanted, told, task),)
+    for plan in plans:
+        for line in missions.check_plan(plan, search_window=False):
+            raise SiteError(f"the plan is invalid: {line}")
+        compute_planned_heights(ground, [plan.network_routes])
+    return [keep_plan(plan, into) for plan in plans]
+
+
+def _plan_day(ground: SiteModel, wanted: PlanRequest, told: Any, left: Iterable[int] | None) -> DayPlanFile:  # noqa: ANN401
+    content = solve_day(build_day_problem(ground, left), wanted, list_spares(ground), told)
+    for line in missions.check_plan(content):
+        raise SiteError(f"the day plan is invalid: {line}")
+    if content.uncovered or not content.routes:
+        return content
+    windows = sorties.find_loss_windows(content.build_instance(), content.plan, seed=wanted.seed)
+    return replace(content, windows=windows)
+
+
+def keep_plan(plan: PlanFile | DayPlanFile, into: Path) -> MadePlan:
+    """Write a plan under a name that says what is in it.
+
+    Raises:
+        SiteError: it cannot be written.
+    """
+    draft = into / "plan.json"
+    try:
+        into.mkdir(parents=True, exist_ok=True)
+        missions.write_plan(draft, plan)
+        name = name_plan(draft.read_bytes())
+        draft.replace(into / f"{name}.json")
+    except OSError as error:
+        raise SiteError(f"{draft}: cannot be written: {error.strerror}") from error
+    return MadePlan(name, summarise(plan))
+
+
+def name_plan(content: bytes) -> str:
+    """Return what a plan's file is known by."""
+    return sha256(content).hexdigest()[:12]
+
+
+@lru_cache(maxsize=8)
+def read_kept_plan(path: Path) -> PlanFile | DayPlanFile:
+    """Return a plan that is kept: its name says what is in it, so it is read once.
+
+    Raises:
+        PlanFileError: it cannot be used.
+    """
+    return missions.read_any_plan(path)
+
+
+def summarise_plans(paths: Sequence[Path]) -> dict[str, Mapping[str, Any]]:
+    """Return the summaries of plans that can be read, by their names."""
+    found = dict[str, Mapping[str, Any]]()
+    for path in paths:
+        try:
+            found[path.stem] = summarise(read_kept_plan(path))
+        except missions.MissionsError:
+            continue
+    return found
+
+
+def is_stale(text: str, folder: Path, path: Path) -> bool:
+    """Return whether a site says something else now than when a plan was made for it."""
+    try:
+        plan, ground = read_kept_plan(path), read_site_model(text, folder)
+        if isinstance(plan, DayPlanFile):
+            build_first_sorties_plan(plan, ground)
+        else:
+            site_planning.check_plan_fits(plan, ground, str(path))
+    except (missions.MissionsError, ExecutorError):
+        return True
+    return False
+
+
+def show_plan(text: str, folder: Path, path: Path) -> dict[str, Any]:
+    """Return all that the page shows of a plan.
+
+    Raises:
+        MissionsError: it cannot be used, or is another site's.
+        ExecutorError: the site cannot be used, or the plan cannot be flown there.
+    """
+    return describe_plan(read_kept_plan(path), read_site_model(text, folder))
+
+
+def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> dict[str, Any]:
+    """Return what the others would fly if a vehicle of a plan were lost at a time.
+
+    Raises:
+        MissionsError: the plan cannot be used, or has no such vehicle.
+        PlannerError: nobody is left.
+        ExecutorError: the site cannot be used, or the plan is of days.
+    """
+    plan, ground = _read_flight(path), read_site_model(text, folder)
+    task = _build_task(path)
+    content, is_complete = site_planning.preview_loss(
+        plan, lost, at_s, cost=Cost.MINMAX, seconds=ANSWER_S, seed=1, settled=SETTLED, task=task
+    )
+    left = find_survivors(
+        task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again
+    )[1]  # fmt: skip
+    routes = list(_join_routes(plan, content, left))
+    was = set(plan.network_routes[lost])
+    taken = {segment_of(one) for visits in content.network_routes.values() for one in visits}
+    return {
+        "routes": describe_vehicles(routes, plan, ground.setup),
+        "uncovered": list_uncovered(content),
+        "recovered": len(taken & {segment_of(one) for one in was}),
+        "complete": is_complete,
+    }
+
+
+def _join_routes(plan: PlanFile, content: PlanFile, left: Sequence[FreeVehicle]) -> Iterator[Sortie]:
+    """Yield what each survivor flies: what stands of its route with what is new, or both if it has landed between."""
+    ids = [segment.id for segment in plan.segments]
+
+    def to_network(visits: Iterable[int]) -> tuple[int, ...]:
+        return tuple(visit_of(ids[segment_of(one)], is_reversed(one)) for one in visits)
+
+    for one in left:
+        name = plan.names[one.vehicle]
+        stands = to_network((*one.completed, *(() if one.finishing is None else (one.finishing,))))
+        new = content.network_routes[name]
+        landed = one.finishing is None and bool(one.completed)
+        if landed and new:
+            yield Sortie(name, stands)
+            yield Sortie(name, new, one.free_s, 1)
+        else:
+            yield Sortie(name, stands + new)
+
+
+def _read_flight(path: Path) -> PlanFile:
+    plan = read_kept_plan(path)
+    if isinstance(plan, DayPlanFile):
+        raise SiteError("expected the plan of a single flight, got one of days")
+    return plan
+
+
+@lru_cache(maxsize=4)
+def _build_task(path: Path) -> missions.Task:
+    return _read_flight(path).build_task()
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One change of a plan by hand."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+    segment: Annotated[int, Field(ge=0)]
+    """Its id in the network."""
+    vehicle: Annotated[str, Field(max_length=32)] | None = None
+    """Who flies it from now on; empty for nobody, null for who does."""
+    reversed: bool | None = None
+    """From its b to its a; null for as it is, or what is best for another vehicle."""
+    position: Annotated[int, Field(ge=0)] | None = None
+    """In the route; null for where it is, or the best place for another vehicle."""
+
+
+def edit_plan_by_hand(text: str, folder: Path, path: Path, changes: Sequence[Change], into: Path) -> dict[str, Any]:
+    """Change a plan by hand, check and price it; it is kept, whatever it violates.
+
+    Raises:
+        MissionsError: the plan cannot be used.
+        ExecutorError: the site cannot be used, or a change is of something that is not there.
+    """
+    plan, ground = _read_flight(path), read_site_model(text, folder)
+    dropped = frozenset(one.segment for one in changes if one.vehicle == "")
+    task = _build_site_task(text, folder, path, dropped)
+    routes = {
+        name: list(task.from_network(one for one in visits if segment_of(one) not in dropped))
+        for name, visits in plan.network_routes.items()
+    }
+    for change in changes:
+        if change.segment not in dropped:
+            _apply_change(change, plan, task, routes)
+    flown = {segment_of(one) for visits in routes.values() for one in visits}
+    left = tuple(one for one in range(len(task.segment_ids)) if one not in flown)
+    made = Plan(tuple(Route(number, tuple(routes[name])) for number, name in enumerate(plan.names)), left)
+    if ground.inspection.same_distance:
+        task = site_model.adjust_task_to_layers(ground, task, made)
+    found = planner.evaluate(task.instance, made, Cost.MINMAX)
+    again = site_planning.may_fly_again(ground)
+    window = to_plan_window(planner.replan_window(task.instance, made, fly_again=again), task.instance)
+    solved = SolverRecord("by hand", plan.seed, 0.0)
+    content = site_planning.build_site_plan_file(ground, task, made, window, solved)
+    violations = list(found.violations)
+    try:
+        shown = describe_plan(content, ground)
+    except (ExecutorError, missions.MissionsError) as error:
+        violations.append(str(error))
+        shown = {"vehicles": [], "uncovered": list_uncovered(content), "lines": []}
+    kept = keep_plan(content, into)
+    return {
+        "made": kept, "plan": shown, "violations": violations,
+        "window_was": None if plan.window is None else plan.window.window_pct, "window_is": window.window_pct,
+    }  # fmt: skip
+
+
+@lru_cache(maxsize=2)
+def _build_site_task(text: str, folder: Path, path: Path, dropped: frozenset[int]) -> missions.Task:
+    """Return the problem of a plan, as the site is now, without what nobody shall fly: that is not left over."""
+    plan, ground = _read_flight(path), read_site_model(text, folder)
+    site_planning.check_plan_belongs(plan, ground, "the plan")
+    kept = [segment.id for segment in plan.segments if segment.id not in dropped]
+    if not kept or not dropped <= set(plan.positions):
+        raise SiteError("changes: segment: expected some of the plan's, and one that is left")
+    return site_model.build_first_task(ground, kept)
+
+
+def _apply_change(change: Change, plan: PlanFile, task: missions.Task, routes: dict[str, list[int]]) -> None:
+    if change.segment not in task.segment_ids:
+        raise SiteError(f"changes: segment: expected one of the plan's, got {change.segment}")
+    if change.vehicle and change.vehicle not in routes:
+        raise SiteError(f"changes: vehicle: expected one of {', '.join(routes)}, got {change.vehicle!r}")
+    number = task.segment_ids.index(change.segment)
+    had, was = next(
+        ((name, at) for name, visits in routes.items() for at, one in enumerate(visits) if segment_of(one) == number),
+        (None, 0),
+    )
+    before = None if had is None else routes[had].pop(was)
+    goes = had if change.vehicle is None else change.vehicle
+    if goes is None:
+        raise SiteError(f"changes: vehicle: expected one for segment {change.segment}, which nobody flies")
+    position, turned = change.position, change.reversed
+    if goes == had and before is not None:  # it stays with who has it: what is not said stays, too
+        position = was if position is None else position
+        turned = is_reversed(before) if turned is None else turned
+    visits, row = routes[goes], plan.names.index(goes)
+    places = range(len(visits) + 1) if position is None else [min(position, len(visits))]
+    ways = (False, True) if turned is None else (turned,)
+    tried = ([*visits[:at], visit_of(number, way), *visits[at:]] for at in places for way in ways)
+    routes[goes] = min(tried, key=lambda one: planner.route_duration_s(task.instance, Route(row, tuple(one))))

@@ -1,0 +1,290 @@
+"""The plans of the site that is open, and the one job that makes new ones."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from executor.errors import ExecutorError, SiteError
+from executor.plan_page.plan_store import PlanStore
+from executor.plan_page.plan_work import (
+    Change,
+    PlanSettings,
+    answer_loss,
+    edit_plan_by_hand,
+    is_stale,
+    load_planner,
+    make_plans,
+    show_plan,
+    summarise_plans,
+)
+from executor.plan_page.worker import WorkCancelled, Worker
+from missions import MissionsError
+from planner import PlannerError
+
+ENDS_S = 5.0
+"""Real seconds after which a job that was cancelled is ended with its process."""
+OURS = (ExecutorError, MissionsError, PlannerError)
+
+JobState = Literal["running", "done", "cancelled", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class SiteNow:
+    """The site that something is asked about."""
+
+    text: str
+    folder: Path
+    facts: str
+    """Changes when something does that a plan depends on."""
+
+
+class Superseded(ExecutorError):
+    """A newer question came: nobody looks at this answer any more."""
+
+
+@dataclass
+class Job:
+    """A search for plans."""
+
+    number: int
+    kind: str
+    limit_s: float
+    began_s: float = field(default_factory=time.monotonic)
+    ended_s: float | None = None
+    state: JobState = "running"
+    error: str | None = None
+    plans: Sequence[str] = ()
+    first: tuple[float, float] | None = None
+    """The first value with the fewest segments left out, and when it was found."""
+    value: float | None = None
+    uncovered: int | None = None
+    improved_s: float | None = None
+
+    @property
+    def elapsed_s(self) -> float:
+        """How long it has taken."""
+        return (time.monotonic() if self.ended_s is None else self.ended_s) - self.began_s
+
+    def take_progress(self, value: float, uncovered: int) -> None:
+        """Take what the search has found so far; without a plan its value has no end."""
+        if not math.isfinite(value):
+            return
+        if self.first is None or self.uncovered is None or uncovered < self.uncovered:
+            self.first = (value, self.elapsed_s)
+        if (self.uncovered, self.value) != (uncovered, value):
+            self.improved_s = self.elapsed_s
+        self.value, self.uncovered = value, uncovered
+
+    def describe(self) -> dict[str, Any]:
+        """Return it as the page gets it."""
+        first, since_s = self.first or (None, None)
+        better = None if not first or self.value is None else 100.0 * (first - self.value) / abs(first)
+        return {
+            "id": str(self.number), "kind": self.kind, "state": self.state, "elapsed_s": round(self.elapsed_s, 1),
+            "limit_s": self.limit_s, "value": self.value, "uncovered": self.uncovered,
+            "better_pct": None if better is None else round(better, 2),
+            "since_s": None if since_s is None else round(since_s, 1),
+            "improved_s": None if self.improved_s is None else round(self.improved_s, 1),
+            "error": self.error, "plans": list(self.plans),
+        }  # fmt: skip
+
+
+class Planning:
+    """Plans and jobs; lives on the server's event loop."""
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        """Begin with nothing; `changed` is called when the stream has something to say."""
+        self.answers, self.planner = Worker("reading the site"), Worker("planning")
+        self.store: PlanStore | None = None
+        self.job: Job | None = None
+        self.warm = False
+        """Whether the planner is loaded: compiling it takes a while, once."""
+        self._changed = changed
+        self._number = 0
+        self._asked = 0
+        self._answering = asyncio.Lock()
+        self._task: asyncio.Task[None] | None = None
+
+    async def warm_up(self) -> None:
+        """Load what plans and answers need, in both processes."""
+        await asyncio.gather(self.planner.run(load_planner), self.answers.run(load_planner))
+        self.warm = True
+        self._changed()
+
+    def open(self, site: Path) -> None:
+        """Begin with the plans of a site."""
+        if self.store is None or self.store.site != site:
+            self.store = PlanStore(site)
+
+    async def refresh(self, now: SiteNow) -> None:
+        """Find the plans there are, and whether the chosen one is as the site has it now."""
+        store = self.store
+        if store is None:
+            return
+        kept = await asyncio.to_thread(store.list_new)
+        if kept:
+            store.summaries = {**await self.answers.run(summarise_plans, kept), **store.summaries}
+        await self.look()
+        if store.chosen in store.summaries and store.facts.get(store.chosen) != now.facts:
+            path = store.path_of(store.chosen)
+            if not await self.answers.run(is_stale, now.text, now.folder, path):
+                store.facts[store.chosen] = now.facts
+                await asyncio.to_thread(store.keep_facts)
+
+    async def look(self) -> None:
+        """Take up a chosen plan that another program has written."""
+        store = self.store
+        path = None if store is None else await asyncio.to_thread(store.take_chosen)
+        if store is not None and path is not None:
+            store.summaries |= await self.answers.run(summarise_plans, [path])
+            self._changed()
+
+    def start(self, now: SiteNow, wish: PlanSettings) -> Job:
+        """Begin to plan.
+
+        Raises:
+            SiteError: something is planned already.
+        """
+        store = self.store
+        if store is None:
+            raise SiteError("expected a site; none is open")
+        if self.job is not None and self.job.state == "running":
+            raise SiteError("expected nothing to be planned already; cancel it first")
+        self._number += 1
+        kind = "left" if wish.after is not None else "day" if wish.day else "front" if wish.front else "plan"
+        self.job = Job(self._number, kind, wish.seconds)
+        self._task = asyncio.create_task(self._run(self.job, now, wish, store), name="planning")
+        self._changed()
+        return self.job
+
+    async def cancel(self, number: str) -> None:
+        """End a job; what it has found is dropped."""
+        job = self.job
+        if job is None or str(job.number) != number or job.state != "running" or self._task is None:
+            return
+        self.planner.cancel(job.number)
+        await asyncio.wait({self._task}, timeout=ENDS_S)
+        if job.state == "running":
+            self.planner.kill()
+            await asyncio.wait({self._task}, timeout=ENDS_S)
+
+    def tick(self) -> None:
+        """Look how far the job is."""
+        job, progress = self.job, self.planner.progress
+        if job is not None and progress.job == job.number:
+            job.take_progress(progress.value, progress.uncovered)
+
+    async def show(self, now: SiteNow, name: str) -> dict[str, Any]:
+        """Return all that the page shows of a plan.
+
+        Raises:
+            ExecutorError: there is no such plan, or the site cannot be used.
+            MissionsError: the plan is another site's.
+        """
+        store = self._expect_store()
+        shown = await self.answers.run(show_plan, now.text, now.folder, store.path_of(name))
+        [summary] = [one for one in store.describe(now.facts) if one["id"] == name]
+        return {"summary": summary, **shown}
+
+    async def preview_loss(self, now: SiteNow, name: str, vehicle: str, at_s: float) -> dict[str, Any]:
+        """Return what the others would fly if a vehicle were lost.
+
+        Raises:
+            Superseded: somebody asked something newer meanwhile.
+            ExecutorError: there is no such plan, or the site cannot be used.
+            MissionsError: the plan has no such vehicle.
+            PlannerError: nobody is left.
+        """
+        path = self._expect_store().path_of(name)
+        self._asked += 1
+        mine, began_s = self._asked, time.monotonic()
+        async with self._answering:
+            if mine != self._asked:
+                raise Superseded("a newer question came")
+            found = await self.answers.run(answer_loss, now.text, now.folder, path, vehicle, at_s)
+        return {**found, "seconds": round(time.monotonic() - began_s, 3)}
+
+    async def change(self, now: SiteNow, name: str, changes: Sequence[Change], *, keep: bool) -> dict[str, Any]:
+        """Change a plan by hand; the result is a plan like others, and with `keep` the chosen one.
+
+        Raises:
+            ExecutorError: there is no such plan, or a change is of something that is not there.
+            MissionsError: the plan is another site's.
+        """
+        store = self._expect_store()
+        path = store.path_of(name)
+        found = await self.answers.run(edit_plan_by_hand, now.text, now.folder, path, changes, store.folder)
+        made = found.pop("made")
+        store.add([made], now.facts)
+        if keep:
+            await asyncio.to_thread(store.choose, made.id)
+        self._changed()
+        [summary] = [one for one in store.describe(now.facts) if one["id"] == made.id]
+        return {**found, "plan": {"summary": summary, **found["plan"]}}
+
+    async def choose(self, name: str) -> None:
+        """Make a plan the one that is flown.
+
+        Raises:
+            SiteError: there is none of this name, or its file cannot be written.
+        """
+        await asyncio.to_thread(self._expect_store().choose, name)
+        self._changed()
+
+    @property
+    def chosen_file(self) -> Path:
+        """The file of the chosen plan.
+
+        Raises:
+            SiteError: no site is open.
+        """
+        return self._expect_store().file
+
+    def kill(self) -> None:
+        """End the processes at once."""
+        self.answers.kill()
+        self.planner.kill()
+
+    async def close(self) -> None:
+        """End the processes."""
+        await asyncio.gather(*(asyncio.to_thread(one.close) for one in (self.answers, self.planner)))
+
+    def describe(self, facts: str) -> Mapping[str, Any]:
+        """Return the plans and the job as the page gets them."""
+        store = self.store
+        return {
+            "plans": [] if store is None else store.describe(facts),
+            "chosen": None if store is None else store.chosen,
+            "job": None if self.job is None else self.job.describe(),
+            "warm": self.warm,
+        }
+
+    async def _run(self, job: Job, now: SiteNow, wish: PlanSettings, store: PlanStore) -> None:
+        try:
+            made = await self.planner.run(make_plans, now.text, now.folder, wish, store.folder, job.number)
+            store.add(made, now.facts)
+            job.plans = [one.id for one in made]
+            if not wish.front:
+                await asyncio.to_thread(store.choose, made[0].id)
+            job.state = "done"
+        except WorkCancelled:
+            job.state = "cancelled"
+        except OURS as error:
+            job.state, job.error = "failed", str(error)
+        except BaseException:
+            job.state, job.error = "failed", "internal error"
+            raise
+        finally:
+            job.ended_s = time.monotonic()
+            self._changed()
+
+    def _expect_store(self) -> PlanStore:
+        if self.store is None:
+            raise SiteError("expected a site; none is open")
+        return self.store

@@ -1,0 +1,154 @@
+"""What was done to a site file, step by step: undo and redo, and the record of it that a killed server leaves.
+
+The record is a file of lines, each added before the site file itself is written: what it says last is what the site
+file says, or will say as soon as it can be written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from executor.plan_page.site_document import Edit, apply_edits
+
+MOST_STEPS = 500
+"""Steps that can be undone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of undo."""
+
+    label: str
+    edits: tuple[Edit, ...] | None
+    """None where the file was written by somebody else."""
+    text: str
+    """The site file after it."""
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """A site file, and how it came to be."""
+
+    base: str
+    """The text before the first step."""
+    steps: tuple[Step, ...] = ()
+    done: int = 0
+    """So many steps are not undone."""
+
+    @property
+    def text(self) -> str:
+        """What the site file says."""
+        return self.steps[self.done - 1].text if self.done else self.base
+
+    @property
+    def texts(self) -> frozenset[str]:
+        """All that it has said."""
+        return frozenset((self.base, *(step.text for step in self.steps)))
+
+    @property
+    def undo_label(self) -> str | None:
+        """What would be undone."""
+        return self.steps[self.done - 1].label if self.done else None
+
+    @property
+    def redo_label(self) -> str | None:
+        """What would be done again."""
+        return self.steps[self.done].label if self.done < len(self.steps) else None
+
+    def edit(self, label: str, edits: Sequence[Edit]) -> History:
+        """Return the history with one more step; what was undone is forgotten.
+
+        Raises:
+            SiteError: the file is not TOML.
+            EditRefused: an edit cannot be done.
+        """
+        return self._add(Step(label, tuple(edits), apply_edits(self.text, edits)))
+
+    def overwrite(self, label: str, text: str) -> History:
+        """Return the history with a step in which somebody else has written the whole file."""
+        return self._add(Step(label, None, text))
+
+    def undo(self) -> History:
+        """Return the history with one step less done; the same where nothing is done."""
+        return replace(self, done=max(0, self.done - 1))
+
+    def redo(self) -> History:
+        """Return the history with one step more done; the same where nothing is undone."""
+        return replace(self, done=min(len(self.steps), self.done + 1))
+
+    def _add(self, step: Step) -> History:
+        steps = (*self.steps[: self.done], step)
+        over = max(0, len(steps) - MOST_STEPS)
+        base = steps[over - 1].text if over else self.base
+        return History(base, steps[over:], len(steps) - over)
+
+
+class RecordLine(BaseModel):
+    """One line of the record."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    does: Literal["base", "edit", "overwrite", "undo", "redo", "saved"]
+    """`saved`: the site file says what the record says."""
+    label: str = ""
+    text: str = ""
+    edits: tuple[Edit, ...] = ()
+
+
+_LINE = TypeAdapter(Annotated[RecordLine, Field()])
+
+
+def write_line(does: str, label: str = "", text: str = "", edits: Sequence[Edit] = ()) -> bytes:
+    """Return a line of the record."""
+    said: dict[str, Any] = {"does": does, "label": label, "text": text, "edits": edits}
+    line = RecordLine.model_validate({key: one for key, one in said.items() if one})
+    return line.model_dump_json(exclude_defaults=True).encode() + b"\n"
+
+
+def write_lines(history: History) -> bytes:
+    """Return a whole record."""
+    lines = [write_line("base", text=history.base)]
+    for step in history.steps:
+        if step.edits is None:
+            lines.append(write_line("overwrite", step.label, step.text))
+        else:
+            lines.append(write_line("edit", step.label, edits=step.edits))
+    lines += [write_line("undo")] * (len(history.steps) - history.done)
+    return b"".join(lines)
+
+
+def read_lines(record: bytes) -> tuple[History, bool] | None:
+    """Return the history of a record, and whether the site file was written after its last change; None of no use.
+
+    The last line may be torn: the server was killed while it wrote it, and had not yet promised anything.
+    """
+    history, saved = None, True
+    for line in record.split(b"\n")[:-1]:
+        try:
+            said = _LINE.validate_json(line)
+        except ValidationError:
+            break
+        if history is None:
+            if said.does != "base":
+                return None
+            history = History(said.text)
+        else:
+            saved = said.does == "saved"
+            history = history if saved else _apply_line(history, said)
+    return None if history is None else (history, saved)
+
+
+def _apply_line(history: History, said: RecordLine) -> History:
+    match said.does:
+        case "edit":
+            return history.edit(said.label, said.edits)
+        case "overwrite":
+            return history.overwrite(said.label, said.text)
+        case "undo":
+            return history.undo()
+        case _:
+            return history.redo()

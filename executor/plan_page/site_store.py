@@ -1,0 +1,196 @@
+"""The site file on disk: every change is kept at once, and whatever others write into it is read, not overwritten.
+
+Beside the site lies a folder `.faultline` with the record of its changes. The record is written first, then the site
+file as a whole: a server that is killed in between has promised nothing that is not in one of them. Where neither can
+be written, the changes stay in memory, that is said, and the next look tries again.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from executor.adapters.run_directory import hold_lock
+from executor.errors import SiteError
+from executor.plan_page.site_document import Edit
+from executor.plan_page.site_history import History, read_lines, write_line, write_lines
+from missions.files import decode_text, write_whole
+
+WORK_FOLDER = ".faultline"
+BY_OTHERS = "a change in another program"
+
+Signature = tuple[int, int, int]
+"""By what a file is known to be the one that was written: inode, size and time."""
+
+
+def work_folder_of(site: Path) -> Path:
+    """Return where a site's record and its plans are kept."""
+    return site.parent / WORK_FOLDER / site.name
+
+
+class SiteStore:
+    """One site file that is being edited; a context manager, used by one thread at a time."""
+
+    def __init__(self, path: Path) -> None:
+        """Name the site file; entering reads it, and the record of its changes."""
+        self.path = path.absolute()
+        self.folder = work_folder_of(self.path)
+        self.history = History("")
+        self.save_error: str | None = None
+        """Why the last change is not on disk."""
+        self._waiting: list[bytes] = []
+        """Lines of the record that are not on disk."""
+        self._written: str | None = None
+        """What the site file says, as far as is known."""
+        self._seen: Signature | None = None
+        self._record: FileIO | None = None
+        self._stack = ExitStack()
+
+    @property
+    def saved(self) -> bool:
+        """Whether the site file says what the page shows."""
+        return self._written == self.history.text and not self._waiting
+
+    def __enter__(self) -> Self:
+        """Read the site, and its record; hold both.
+
+        Raises:
+            SiteError: the site file cannot be read.
+            LogError: another plan page has it open.
+        """
+        text, self._seen = self._read()
+        self._written = text
+        with suppress(OSError):  # said with the first change
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock()
+        self.history = self._reconcile(text)
+        self._waiting = [write_lines(self.history)]
+        self.save()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Try once more to save what is not saved, and let go."""
+        self.look()
+        self._record = None
+        self._stack.close()
+
+    def edit(self, label: str, edits: Sequence[Edit]) -> None:
+        """Do some edits as one step.
+
+        Raises:
+            SiteError: the file is not TOML.
+            EditRefused: an edit cannot be done.
+        """
+        self._change(self.history.edit(label, edits), write_line("edit", label, edits=edits))
+
+    def undo(self) -> None:
+        """Undo the last step, if there is one."""
+        if self.history.undo_label is not None:
+            self._change(self.history.undo(), write_line("undo"))
+
+    def redo(self) -> None:
+        """Do the step again that was undone last, if there is one."""
+        if self.history.redo_label is not None:
+            self._change(self.history.redo(), write_line("redo"))
+
+    def look(self) -> bool:
+        """Read what others wrote, try again to save; returns whether the site is another one now."""
+        before = self.history
+        self.save()
+        return self.history is not before
+
+    def save(self) -> None:
+        """Write what is not yet on disk; what cannot be written stays in memory, and is said."""
+        try:
+            self._take_foreign_change()
+            self._write_record()
+            if self._written != self.history.text:
+                write_whole(self.path, self.history.text.encode())
+                self._written, self._seen = self.history.text, _sign(self.path)
+                self._waiting.append(write_line("saved"))
+                self._write_record()
+        except OSError as error:
+            words = f"{error.filename or self.path}: cannot be written: {error.strerror}"
+            self.save_error = f"{words}; the change is kept in memory, and tried again"
+        except SiteError as error:
+            self.save_error = f"{error}; nothing is saved until it is"
+        else:
+            self.save_error = None
+
+    def _change(self, history: History, line: bytes) -> None:
+        self.history = history
+        self._waiting.append(line)
+        self.save()
+
+    def _lock(self) -> None:
+        with suppress(ImportError):  # a system without locks
+            self._stack.enter_context(hold_lock(self.folder / "lock", f"{self.path}: is open in another plan page"))
+
+    def _read(self) -> tuple[str, Signature | None]:
+        signature = _sign(self.path)
+        try:
+            content = self.path.read_bytes()
+        except FileNotFoundError:
+            raise SiteError(f"{self.path}: no such file; expected a site file (TOML)") from None
+        except OSError as error:
+            raise SiteError(f"{self.path}: cannot be read: {error.strerror}") from error
+        return decode_text(content, str(self.path), SiteError), signature
+
+    def _reconcile(self, text: str) -> History:
+        """Return the history that the site file continues."""
+        try:
+            known = read_lines((self.folder / "edits.jsonl").read_bytes())
+        except (OSError, SiteError):
+            known = None
+        if known is None:
+            return History(text)
+        history, saved = known
+        if history.text == text or (not saved and text in history.texts):
+            return history  # or it was killed before the site file was written, which is done now
+        return history.overwrite(BY_OTHERS, text)
+
+    def _take_foreign_change(self) -> None:
+        """Read what others have written; what is not saved of ours is what undo leads back to."""
+        signature = _sign(self.path)
+        if signature is None or signature == self._seen:
+            return
+        text, self._seen = self._read()
+        if text not in {self._written, self.history.text}:
+            self.history = self.history.overwrite(BY_OTHERS, text)
+            self._waiting.append(write_line("overwrite", BY_OTHERS, text))
+        self._written = text
+
+    def _write_record(self) -> None:
+        if not self._waiting:
+            return
+        if self._record is None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(self.folder / "edits.jsonl", write_lines(self.history))
+            self._record = self._stack.enter_context((self.folder / "edits.jsonl").open("ab", buffering=0))
+            self._waiting.clear()
+            return
+        content, end = b"".join(self._waiting), os.fstat(self._record.fileno()).st_size
+        try:
+            while content:
+                content = content[self._record.write(content) :]
+            os.fsync(self._record.fileno())
+        except OSError:
+            with suppress(OSError):
+                self._record.truncate(end)  # a torn line would hide all that follow
+            raise
+        self._waiting.clear()
+
+
+def _sign(path: Path) -> Signature | None:
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns

@@ -1,0 +1,328 @@
+"""What the page works on: one site, what was understood of it, its plans and the job under way.
+
+It lives on the server's event loop. The site file is read and written in a thread, the rest of the work is done by two
+processes: one plans, the other answers what is asked meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from executor.errors import ExecutorError, SiteError
+from executor.plan_page import site_files
+from executor.plan_page.plan_store import sum_up_facts
+from executor.plan_page.planning import OURS, Planning, SiteNow
+from executor.plan_page.site_document import Edit
+from executor.plan_page.site_problems import SiteProblem, check_text
+from executor.plan_page.site_store import SiteStore
+from executor.plan_page.site_view import SiteView
+from executor.plan_page.worker_site import read_site_view
+from missions.files import json_text
+
+LOOK_S = 2.0
+"""Real seconds between two looks at what others do to the files."""
+SOON_S = 0.4
+"""So long an answer waits for what was understood of the site; what takes longer follows by the stream."""
+NOTHING = SiteView([])
+
+
+class StaleRevision(ExecutorError):
+    """A change of a site that is another one by now."""
+
+
+class Workspace:
+    """What the page works on."""
+
+    def __init__(self, root: Path, store: SiteStore | None = None) -> None:
+        """Begin with a site that is entered, or with nothing; `root` is the folder that files may be opened below."""
+        self.root = root.absolute()
+        self.store = store
+        self.view = NOTHING
+        self.revision = int(1000 * time.time())
+        """Grows with every change of the site; also over restarts, so that a tab which stayed open is told."""
+        self.checked = self.revision
+        """Of which revision `view` is."""
+        self.news = asyncio.Event()
+        """Set when there is something new for the stream."""
+        self.planning = Planning(self.news.set)
+        self.tabs: Callable[[], int] = lambda: 0
+        self._values: Mapping[str, Any] = {}
+        self._problems: list[SiteProblem] = []
+        self._lock = asyncio.Lock()
+        self._wanted = asyncio.Event()
+        self._known = asyncio.Condition()
+        self._stamps: Sequence[object] = ()
+        self._facts = ""
+        self._take_change()
+
+    # What is there
+
+    def describe(self) -> dict[str, Any]:
+        """Return the workspace as the page gets it."""
+        store = self.store
+        history = None if store is None else store.history
+        fresh = self.checked == self.revision
+        return {
+            "revision": self.revision,
+            "checked": self.checked,
+            "folder": str(self.root),
+            "site": None if store is None or history is None else {
+                "path": self.name_file(store.path), "name": store.path.stem, "text": history.text,
+            },
+            "values": self._values,
+            "problems": self.view.problems if fresh else self._problems,
+            "undo": None if history is None else history.undo_label,
+            "redo": None if history is None else history.redo_label,
+            "network": None if self.view.network is None else {
+                "digest": self.view.digest, "segments": self.view.segments,
+            },
+            **self.planning.describe(self._facts),
+            "saved": store is None or store.saved,
+            "save_error": None if store is None else store.save_error,
+            "tabs": self.tabs(),
+        }  # fmt: skip
+
+    def describe_news(self) -> bytes:
+        """Return what the stream says: enough to know whether to ask for more."""
+        store = self.store
+        self.planning.tick()
+        plans = self.planning.describe(self._facts)
+        return json_text({
+            "revision": self.revision, "checked": self.checked, "tabs": self.tabs(),
+            "saved": store is None or store.saved,
+            "job": plans["job"], "chosen": plans["chosen"], "warm": plans["warm"],
+            "plans": [one["id"] + "*" * one["stale"] for one in plans["plans"]],
+        }).encode()  # fmt: skip
+
+    @property
+    def now(self) -> SiteNow:
+        """The site that something is asked about.
+
+        Raises:
+            SiteError: none is open.
+        """
+        if self.store is None:
+            raise SiteError("expected a site; none is open")
+        return SiteNow(self.store.history.text, self.store.path.parent, self._facts)
+
+    def expect_revision(self, revision: int) -> None:
+        """Go on only with what the page has seen.
+
+        Raises:
+            StaleRevision: the site is another one.
+        """
+        if revision != self.revision:
+            raise StaleRevision("the site was changed elsewhere, in another tab or program; here is what it is now")
+
+    def name_file(self, path: Path) -> str:
+        """Return what people call a file: its path from the folder of this page."""
+        with suppress(ValueError):
+            return path.resolve().relative_to(self.root.resolve()).as_posix()
+        return str(path)
+
+    @property
+    def folder(self) -> Path:
+        """Where the site file is, or would be."""
+        return self.root if self.store is None else self.store.path.parent
+
+    # What is done
+
+    async def open_file(self, path: Path) -> None:
+        """Open a site; for a network make one, for a plan open the one beside it.
+
+        Raises:
+            ExecutorError: it cannot be opened; what was open before stays so.
+            MissionsError: a network that cannot be used.
+        """
+        kind = await asyncio.to_thread(site_files.find_kind, path)
+        if kind == "network":
+            path = await self.planning.answers.run(site_files.make_site, path.parent, path)
+        elif kind == "plan":
+            path = site_files.find_site_of_plan(path)
+        await self._open_site(path.absolute())
+
+    async def open_default(self) -> None:
+        """Begin a site over the network that comes with faultline.
+
+        Raises:
+            ExecutorError: its file cannot be written.
+        """
+        await self._open_site(await self.planning.answers.run(site_files.make_site, self.root, None))
+
+    async def upload(self, name: str, content: AsyncIterator[bytes], *, as_network: bool) -> str:
+        """Keep a file; a network's begins a site. Returns its name from the site's folder.
+
+        Raises:
+            ExecutorError: it cannot be kept.
+            MissionsError: a network that cannot be used; it is not kept.
+        """
+        path = await site_files.receive_file(self.folder, name, content)
+        if as_network:
+            try:
+                await self.open_file(path)
+            except BaseException:
+                path.unlink(missing_ok=True)
+                raise
+        return path.name
+
+    async def edit(self, revision: int, label: str, edits: Sequence[Edit]) -> None:
+        """Do some edits as one step.
+
+        Raises:
+            StaleRevision: the site is another one.
+            SiteError: an edit cannot be done.
+        """
+        await self._change(revision, lambda store: store.edit(label, edits))
+
+    async def undo(self, revision: int) -> None:
+        """Undo the last step.
+
+        Raises:
+            StaleRevision: the site is another one.
+        """
+        await self._change(revision, SiteStore.undo)
+
+    async def redo(self, revision: int) -> None:
+        """Do again what was undone last.
+
+        Raises:
+            StaleRevision: the site is another one.
+        """
+        await self._change(revision, SiteStore.redo)
+
+    async def choose_for_flight(self, plan: str) -> tuple[Path, Path]:
+        """Make a plan the chosen one; returns the files of the site and of it, which are what the page shows.
+
+        Raises:
+            SiteError: the site is not on disk, or there is no such plan.
+        """
+        store = self.store
+        if store is None or not store.saved:
+            raise SiteError("expected a site that is saved before it is flown")
+        await self.planning.choose(plan)
+        return store.path, self.planning.chosen_file
+
+    async def wait_until_checked(self, within_s: float = SOON_S) -> None:
+        """Wait until the present site is understood, but not for long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(within_s), self._known:
+                await self._known.wait_for(lambda: self.checked == self.revision)
+
+    async def run(self) -> None:
+        """Understand every site that there comes to be, for ever."""
+        while True:
+            await self._wanted.wait()
+            self._wanted.clear()
+            revision, store = self.revision, self.store
+            if store is None:
+                continue
+            try:
+                view = await self.planning.answers.run(read_site_view, store.history.text, store.path.parent)
+            except ExecutorError as error:
+                view = SiteView([SiteProblem(path=None, message=str(error))])
+            async with self._known:
+                self.view, self.checked = view, revision
+                self._known.notify_all()
+            self.news.set()
+            with suppress(*OURS):  # a process that died is said with what is asked next
+                await self.planning.refresh(self.now)
+            self.news.set()
+
+    async def watch_files(self) -> None:
+        """Read what others write, and try again to save what could not be saved, for ever."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            async with self._lock:
+                await self._look()
+            with suppress(*OURS):
+                await self.planning.look()
+
+    async def close(self) -> None:
+        """Save what is not saved, and end the processes."""
+        async with self._lock:
+            if self.store is not None:
+                await asyncio.to_thread(self.store.__exit__, None, None, None)
+            await self.planning.close()
+
+    def kill_workers(self) -> None:
+        """End the processes at once."""
+        self.planning.kill()
+
+    async def _open_site(self, path: Path) -> None:
+        async with self._lock:
+            before = self.store
+            if before is not None and before.path == path:
+                return
+            store = await asyncio.to_thread(SiteStore(path).__enter__)
+            self.store, self.view = store, NOTHING
+            if before is not None:
+                await asyncio.to_thread(before.__exit__, None, None, None)
+            self._take_change()
+
+    async def _change(self, revision: int, work: Callable[[SiteStore], None]) -> None:
+        async with self._lock:
+            store = self.store
+            if store is None:
+                raise SiteError("expected a site; none is open")
+            await self._look()
+            self.expect_revision(revision)
+            await asyncio.to_thread(work, store)
+            self._take_change()
+
+    async def _look(self) -> None:
+        store = self.store
+        if store is None:
+            return
+        was = (store.saved, store.save_error)
+        if await asyncio.to_thread(store.look):
+            self._take_change()
+        stamps = await asyncio.to_thread(_stamp_files, self._values, store.path.parent)
+        if stamps != self._stamps:
+            self._stamps = stamps
+            self._facts = sum_up_facts(self._values, stamps)
+            self._wanted.set()
+        if was != (store.saved, store.save_error):
+            self.news.set()
+
+    def _take_change(self) -> None:
+        if self.store is None:
+            return
+        self.revision += 1
+        self.planning.open(self.store.path)
+        values, _, self._problems = check_text(self.store.history.text)
+        self._values = _to_plain(values)
+        self._stamps = _stamp_files(values, self.store.path.parent)
+        self._facts = sum_up_facts(self._values, self._stamps)
+        self._wanted.set()
+        self.news.set()
+
+
+def _to_plain(values: Any) -> Any:  # noqa: ANN401 - whatever a file says
+    """Return values as JSON has them: TOML has times, too."""
+    if isinstance(values, dict):
+        return {key: _to_plain(one) for key, one in values.items()}
+    if isinstance(values, list):
+        return [_to_plain(one) for one in values]
+    return values if isinstance(values, str | int | float) else str(values)
+
+
+def _stamp_files(values: Mapping[str, Any], folder: Path) -> Sequence[object]:
+    """Return what changes when a file that a site names does."""
+    named: list[object] = []
+    for table, key in (("network", "file"), ("terrain", "files"), ("map", "background"), ("area", "file")):
+        tables = values.get(table)
+        for one in tables if isinstance(tables, list) else [tables]:
+            files = one.get(key) if isinstance(one, dict) else None
+            named += files if isinstance(files, list) else [files]
+    stamps: list[object] = []
+    for file in named:
+        with suppress(OSError, ValueError):
+            if isinstance(file, str):
+                stat = (folder / file).stat()
+                stamps += [file, stat.st_mtime_ns, stat.st_size]
+    return stamps

@@ -1,0 +1,56 @@
+"""A site file to start from."""
+
+from __future__ import annotations
+
+import tomli_w
+
+import missions
+from executor.adapters.templates import render_template
+from executor.site.site_keys import EnergyTable, InspectionTable, VehicleTable
+from planner import PRESETS
+
+COMMENT_AT = 40
+FIRST_PORT = 14551
+
+
+def render_site_template(vehicles: int, autopilot: str, **wish: object) -> str:
+    """Return the text of a site file.
+
+    Args:
+        vehicles: How many.
+        autopilot: Of all of them.
+        wish: What else the template asks for: `file`, the network's as seen from the site file's folder; `has_heights`,
+            whether the network knows those of its pylons; `depot`, None where the network's file says it; `radius_m`;
+            and `choice`, what else is said of the network's file, by its keys, None for what is not.
+    """
+    fleet = [
+        VehicleTable(
+            name=f"uav{number}",
+            connection=f"udpin://0.0.0.0:{FIRST_PORT + number - 1}",
+            sysid=number,
+            autopilot=autopilot,
+        )
+        for number in range(1, vehicles + 1)
+    ]
+    return render_template(
+        "site.toml", wish=wish, inspection=InspectionTable(), energy=EnergyTable(), vehicles=fleet, drones=PRESETS,
+        autopilots=[dialect.name for dialect in missions.AUTOPILOTS], row=_render_row, noted=_append_comment,
+    )  # fmt: skip
+
+
+def _render_row(key: str, value: object, comment: str = "") -> str:
+    text = tomli_w.dumps({key: value}).strip()
+    if isinstance(value, float | tuple):
+        text = f"{key} = {_shorten_figures(value)}"
+    return _append_comment(text, comment) if comment else text
+
+
+def _shorten_figures(value: float | tuple[float, ...]) -> object:
+    """Return figures without a fraction that is 0."""
+    if isinstance(value, tuple):
+        return [_shorten_figures(one) for one in value]
+    return int(value) if value.is_integer() else value
+
+
+def _append_comment(text: str, comment: str) -> str:
+    return f"{text:{COMMENT_AT - 1}} # {comment}"

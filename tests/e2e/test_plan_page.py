@@ -1,0 +1,183 @@
+"""The plan page in a real browser: from a network's file to a site that can be planned, and nothing lost on the way."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Page, expect
+
+from tests.e2e.gallery import browsing
+from tests.e2e.plan_pages import PATIENCE_MS, SIZES, Hand, look_at, planning, ready, write_kml
+from tests.executor.plan_page.opened import make_demo_site, opened
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+
+SCRIPT = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>'
+BUDGET = '[data-path="vehicle.0.budget_pct"]'
+
+
+async def in_file(page: Page, site: Path, words: str) -> None:
+    """Wait until the page says that all is saved, and look into the site file."""
+    await expect(page.locator("#saved")).to_have_class("is-saved")
+    assert words in await asyncio.to_thread(site.read_text, encoding="utf-8")
+
+
+async def test_what_is_typed_is_saved_and_what_is_wrong_is_said_at_its_field(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    comment = "# what a route may use"
+    assert comment in site.read_text(encoding="utf-8")
+    async with planning(tmp_path, site) as (page, _):
+        hand = Hand(page)
+        await hand.open("vehicles")
+        await hand.click("#step-vehicles .item > summary >> nth=0")
+        field = page.locator(BUDGET)
+        await expect(field.locator(".unit")).to_have_text("%")
+        await expect(field.locator(".meaning")).to_contain_text("Most of a full battery that a route may use.")
+        await expect(field.locator(".meaning")).to_contain_text("75 %")
+        await hand.type(f"{BUDGET} input", "170")
+        await expect(field.locator(".wrong")).to_have_text(re.compile("expected .*got 170"))
+        await expect(page.locator("#wrong")).to_have_text("1 to correct")
+        await expect(page.locator("#start")).to_be_disabled()
+        await hand.type(f"{BUDGET} input", "62,5")
+        await expect(field.locator(".wrong")).to_be_hidden()
+        await expect(page.locator("#start")).to_be_enabled()
+        await in_file(page, site, "budget_pct = 62.5")
+        assert comment in site.read_text(encoding="utf-8")
+        await page.locator("#step-vehicles > summary").focus()
+        for _ in range(2):
+            await page.keyboard.press("Control+z")
+        await expect(page.locator(f"{BUDGET} input")).to_have_value("75")
+        await page.keyboard.press("Control+Shift+z")
+        await page.keyboard.press("Control+Shift+z")
+        await expect(page.locator(f"{BUDGET} input")).to_have_value("62.5")
+        await expect(page.locator("#redo")).to_be_disabled()
+        await in_file(page, site, "budget_pct = 62.5")
+
+
+async def test_segments_are_chosen_by_name_box_lasso_and_click_and_left_out_by_key(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site) as (page, _):
+        hand = Hand(page)
+        await page.keyboard.press("/")
+        await page.locator("#sought-segments").fill("V101.1..V101.2")
+        await page.keyboard.press("Enter")
+        await expect(page.locator("#selected b")).to_have_text(re.compile("^2 segments, .* V101.1, V101.2$"))
+        await page.keyboard.press("Escape")
+        await page.keyboard.press("o")
+        await in_file(page, site, 'leave_out = ["V101.1", "V101.2"]')
+        await expect(page.locator("#step-spans .status")).to_have_text(re.compile(r"\d+ of \d+"))
+        await page.locator('[data-act="span.take-in"]').click()
+        await expect(page.locator("#step-spans .status")).to_have_text("all")
+        await page.locator('[data-act="span.clear"]').click()
+        await hand.click('[data-tool="box"]')
+        await hand.drag((0.01, 0.2), (0.99, 0.99))
+        boxed = await page.locator("#selected b").inner_text()
+        await hand.click('[data-act="span.clear"]')
+        await hand.click('[data-tool="lasso"]')
+        await hand.drag((0.01, 0.2), (0.99, 0.2), (0.99, 0.99), (0.01, 0.99))
+        await expect(page.locator("#selected b")).to_have_text(boxed)
+        await page.keyboard.press("Escape")
+        await expect(page.locator("#selected")).to_be_hidden()
+        await expect(page.locator('[data-tool="pick"]')).to_have_attribute("aria-pressed", "true")
+
+
+async def test_an_area_and_a_pad_are_put_on_the_map_and_their_corners_are_moved(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site) as (page, server):
+        hand = Hand(page)
+        await hand.click('[data-tool="area"]')
+        for corner in ((0.04, 0.2), (0.12, 0.2), (0.12, 0.3)):
+            await hand.map(*corner)
+        await hand.click("#tool-done")
+        await expect(page.locator("#step-areas .status")).to_have_text("1 area")
+        first = server.checked()["values"]["area"][0]
+        assert (first["name"], len(first["polygon"])) == ("area1", 3)
+        await hand.open("areas")
+        await hand.click("#step-areas .item > summary")
+        await hand.type('[data-path="area.0.max_agl_m"] input', "60")
+        await expect(page.locator("#step-areas .item b")).to_have_text("area1 (height limit)")
+        await hand.open("places")
+        await hand.click(page.locator("#step-places").get_by_role("button", name="Put pad"))
+        await expect(page.locator("#guided")).to_have_text("Click on the map: pad of uav1")
+        await hand.map(0.3, 0.5)
+        await expect(page.locator("#step-places .item b")).to_have_text("pad1 (pad)")
+        values = server.checked()["values"]
+        assert (values["vehicle"][0]["pad"], values["area"][0]["max_agl_m"]) == ("pad1", 60)
+
+
+async def test_a_second_tab_is_told_and_both_edits_are_kept(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site) as (page, server):
+        assert page.context.browser is not None
+        other = await page.context.browser.new_page()
+        await other.goto(server.server.address)
+        await ready(other)
+        await expect(page.locator("#saved")).to_contain_text("open in 2 tabs")
+        for tab, step, place, value in (
+            (other, "inspection", '[data-path="inspection.height_m"] input', "18"),
+            (page, "inspection", '[data-path="inspection.standoff_m"] input', "7"),
+        ):
+            await Hand(tab).open(step)
+            await Hand(tab).type(place, value)
+            await expect(tab.locator("#saved")).to_have_class("is-saved")
+        await expect(page.locator('[data-path="inspection.height_m"] input')).to_have_value("18")
+        await expect(other.locator('[data-path="inspection.standoff_m"] input')).to_have_value("7")
+        await expect(other.locator("#answer")).to_contain_text("Another tab has changed this site")
+        inspection = server.checked()["values"]["inspection"]
+        assert (inspection["height_m"], inspection["standoff_m"]) == (18, 7)
+
+
+async def test_a_server_that_is_gone_is_said_and_what_is_typed_is_sent_once_it_is_back(tmp_path: Path) -> None:
+    site = make_demo_site(tmp_path)
+    with opened(tmp_path, site) as server:
+        port = server.port
+        address = server.server.address
+        browser = browsing(address, patience_ms=PATIENCE_MS)
+        page = await browser.__aenter__()
+        await ready(page)
+        await Hand(page).open("inspection")
+    await expect(page.locator("#banner")).to_contain_text("does not answer")
+    await Hand(page).type('[data-path="inspection.height_m"] input', "21")
+    await expect(page.locator("#banner")).to_contain_text("1 change is kept here")
+    await expect(page.locator("#saved")).to_have_class("is-saving")
+    with opened(tmp_path, site, port=port) as server:
+        await expect(page.locator("#banner")).to_be_hidden()
+        await in_file(page, site, "height_m = 21")
+        assert server.checked()["undo"] == "set Height"
+        await browser.__aexit__(None, None, None)
+
+
+async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
+    name = SCRIPT.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+    kml = write_kml(tmp_path / "line.kml", name)
+    async with planning(tmp_path) as (page, _):
+        await page.set_input_files("#drop input[type=file]", str(kml))
+        hand = Hand(page)
+        await expect(page.locator("#step-network .status")).to_contain_text("segment")
+        await hand.open("spans")
+        first = page.locator("#step-spans .spans .name").first
+        await expect(first).to_contain_text("onerror")
+        await first.click()
+        await expect(page.locator("#selected b")).to_contain_text("<img src=x")
+        assert await page.evaluate("window.hacked") is None
+        assert await page.locator("#steps img, #steps script").count() == 0
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+async def test_every_step_is_legible_and_whole_at_every_width(tmp_path: Path, scheme: str, language: str) -> None:
+    site = make_demo_site(tmp_path)
+    async with planning(tmp_path, site, query=f"?lang={language}") as (page, _):
+        await page.emulate_media(color_scheme="dark" if scheme == "dark" else "light")
+        for box in await page.locator(".step > summary").all():
+            if await box.locator("xpath=..").get_attribute("open") is None:
+                await box.click()
+        for size in SIZES.values():
+            await page.set_viewport_size({"width": size[0], "height": size[1]})
+            assert await look_at(page) == []
+        assert await page.locator("html").get_attribute("lang") == language
+        for one in await page.locator("button:visible, input:not([aria-hidden]):visible, select:visible").all():
+            assert await one.evaluate("one => Boolean(one.textContent.trim() || one.ariaLabel || one.labels?.length)")

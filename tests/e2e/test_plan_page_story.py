@@ -1,0 +1,243 @@
+"""From a network's file to a plan on the page alone, counted in clicks; then losses, changes, days, a flight."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import pytest
+from playwright.async_api import Page, expect
+
+from missions import PlanFile, check_plan, read_any_plan
+from tests.e2e.flights import called, said_in
+from tests.e2e.gallery import browsing
+from tests.e2e.plan_pages import PATIENCE_MS, Hand, planning, write_kml
+from tests.executor.plan_page.opened import Opened, make_demo_site
+from tests.ports import free_port, free_ports
+
+pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
+
+UNKNOWN = Path(__file__).parents[3] / "shared" / "data" / "kml" / "pylons.kml"
+MOST_CLICKS = 40
+HOUR = "08:00"
+
+
+@asynccontextmanager
+async def planned(root: Path, ports: Sequence[int] = ()) -> AsyncIterator[tuple[Page, Hand, Opened]]:
+    """Open the page over a part of the network that comes with faultline, and plan it."""
+    async with planning(root, make_site_with_ports(root, ports)) as (page, server):
+        hand = Hand(page)
+        await plan(page, hand)
+        yield page, hand, server
+
+
+def make_site_with_ports(root: Path, ports: Sequence[int]) -> Path:
+    """Write a site whose vehicles are heard on ports that nobody else uses."""
+    site = make_demo_site(root)
+    text = site.read_text(encoding="utf-8")
+    for number, port in enumerate(ports, 1):
+        text = text.replace(f":{14550 + number}", f":{port}")
+    site.write_text(text, encoding="utf-8")
+    return site
+
+
+async def plan(page: Page, hand: Hand) -> None:
+    """Search for a plan for two seconds."""
+    await page.locator(".menu select").first.select_option("2")
+    await hand.click("#start")
+    await expect(page.locator("#times")).to_be_visible()
+
+
+async def go_to(page: Page, share: float) -> None:
+    """Drag the slider to a share of the time."""
+    box = await page.locator("#slider").bounding_box()
+    assert box is not None
+    await page.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+
+
+@pytest.mark.parametrize("source", ["written", "unknown"])
+async def test_a_crew_comes_from_a_file_to_a_plan_in_few_clicks(tmp_path: Path, source: str) -> None:
+    kml = tmp_path / "from" / "line.kml"
+    kml.parent.mkdir()
+    if source == "written":
+        write_kml(kml)
+    elif UNKNOWN.is_file():
+        shutil.copy(UNKNOWN, kml)
+    else:
+        pytest.skip(f"{UNKNOWN} is not there")
+    root = tmp_path / "site"
+    root.mkdir()
+    async with planning(root) as (page, server):
+        hand = Hand(page, 1)
+        await page.set_input_files("#drop input[type=file]", str(kml))
+        places = page.locator("#step-places")
+        await expect(places.locator(".wrong").first).to_contain_text("depot")
+        await hand.click(places.get_by_role("button", name="Put depot"))
+        await hand.map(0.5, 0.45)
+        await hand.click(page.locator("#step-network").get_by_role("button", name="The ground is level there"))
+        await expect(page.locator("#wrong")).to_be_hidden()
+
+        await hand.click('[data-tool="area"]')
+        for corner in ((0.86, 0.12), (0.95, 0.12), (0.95, 0.2), (0.86, 0.2)):
+            await hand.map(*corner)
+        await hand.click("#tool-done")
+        await expect(page.locator("#step-areas .status")).to_have_text("1 area")
+
+        await hand.open("spans")
+        first = page.locator("#step-spans .spans input").first
+        name = await page.locator("#step-spans .spans .name").first.inner_text()
+        await hand.click(first)
+        await hand.choose('[data-act="span.lock"]', "uav2")
+        await expect(page.locator("#step-spans .spans .state-word").first).to_have_text("locked: uav2")
+
+        await hand.click("#start")
+        await expect(page.locator("#times")).to_be_visible()
+        await expect(page.locator(".routes tbody tr")).to_have_count(3)
+        await expect(page.locator(".card[aria-checked=true] .fact b").last).to_have_text("0")
+        assert hand.clicks <= MOST_CLICKS
+        summary = server.get("/api/workspace")
+    values = summary["values"]
+    assert ([one["name"] for one in values["area"]], values["lock"][0]["vehicle"]) == (["area1"], "uav2")
+    made = read_any_plan(root / "plan.json")
+    assert isinstance(made, PlanFile)
+    assert check_plan(made) == []
+    flown = {
+        made.segments[made.positions[visit.segment]].display_name: one.vehicle
+        for one in made.routes for visit in one.visits
+    }  # fmt: skip
+    assert (len(made.names), flown[name]) == (3, "uav2")
+
+
+async def test_a_loss_is_answered_where_the_slider_stands(tmp_path: Path) -> None:
+    async with planned(tmp_path) as (page, hand, _):
+        await expect(page.locator("#lose")).to_be_disabled()
+        await page.locator("#plan-map").click(position={"x": 12, "y": 12})
+        await page.keyboard.press("2")
+        await go_to(page, 0.5)
+        await expect(page.locator("#times .row.chosen .where")).to_contain_text("%")
+        await hand.click("#lose")
+        notice = page.locator("#plans .answer")
+        await expect(notice.locator("h3")).to_have_text(re.compile(r"uav2 lost at T\+\d+:\d\d"))
+        await expect(notice).to_contain_text(re.compile(r"The others inspect|left over"))
+        await expect(page.locator("#times .row").nth(1).locator(".lost")).to_be_visible()
+        await expect(page.locator("#times .row").nth(1).locator(".where")).to_contain_text("lost at T+")
+        assert await page.locator("#times .visit.again").count() > 0
+        await hand.click(notice.get_by_role("button", name="Back to the plan"))
+        await expect(notice).to_be_hidden()
+        assert await page.locator("#times .visit.again").count() == 0
+
+
+async def test_a_change_by_hand_is_checked_and_priced_before_it_is_kept(tmp_path: Path) -> None:
+    async with planned(tmp_path) as (page, hand, server):
+        before = server.get("/api/workspace")["chosen"]
+        await hand.click(".routes .who >> nth=0")
+        first = page.locator(".visits li .pick").first
+        name = (await first.inner_text()).split(" ", 1)[1]
+        await hand.click(first)
+        await hand.choose('[data-act="span.give"]', "uav3")
+        notice = page.locator("#plans .answer")
+        await expect(notice.locator("h3")).to_have_text("1 change by hand")
+        await expect(notice).to_contain_text("Budgets, areas, heights and separation hold.")
+        await expect(notice).to_contain_text("Window: ")
+        await hand.click(".routes .who >> nth=2")
+        await expect(page.locator(".visits")).to_contain_text(name)
+        await page.keyboard.press("Escape")
+        await expect(notice).to_be_hidden()
+        assert server.get("/api/workspace")["chosen"] == before
+        await hand.choose('[data-act="span.give"]', "uav3")
+        await hand.click(notice.get_by_role("button", name="Keep"))
+        await expect(notice).to_be_hidden()
+        await expect(page.locator(".visits")).to_contain_text(name)
+        chosen = server.get("/api/workspace")["chosen"]
+        assert chosen != before
+        shown = server.get(f"/api/plans/{chosen}")["vehicles"]
+        segments = {one["id"]: one["name"] for one in server.get("/api/network")["segments"]}
+        assert name in [segments[visit["segment"]] for visit in shown[2]["routes"][0]["visits"]]
+
+
+async def test_several_plans_are_shown_side_by_side_and_chosen_by_click(tmp_path: Path) -> None:
+    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, server):
+        hand = Hand(page)
+        await page.locator(".tick", has_text="several to choose").click()
+        await hand.click("#start")
+        cards = page.locator(".card")
+        await expect(cards.nth(1)).to_be_visible()
+        await expect(page.locator("#start")).to_be_enabled()
+        await hand.click(cards.last)
+        await expect(cards.last).to_have_attribute("aria-checked", "true")
+        await expect(page.locator("#times")).to_be_visible()
+        workspace = server.get("/api/workspace")
+        assert workspace["chosen"] == workspace["plans"][-1]["id"]
+        await expect(page.locator("svg.front circle")).to_have_count(len(workspace["plans"]))
+
+
+async def test_a_search_is_cancelled_and_the_plan_before_is_kept(tmp_path: Path) -> None:
+    async with planned(tmp_path) as (page, hand, server):
+        before = server.get("/api/workspace")["chosen"]
+        await page.locator(".menu select").first.select_option("300")
+        await hand.click("#start")
+        await expect(page.locator(".busy progress")).to_be_visible()
+        await hand.click(".busy .cancel")
+        await expect(page.locator(".busy")).to_be_hidden()
+        assert server.get("/api/workspace")["chosen"] == before
+        await hand.open("inspection")
+        await hand.type('[data-path="inspection.height_m"] input', "17")
+        await expect(page.locator("#plans .notice", has_text="The site has changed since this plan")).to_be_visible()
+        await expect(page.locator("#fly")).to_be_disabled()
+
+
+async def test_a_day_is_planned_with_its_hours_and_shown_as_a_chart_that_is_the_slider(tmp_path: Path) -> None:
+    async with planning(tmp_path, make_demo_site(tmp_path)) as (page, server):
+        hand = Hand(page)
+        await hand.open("day")
+        await hand.click(page.locator("#step-day").get_by_role("button", name="Plan days"))
+        await expect(page.locator("#step-day .status")).to_have_text(f"{HOUR}–16:00")
+        await expect(page.locator(".tick", has_text="days").locator("input")).to_be_checked()
+        await page.locator(".menu select").first.select_option("2")
+        await hand.click("#start")
+        await expect(page.locator("#times")).to_be_visible()
+        await expect(page.locator("#times .clock")).to_have_text(re.compile(r"0[89]:\d\d"))
+        await go_to(page, 0.6)
+        await expect(page.locator("#times .row .where").first).to_contain_text(re.compile("%|landed|pad|ground"))
+        assert server.get("/api/workspace")["plans"][-1]["kind"] == "day"
+
+
+async def test_the_page_leads_on_to_the_flight_which_asks_before_anything_moves(tmp_path: Path) -> None:
+    site, port = make_site_with_ports(tmp_path, free_ports(3)), free_port()
+    async with called("open", str(site), "--no-browser", "--port", str(port)) as server:
+        await said_in(server.stdout, "page: http")
+        async with browsing(f"http://127.0.0.1:{port}/", patience_ms=PATIENCE_MS) as page:
+            hand = Hand(page)
+            await plan(page, hand)
+            await hand.click("#fly")
+            await expect(page.locator("#meaning")).to_contain_text("asks again before anything is changed")
+            async with called("simulate", str(site)):
+                await hand.click("#yes")
+                try:
+                    await expect(page.locator("#agree")).to_be_visible()
+                    await expect(page.locator("#clock")).to_have_text("before take-off")
+                finally:
+                    for flight in list_flights(tmp_path):
+                        os.kill(flight, signal.SIGINT)
+
+
+async def test_a_flight_that_does_not_begin_says_why(tmp_path: Path) -> None:
+    async with planned(tmp_path, ports=free_ports(3)) as (page, hand, _):
+        await hand.click("#checklist")
+        await expect(page.locator(".flying .notice")).to_contain_text("no heartbeat of system 1")
+
+
+def list_flights(root: Path) -> list[int]:
+    """Return the processes of flights that were begun over a folder: they outlive the page."""
+    found = []
+    for one in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            words = one.read_bytes().decode(errors="replace").split("\0")
+            if "fly" in words and any(word.startswith(str(root)) for word in words):
+                found.append(int(one.parent.name))
+    return found
