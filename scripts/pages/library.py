@@ -12,7 +12,7 @@ from types import ModuleType
 
 import faultline
 from executor.adapters.run_directory import Document
-from scripts.pages.schemas import docstrings
+from executor.site.site_schema import read_docstrings
 from simulator import testing
 
 PAGE = "reference/library.md"
@@ -27,9 +27,9 @@ TESTING_PAGE = "reference/test-fleet.md"
 TESTING_HEAD = """\
 # The simulated fleet for tests
 
-`from simulator.testing import fleet`; [Test your own program with a simulated fleet](../how-to/test-a-fleet.md) shows it by
-example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of the same name
-orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
+`from simulator.testing import fleet`; [Test your own program with a simulated fleet](../how-to/test-a-fleet.md) shows it
+by example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of the same
+name orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
 
 """
 SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
@@ -83,12 +83,19 @@ def _function(name: str, function: Callable[..., object], heading: str) -> Itera
     name = ("async " if inspect.iscoroutinefunction(function) else "") + name
     whole = f"{name}({', '.join(words)}{returned}"
     broken = [f"{name}(", *(f"    {one}," for one in words), returned]
-    yield from ("", f"{heading} {function.__name__}", "", "```python", *([whole] if len(whole) <= LONGEST else broken), "```")
+    yield from (
+        "",
+        f"{heading} {function.__name__}",
+        "",
+        "```python",
+        *([whole] if len(whole) <= LONGEST else broken),
+        "```",
+    )
     yield from ("", _text(function))
 
 
 def _default(value: object) -> str:
-    if is_dataclass(value):
+    if is_dataclass(value) or inspect.isfunction(value):
         return "..."
     return str(value) if isinstance(value, Enum) else repr(value)
 
@@ -110,7 +117,7 @@ def _class(name: str, kind: type) -> Iterator[str]:
         return
     bases = [one for one in kind.__mro__[::-1] if is_dataclass(one) or issubclass(one, Document) or one is kind]
     modules = {sys.modules[one.__module__] for one in bases}
-    words = {(one, key): text for module in modules for one, key, text in docstrings(module)}
+    words = {(one, key): text for module in modules for one, key, text in read_docstrings(module)}
     rows = {}
     for base in bases:
         for key, held in getattr(base, "__annotations__", {}).items():
@@ -125,7 +132,7 @@ def _class(name: str, kind: type) -> Iterator[str]:
     if kind.__module__ == testing.__name__:
         for key, held in vars(kind).items():
             if key[0] != "_" and inspect.isfunction(held):
-                yield from _function(f"{name.lower()}.{key}", held, "####")
+                yield from _function(f"{(name.removeprefix('Fleet') or name).lower()}.{key}", held, "####")
 
 
 def _plain(annotation: str) -> str:
