@@ -27,9 +27,9 @@ TESTING_PAGE = "reference/test-fleet.md"
 TESTING_HEAD = """\
 # The simulated fleet for tests
 
-`from simulator.testing import fleet`; [Test your own program with a simulated fleet](../how-to/test-a-fleet.md) shows it
-by example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of the same
-name orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
+`from simulator.testing import fleet`; [Test your own program with a simulated fleet](../how-to/test-a-fleet.md) shows
+it by example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of the
+same name orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
 
 """
 SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
@@ -83,15 +83,8 @@ def _function(name: str, function: Callable[..., object], heading: str) -> Itera
     name = ("async " if inspect.iscoroutinefunction(function) else "") + name
     whole = f"{name}({', '.join(words)}{returned}"
     broken = [f"{name}(", *(f"    {one}," for one in words), returned]
-    yield from (
-        "",
-        f"{heading} {function.__name__}",
-        "",
-        "```python",
-        *([whole] if len(whole) <= LONGEST else broken),
-        "```",
-    )
-    yield from ("", _text(function))
+    shown = [whole] if len(whole) <= LONGEST else broken
+    yield from ("", f"{heading} {function.__name__}", "", "```python", *shown, "```", "", _text(function))
 
 
 def _default(value: object) -> str:
