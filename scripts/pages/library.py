@@ -28,8 +28,8 @@ TESTING_HEAD = """\
 # The simulated fleet for tests
 
 `from simulator.testing import fleet`; [Test your own program with a simulated fleet](../how-to/test-a-fleet.md) shows
-it by example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of the
-same name orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
+it by example. In pytest there are also the fixture `simulated_fleet`, a fleet in a thread of its own that the mark of
+the same name orders, and the mark `virtual_time(limit_s=3600)`, which runs an async test in time that jumps.
 
 """
 SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)

@@ -56,7 +56,7 @@ async def connected(autopilot: str) -> AsyncIterator[Setting]:
     with fleet(autopilot=autopilot) as living:
         async with Mavsdk(Configuration.create_manual(255, 190, True)) as mavsdk:
             await mavsdk.add_any_connection(living[0].connection)
-            system = await mavsdk.first_autopilot(timeout_s=PATIENCE_S)
+            system = await mavsdk.first_autopilot(timeout_s=4 * PATIENCE_S)
             assert system is not None
             yield Setting(system, living[0])
 
@@ -283,11 +283,11 @@ SUITES: Mapping[str, Mapping[str, Callable[[Setting], Awaitable[None]]]] = {
 }  # fmt: skip
 
 
-async def is_passed(autopilot: str, case: Callable[[Setting], Awaitable[None]]) -> bool:
+async def is_passed(autopilot: str, case: Callable[[Setting], Awaitable[None]], patience_s: float = PATIENCE_S) -> bool:
     """Return whether a case passes, with a vehicle and a MAVSDK of its own."""
     async with connected(autopilot) as at:
         try:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(patience_s):
                 await case(at)
         except (MavsdkError, TimeoutError, AssertionError, ValueError):
             return False
