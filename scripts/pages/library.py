@@ -35,6 +35,7 @@ the same name orders, and the mark `virtual_time(limit_s=3600)`, which runs an a
 SECTION = re.compile(r"^(Args|Raises):$", re.MULTILINE)
 LONGEST = 100
 """Letters of a signature that stands in one line."""
+MODULE = re.compile(r"\bplan_parts\.")
 ENTRY = re.compile(r"^    (\w+): ", re.MULTILINE)
 
 
@@ -119,7 +120,10 @@ def _class(name: str, kind: type) -> Iterator[str]:
         for key, held in vars(base).items():
             getter = getattr(held, "fget", getattr(held, "func", None))
             if key[0] != "_" and inspect.isfunction(getter):
-                rows[key] = (getter.__annotations__["return"], (inspect.getdoc(getter) or "").partition("\n")[0])
+                rows[key] = (
+                    _plain(getter.__annotations__["return"]),
+                    (inspect.getdoc(getter) or "").partition("\n")[0],
+                )
     yield from ("", "| attribute | type | |", "| --- | --- | --- |")
     yield from (f"| `{key}` | `{_cell(held)}` | {_cell(text)} |" for key, (held, text) in rows.items())
     if kind.__module__ == testing.__name__:
@@ -129,11 +133,12 @@ def _class(name: str, kind: type) -> Iterator[str]:
 
 
 def _plain(annotation: str) -> str:
-    """Return a type without what a document asks of its values.
+    """Return a type without what a document asks of its values, and without the modules of our own types.
 
-    >>> _plain("Annotated[tuple[int, str], Field(min_length=1)]"), _plain("int | None")
-    ('tuple[int, str]', 'int | None')
+    >>> _plain("Annotated[tuple[int, str], Field(min_length=1)]"), _plain("plan_parts.Pad | None")
+    ('tuple[int, str]', 'Pad | None')
     """
+    annotation = MODULE.sub("", annotation)
     held = annotation.removeprefix("Annotated[")
     if held == annotation:
         return held
