@@ -86,8 +86,7 @@ class Autopilot(ABC):
         self.params = ParamTable(defaults_for(vehicle, self.frame.battery.capacity_mah), bytewise=px4)
         self.store, self.stores = stores[0], stores  # PX4 has one for each link, and ArduPilot one for all
         self.voice = VehicleOutbox(tab=px4)
-        self.now_s = 0.0
-        self.boot_s = 0.0
+        self.now_s = self.boot_s = 0.0
         self.mode = 0
         self.killed = False
         """Whether a person keeps the kill switch on: it does not arm then."""
@@ -103,7 +102,7 @@ class Autopilot(ABC):
         self._mission_length_m = 0.0
         self._odometer_m = 0.0
         self._rebooting_until_s: float | None = None
-        self._was_armed = self._was_up = False
+        self._was_armed = self._was_up = self._may_acknowledge = False
         self.landings = 0
         """How often it has come to rest after a flight, and somebody is beside it."""
         self._rests_s: float | None = None
@@ -263,8 +262,8 @@ class Autopilot(ABC):
     @property
     def is_mute(self) -> bool:
         """Whether nothing is sent at all: restarting, or dead."""
-        crashed_s = self.frame.crashed_s
-        return self._rebooting_until_s is not None or (crashed_s is not None and self.now_s > crashed_s + LAST_WORDS_S)
+        is_dead = self.frame.crashed_s is not None and self.now_s > self.frame.crashed_s + LAST_WORDS_S
+        return is_dead or (self._rebooting_until_s is not None and not self._may_acknowledge)
 
     @property
     def boot_ms(self) -> int:
@@ -441,6 +440,7 @@ class Autopilot(ABC):
             self._rests_s = None
             self.landings += 1
         if self._rebooting_until_s is not None:
+            self._may_acknowledge = False
             if self.now_s >= self._rebooting_until_s:
                 self._boot()
         elif self.frame.crashed_s is not None:
@@ -576,8 +576,7 @@ class Autopilot(ABC):
         return messages.Result.ACCEPTED
 
     def _send_named(self, number: int) -> messages.Result:
-        name = MESSAGE_NAMES.get(number)
-        message = None if name is None else self._build(name)
+        message = self._build(MESSAGE_NAMES.get(number, ""))
         if message is None and self.payload is not None:
             message = self.payload.build_manager_message(number)
         if message is None:
@@ -597,4 +596,5 @@ class Autopilot(ABC):
         if command.params[0] != 1 or self.frame.armed:
             return messages.Result.DENIED
         self.reboot()
+        self._may_acknowledge = True  # with the next step it is silent
         return messages.Result.ACCEPTED

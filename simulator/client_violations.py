@@ -81,7 +81,6 @@ class _Dialogue:
         self._sysid, self._fleet = sysid, fleet
         self._uploads: dict[int, _Upload] = {}
         self._downloads: dict[int, _Download] = {}
-        self._began_s: float | None = None
         self._beat_s: float | None = None
         self._number, self._same = -1, 0
 
@@ -139,15 +138,11 @@ class _Dialogue:
         self._number = number
         if self._same == SAME_NUMBER:
             yield "numbering", f"does not number its frames: {SAME_NUMBER} in a row have the number {number}"
-        if self._began_s is None:
-            self._began_s = said.t_s
-        since_s = self._began_s if self._beat_s is None else self._beat_s
-        beats = said.name == "HEARTBEAT"
+        since_s = said.t_s if self._beat_s is None else self._beat_s
+        self._beat_s = said.t_s if said.name == "HEARTBEAT" else since_s
         if said.t_s - since_s > HEARTBEAT_GAP_S:
             yield "heartbeat", f"sends no HEARTBEAT for {said.t_s - since_s:.1f} s, from {since_s:.1f} s on"
             self._beat_s = said.t_s  # said once
-        if beats:
-            self._beat_s = said.t_s
 
     def _judge_item(self, said: Said, kind: int) -> Iterator[tuple[str, str]]:
         seq, upload = said.message.seq, self._uploads.get(kind)

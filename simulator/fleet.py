@@ -496,19 +496,19 @@ async def fly_vehicles(
 ) -> None:
     """Do what `run_fleet` does, for vehicles that have their sockets; time is that of the running loop."""
     clock = SimClock(fleet.speedup, monotonic_s=asyncio.get_running_loop().time(), unix_s=time.time())
-    _, port = links[0].target or links[0].address
-    async with _keep_common_time(fleet.speedup, clock, port) as stations:
+    async with _keep_common_time(fleet.speedup, clock, links) as stations:
         if ready is not None:
             ready.set()
         await _fly(links, clock, stations, stop, on_truth, watched)
 
 
 @asynccontextmanager
-async def _keep_common_time(speedup: float, clock: SimClock, port: int) -> AsyncIterator[Stations]:
-    """Keep the time together with those who ask for it at a port, unless it is real time."""
+async def _keep_common_time(speedup: float, clock: SimClock, links: Sequence[UdpLink]) -> AsyncIterator[Stations]:
+    """Keep the time together with those who ask for it at the port of the first link, unless it is real time."""
     stations = Stations(speedup, clock.unix_s)
     server: asyncio.Server | None = None
     if speedup > 1:
+        _, port = links[0].target or links[0].address
         with suppress(OSError):  # the port is another program's: the time is the fleet's own, as for any ground station
             server = await stations.open(port)
     try:

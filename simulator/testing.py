@@ -104,7 +104,7 @@ class FleetVehicle:
 
     @property
     def events(self) -> list[str]:
-        """What really happened to it, as `Truth.what` says it: ``armed``, ``took_off``, ``landed``."""
+        """What really happened to it: ``armed``, ``took_off``, ``failsafe link``, ``landed``, as in `Truth.what`."""
         return [truth.what for truth in tuple(self._fleet.truths) if truth.vehicle == self.name]
 
     def inject(self, fault: str) -> None:
@@ -496,6 +496,8 @@ def fleet(  # noqa: PLR0913 - what is simulated, and how
     """
     if isinstance(vehicles, int):
         kinds = [autopilot] if isinstance(autopilot, str) else list(autopilot)
+        if vehicles < 1 or not kinds or not {*kinds} <= {kind.value for kind in AutopilotKind}:
+            raise FleetError(f"{vehicles} vehicles of {autopilot!r}: expected 1 or more, of ardupilot and px4")
         east_deg = SPACING_M / (METRES_PER_DEG * math.cos(math.radians(home[0])))
         slow = bool(first := radio.partition(",")[0].strip()) and parse_radio(first).profile.speaks
         vehicles = [

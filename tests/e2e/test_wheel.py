@@ -114,3 +114,13 @@ def test_without_extras_it_plans_checks_and_flies(wheel: Path, tmp_path: Path) -
     here.install(f"{wheel}[pictures]")
     assert here.run("faultline", "plan", "site.toml", "--seconds", "1", "--picture", "plan.png")[0] == 0
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_plugin_serves_tests_of_another_program(wheel: Path, tmp_path: Path) -> None:
+    here = place(tmp_path)
+    here.install(str(wheel), "pytest>=9")
+    page = (ROOT / "docs" / "how-to" / "test-a-fleet.md").read_text(encoding="utf-8")
+    shown = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (tmp_path / "test_theirs.py").write_text("\n".join(shown), encoding="utf-8")
+    code, out, err = here.run("pytest", "-q", "--strict-markers")
+    assert (code, "2 passed" in out) == (0, True), out + err

@@ -149,6 +149,10 @@ def test_what_a_fleet_does_not_have_is_refused_before_it_lives() -> None:
         fleet(radio="sik65")
     with pytest.raises(FleetError, match="no parameter 'NONE'"):
         fleet(parameters={"NONE": 1.0})
+    with pytest.raises(FleetError, match="1 vehicles of 'copter': expected 1 or more, of ardupilot and px4"):
+        fleet(autopilot="copter")
+    with pytest.raises(FleetError, match="0 vehicles"):
+        fleet(0)
     assert fleet(radio="sik64")[0].simulated.radio is not None
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mav
 
+from simulator.testing import fleet
 from simulator.transcript import Recorder, describe_message, format_transcript
 
 PARAMS = (0, 0, 0, 0, 0, 0, 0)
@@ -38,6 +39,19 @@ def test_a_message_in_words(message: Any, expected: str) -> None:
     frame = message.pack(mav.MAVLink(None, srcSystem=1, srcComponent=1))
     [back] = mav.MAVLink(None).parse_buffer(frame)
     assert describe_message(back) == expected
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_reboot_is_acknowledged_before_the_vehicle_falls_silent(autopilot: str) -> None:
+    vehicle = fleet(autopilot=autopilot)[0]
+    order = mav.MAVLink_command_long_message(1, 1, 246, 0, 1, *PARAMS[1:])
+    vehicle.simulated.receive(order.pack(mav.MAVLink(None, srcSystem=255)))
+    assert vehicle.simulated.drain()
+    vehicle.simulated.advance(4.0)
+    assert vehicle.simulated.drain() == []
+    assert vehicle.transcript.endswith("uav1 -> 255     COMMAND_ACK PREFLIGHT_REBOOT_SHUTDOWN ACCEPTED")
+    vehicle.simulated.advance(8.0)
+    assert vehicle.simulated.drain()
 
 
 def test_both_sides_are_written_down_with_their_time_and_telemetry_is_not() -> None:
