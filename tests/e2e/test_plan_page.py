@@ -16,6 +16,14 @@ from tests.executor.plan_page.opened import make_demo_site, opened
 pytestmark = [pytest.mark.asyncio, pytest.mark.needs("chromium")]
 
 SCRIPT = '<img src=x onerror="window.hacked=1"><script>window.hacked=1</script>'
+DROP = """([name, text]) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], name));
+  for (const kind of ["dragenter", "dragover", "drop"]) {
+    document.body.dispatchEvent(new DragEvent(kind, { dataTransfer, bubbles: true, cancelable: true }));
+  }
+}"""
+"""A file is dragged from a folder onto the page."""
 BUDGET = '[data-path="vehicle.0.budget_pct"]'
 
 
@@ -154,7 +162,7 @@ async def test_a_script_in_a_name_is_shown_as_text(tmp_path: Path) -> None:
     name = SCRIPT.replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
     kml = write_kml(tmp_path / "line.kml", name)
     async with planning(tmp_path) as (page, _):
-        await page.set_input_files("#drop input[type=file]", str(kml))
+        await page.evaluate(DROP, [kml.name, kml.read_text(encoding="utf-8")])
         hand = Hand(page)
         await expect(page.locator("#step-network .status")).to_contain_text("segment")
         await hand.open("spans")

@@ -79,7 +79,7 @@ export class Result {
     store.on(["job", "workspace"], () => this.showJob());
     store.on(["workspace", "plan"], () => this.showChoices());
     store.on(["loss", "draft", "plan"], () => this.showNotice());
-    store.on(["plan", "draft", "vehicle", "network"], () => this.showRoutes());
+    store.on(["plan", "draft", "vehicle", "network", "loss"], () => this.showRoutes());
     store.on(["selection"], () => this.showMarks());
   }
 
@@ -284,7 +284,7 @@ export class Result {
     const top = element("thead");
     top.append(head);
     const body = element("tbody");
-    shown.vehicles.forEach((one, index) => {
+    this.store.vehicles.forEach((one, index) => {
       body.append(this.row(one, index));
       if (one.name === vehicle && one.routes.length) body.append(this.visits(one));
     });
@@ -365,7 +365,7 @@ export class Result {
     const picks = button(`${visit.reversed ? "←" : "→"} ${name}`, () => this.store.select([visit.segment], "toggle"), "pick");
     const time = element("span", clock(visit.from_s - this.store.beginS), "at");
     item.append(picks, time);
-    if (vehicle.routes.length === 1) {
+    if (vehicle.routes.length === 1 && !this.store.loss) {
       const actions = element("span", "", "hand");
       const act = (/** @type {string} */ text, /** @type {string} */ key, /** @type {Change} */ change, isIdle = false) => {
         const one = button(text, () => this.change([change]));
