@@ -198,10 +198,10 @@ def answer_loss(text: str, folder: Path, path: Path, lost: str, at_s: float) -> 
         ExecutorError: the site cannot be used, or the plan is of days.
     """
     plan, ground = _read_flight(path), read_site_model(text, folder)
-    content, is_complete = site_planning.preview_loss(
-        plan, lost, at_s, cost=Cost.MINMAX, seconds=ANSWER_S, seed=1, settled=SETTLED
-    )
     task = _build_task(path)
+    content, is_complete = site_planning.preview_loss(
+        plan, lost, at_s, cost=Cost.MINMAX, seconds=ANSWER_S, seed=1, settled=SETTLED, task=task
+    )
     left = find_survivors(
         task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again
     )[1]  # fmt: skip

@@ -473,11 +473,20 @@ def check_same_segments(plan: PlanFile | DayPlanFile, ground: SiteModel, source:
 
 
 def preview_loss(
-    plan: PlanFile, lost: str, at_s: float, *, cost: Cost, seconds: float, seed: int, settled: int = SETTLED
+    plan: PlanFile,
+    lost: str,
+    at_s: float,
+    *,
+    cost: Cost,
+    seconds: float,
+    seed: int,
+    settled: int = SETTLED,
+    task: Task | None = None,
 ) -> tuple[PlanFile, bool]:
     """Re-plan a plan file for the loss of one vehicle at a time; returns too whether all that is left is inspected.
 
-    It ends after so many `seconds`, or `settled` iterations without an improvement.
+    It ends after so many `seconds`, or `settled` iterations without an improvement. `task` is the plan's own problem,
+    where it is built already.
 
     Raises:
         PlanFileError: the plan has no such vehicle.
@@ -485,7 +494,7 @@ def preview_loss(
     """
     if lost not in plan.names:
         raise PlanFileError(f"{plan.source}: --lost: expected one of {', '.join(plan.names)}, got {lost}")
-    task = plan.build_task()
+    task = task or plan.build_task()
     left = build_remaining_problem(task.instance, plan.plan, plan.names.index(lost), at_s, fly_again=plan.fly_again)
     stop = combine_stop_rules(Seconds(seconds), NoImprovement(settled))
     result = replan(left.instance, warm=left.warm, cost=cost, stop=stop, seed=seed)
